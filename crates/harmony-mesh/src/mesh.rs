@@ -1,0 +1,215 @@
+//! The triangle mesh that everything here works on.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec2, Vec3};
+use image::RgbaImage;
+
+/// How a group of triangles looks.
+#[derive(Debug, Clone)]
+pub struct Material {
+    /// Name; for part models the slot name (`body`, `legs`, `shade`, ...).
+    pub name: String,
+    /// Linear RGB and alpha, multiplied with the texture.
+    pub base_color: [f32; 4],
+    /// sRGB colour texture; uv (0, 0) is the image's top-left corner as in glTF; wraps around.
+    pub texture: Option<Arc<RgbaImage>>,
+    /// Perceptual roughness.
+    pub roughness: f32,
+    /// Metalness.
+    pub metallic: f32,
+    /// Index of refraction.
+    pub ior: f32,
+    /// Transmission.
+    pub transmission: f32,
+    /// Linear RGB of emitted light (0 = none), strength in it.
+    pub emissive: [f32; 3],
+    /// Whether back faces are drawn.
+    pub double_sided: bool,
+}
+
+impl Material {
+    /// A rough dielectric of one linear colour.
+    pub fn plain(name: &str, linear_rgb: [f32; 3]) -> Self {
+        Self {
+            name: name.to_owned(),
+            base_color: [linear_rgb[0], linear_rgb[1], linear_rgb[2], 1.0],
+            texture: None,
+            roughness: 0.6,
+            metallic: 0.0,
+            ior: 1.5,
+            transmission: 0.0,
+            emissive: [0.0; 3],
+            double_sided: false,
+        }
+    }
+}
+
+/// Triangles that share a material.
+#[derive(Debug, Clone, Default)]
+pub struct Group {
+    /// Index into [`Mesh::materials`].
+    pub material: usize,
+    /// Vertex indices, counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// A triangle mesh with normals, texture coordinates and materials.
+#[derive(Debug, Clone, Default)]
+pub struct Mesh {
+    /// Positions, in the units the caller states (canonical units or metres).
+    pub positions: Vec<Vec3>,
+    /// Unit normals, one a position.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, one a position.
+    pub uvs: Vec<Vec2>,
+    /// Triangles by material.
+    pub groups: Vec<Group>,
+    /// Materials.
+    pub materials: Vec<Material>,
+}
+
+/// Axis-aligned bounds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// Smallest corner.
+    pub min: DVec3,
+    /// Largest corner.
+    pub max: DVec3,
+}
+
+impl Bounds {
+    /// Edge lengths.
+    pub fn size(&self) -> DVec3 {
+        self.max - self.min
+    }
+
+    /// Centre.
+    pub fn centre(&self) -> DVec3 {
+        (self.max + self.min) / 2.0
+    }
+}
+
+/// What is wrong with a mesh.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeshError {
+    /// No triangles.
+    #[error("the mesh has no triangles")]
+    Empty,
+    /// A coordinate is NaN or infinite.
+    #[error("vertex {vertex} is not finite")]
+    NotFinite {
+        /// First such vertex.
+        vertex: usize,
+    },
+    /// An index points past the vertices.
+    #[error("a triangle refers to vertex {index}, but there are {count}")]
+    IndexOutOfRange {
+        /// The index.
+        index: u32,
+        /// Number of vertices.
+        count: usize,
+    },
+    /// A group's material does not exist.
+    #[error("a group refers to material {material}, but there are {count}")]
+    NoSuchMaterial {
+        /// The index.
+        material: usize,
+        /// Number of materials.
+        count: usize,
+    },
+    /// Per-vertex arrays differ in length.
+    #[error("{positions} positions, {normals} normals and {uvs} texture coordinates do not match")]
+    Lengths {
+        /// Number of positions.
+        positions: usize,
+        /// Number of normals.
+        normals: usize,
+        /// Number of texture coordinates.
+        uvs: usize,
+    },
+}
+
+impl Mesh {
+    /// Number of triangles.
+    pub fn triangle_count(&self) -> usize {
+        self.groups.iter().map(|g| g.triangles.len()).sum()
+    }
+
+    /// All triangles, whatever their material.
+    pub fn triangles(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
+        self.groups.iter().flat_map(|g| g.triangles.iter().copied())
+    }
+
+    /// Bounds of the positions, or `None` without vertices.
+    pub fn bounds(&self) -> Option<Bounds> {
+        let mut it = self.positions.iter();
+        let first = it.next()?.as_dvec3();
+        let (min, max) = it.fold((first, first), |(lo, hi), p| (lo.min(p.as_dvec3()), hi.max(p.as_dvec3())));
+        Some(Bounds { min, max })
+    }
+
+    /// Checks that the mesh can be used.
+    ///
+    /// # Errors
+    /// The first [`MeshError`] found.
+    pub fn check(&self) -> Result<(), MeshError> {
+        let count = self.positions.len();
+        if self.normals.len() != count || self.uvs.len() != count {
+            return Err(MeshError::Lengths { positions: count, normals: self.normals.len(), uvs: self.uvs.len() });
+        }
+        if self.triangle_count() == 0 {
+            return Err(MeshError::Empty);
+        }
+        if let Some(vertex) = self.positions.iter().position(|p| !p.is_finite()) {
+            return Err(MeshError::NotFinite { vertex });
+        }
+        for group in &self.groups {
+            if group.material >= self.materials.len() {
+                return Err(MeshError::NoSuchMaterial { material: group.material, count: self.materials.len() });
+            }
+            if let Some(index) = group.triangles.iter().flatten().find(|i| **i as usize >= count) {
+                return Err(MeshError::IndexOutOfRange { index: *index, count });
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds another mesh's triangles and materials.
+    pub fn append(&mut self, other: &Self) {
+        let base = self.positions.len() as u32;
+        let materials = self.materials.len();
+        self.positions.extend_from_slice(&other.positions);
+        self.normals.extend_from_slice(&other.normals);
+        self.uvs.extend_from_slice(&other.uvs);
+        self.materials.extend(other.materials.iter().cloned());
+        self.groups.extend(other.groups.iter().map(|g| Group {
+            material: g.material + materials,
+            triangles: g.triangles.iter().map(|t| t.map(|i| i + base)).collect(),
+        }));
+    }
+
+    /// Replaces the normals by area-weighted face normals (smooth over shared vertices).
+    pub fn recompute_normals(&mut self) {
+        let mut normals = vec![Vec3::ZERO; self.positions.len()];
+        for t in self.groups.iter().flat_map(|g| &g.triangles) {
+            let [a, b, c] = t.map(|i| self.positions[i as usize]);
+            let n = (b - a).cross(c - a);
+            for i in t {
+                normals[*i as usize] += n;
+            }
+        }
+        self.normals = normals.into_iter().map(|n| n.normalize_or(Vec3::Y)).collect();
+    }
+
+    /// Maps every position by `f` and every normal by the inverse transpose `g` (renormalised).
+    pub fn map(&mut self, f: impl Fn(Vec3) -> Vec3, g: impl Fn(Vec3) -> Vec3) {
+        for p in &mut self.positions {
+            *p = f(*p);
+        }
+        for n in &mut self.normals {
+            *n = g(*n).normalize_or(Vec3::Y);
+        }
+    }
+}
