@@ -1,1 +1,27 @@
-//! Placeholder while the workspace is laid out.
+//! Placement: from masks, relations and size priors to poses. Paper Sec. 3.3 and App. C.
+//!
+//! Pure functions over data: no model, no file, no async. The main path is [`place_level`], which for one level
+//! of objects works out the order ([`order`]), gives each object a first pose (first pose), refines it
+//! against its mask and the point map, resolves collisions and brings matched groups into line. [`judge`] decides
+//! about review actions by measurement.
+//!
+//! Frames and units are those of `docs/conventions.md`: room frame (metres, +Y up), OpenCV camera, yaw about +Y.
+//! Masks, and the camera of [`PartialScene`], are at one working resolution (longest side about 1024 pixels).
+
+mod evidence;
+mod item;
+mod level;
+mod order;
+mod review;
+mod scene;
+mod settings;
+mod shape;
+
+pub use evidence::Evidence;
+pub use item::{Item, Traits, YawHint};
+pub use level::{LevelReport, ObjectReport, PlacementError, Unresolved, place_level};
+pub use order::{OrderEntry, OrderReport, placement_order};
+pub use review::{ActionError, ReviewAction, ReviewOutcome, Verdict, apply, judge};
+pub use scene::{PartialScene, Placed, RoomPoints};
+pub use settings::PlacementSettings;
+pub use shape::Shape;
