@@ -1,0 +1,304 @@
+//! `<level>/inspect`: verify, describe, relate, order, material, model, all candidates of a level at once.
+//!
+//! Joins the paper's verification, description, "Depth and Relational Analysis", decoration placement and material
+//! prompts: one numbered contact sheet a level instead of one call an object and purpose.
+
+use std::collections::BTreeSet;
+
+use harmony_mesh::{PART_MODEL_GUIDE, PartModel, TemplateParams};
+use harmony_scene::{
+    DepthPosition, Level, MaterialCategory, PlacementType, SurfacePosition, Wall, WallAffinity,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::question::{Question, QuestionKind, fill, in_range};
+
+/// What the template is filled with.
+#[derive(Debug, Clone)]
+pub struct InspectVars {
+    /// Level asked for.
+    pub level: Level,
+    /// Room type.
+    pub room_type: String,
+    /// Room size W x D x H and camera, one line.
+    pub room: String,
+    /// Candidates: id, label, box, one line each.
+    pub candidates: Vec<String>,
+    /// Objects placed already, one line each.
+    pub placed: Vec<String>,
+    /// Template names that can be used.
+    pub templates: Vec<String>,
+    /// Whether meshes come from part models, so that `template` / `part_model` are wanted.
+    pub with_models: bool,
+}
+
+/// The whole answer.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InspectAnswer {
+    /// One entry a candidate.
+    pub objects: Vec<InspectedObject>,
+    /// Ids in placement order, all kept ones.
+    #[serde(default)]
+    pub placement_order: Vec<String>,
+    /// One or two sentences about how these objects are arranged.
+    #[serde(default)]
+    pub scene_summary: String,
+}
+
+/// How much of an object is hidden by others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum Occlusion {
+    #[default]
+    None,
+    Partly,
+    Heavily,
+}
+
+/// Real-world size, metres.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InspectedSize {
+    /// Side to side, seen from its front.
+    pub width: f64,
+    /// Bottom to top.
+    pub height: f64,
+    /// Front to back.
+    pub depth: f64,
+}
+
+/// Dominant material (paper App. C, "Material estimation"); what is left out comes from per-category defaults.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[expect(missing_docs, reason = "the paper's fields")]
+pub struct InspectedMaterial {
+    pub material_category: MaterialCategory,
+    #[serde(default)]
+    pub roughness: Option<f64>,
+    #[serde(default)]
+    pub metallic: Option<f64>,
+    #[serde(default)]
+    pub ior: Option<f64>,
+    #[serde(default)]
+    pub transmission: Option<f64>,
+    #[serde(default)]
+    pub weight_kg: Option<f64>,
+    #[serde(default)]
+    pub thickness_m: Option<f64>,
+    #[serde(default)]
+    pub elasticity: Option<f64>,
+}
+
+/// What is said about one candidate.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InspectedObject {
+    /// The candidate's id as printed on the sheet.
+    pub id: String,
+    /// False for fragments, reflections, things of another level, duplicates.
+    pub keep: bool,
+    /// Why not, when not kept.
+    #[serde(default)]
+    pub reason: String,
+    /// Corrected category.
+    #[serde(rename = "type")]
+    pub kind: String,
+    /// One sentence: shape, parts, colours, materials; enough to draw it completely.
+    #[serde(default)]
+    pub description: String,
+    /// How much of it other objects hide.
+    #[serde(default)]
+    pub occlusion: Occlusion,
+    /// Real-world size.
+    pub size_m: InspectedSize,
+    /// Wall its back touches.
+    #[serde(default)]
+    pub wall_affinity: WallAffinity,
+    /// Wall level only: the wall it is fixed to.
+    #[serde(default)]
+    pub wall: Option<Wall>,
+    /// Id of what it rests on, when not the floor.
+    #[serde(default)]
+    pub on_top_of: Option<String>,
+    /// Id.
+    #[serde(default)]
+    pub in_front_of: Option<String>,
+    /// Id.
+    #[serde(default)]
+    pub behind: Option<String>,
+    /// Id of what its front is turned to.
+    #[serde(default)]
+    pub facing_toward: Option<String>,
+    /// Direction of its front in the room in degrees: 0 towards the viewer (+z), 90 to the right (+x), 180 to the
+    /// back wall, -90 to the left; null when it has no front or you can't tell.
+    #[serde(default)]
+    pub front_deg: Option<f64>,
+    /// Relation to a door or window, in words.
+    #[serde(default)]
+    pub opening_relation: Option<String>,
+    /// Functional group, such as `dining`.
+    #[serde(default)]
+    pub group: Option<String>,
+    /// Name of the set of identical instances it belongs to.
+    #[serde(default)]
+    pub matched_set: Option<String>,
+    /// Number of identical instances in that set.
+    #[serde(default)]
+    pub count: Option<u32>,
+    /// Decorations: how it rests.
+    #[serde(default)]
+    pub placement_type: PlacementType,
+    /// Decorations: across the surface as the camera sees it.
+    #[serde(default)]
+    pub surface_position: SurfacePosition,
+    /// Decorations: along the surface as the camera sees it.
+    #[serde(default)]
+    pub depth_position: DepthPosition,
+    /// Whether it has a front that must face the room (a screen, a picture frame).
+    #[serde(default)]
+    pub faces_room: bool,
+    /// Dominant material.
+    #[serde(default)]
+    pub material: Option<InspectedMaterial>,
+    /// Template to build its mesh from.
+    #[serde(default)]
+    pub template: Option<String>,
+    /// Options of the template.
+    #[serde(default)]
+    pub params: Option<TemplateParams>,
+    /// A part model written for it, where no template fits.
+    #[serde(default)]
+    pub part_model: Option<PartModel>,
+    /// Anything else.
+    #[serde(default)]
+    pub notes: String,
+}
+
+impl InspectedObject {
+    /// An object about which nothing but its label and size is said.
+    pub fn plain(id: &str, kind: &str, size_m: InspectedSize) -> Self {
+        Self {
+            id: id.to_owned(),
+            keep: true,
+            reason: String::new(),
+            kind: kind.to_owned(),
+            description: String::new(),
+            occlusion: Occlusion::None,
+            size_m,
+            wall_affinity: WallAffinity::Centre,
+            wall: None,
+            on_top_of: None,
+            in_front_of: None,
+            behind: None,
+            facing_toward: None,
+            front_deg: None,
+            opening_relation: None,
+            group: None,
+            matched_set: None,
+            count: None,
+            placement_type: PlacementType::OnSurface,
+            surface_position: SurfacePosition::Center,
+            depth_position: DepthPosition::Middle,
+            faces_room: false,
+            material: None,
+            template: None,
+            params: None,
+            part_model: None,
+            notes: String::new(),
+        }
+    }
+}
+
+/// The question.
+pub fn inspect(vars: &InspectVars) -> Question {
+    let lines = |items: &[String]| if items.is_empty() { "(none)".to_owned() } else { items.join("\n") };
+    let level = match vars.level {
+        Level::Wall => include_str!("../templates/inspect_wall.md"),
+        Level::Furniture => include_str!("../templates/inspect_furniture.md"),
+        Level::Ceiling => include_str!("../templates/inspect_ceiling.md"),
+        Level::Decoration => include_str!("../templates/inspect_decoration.md"),
+    };
+    let models = if vars.with_models {
+        fill(
+            include_str!("../templates/inspect_models.md"),
+            &[("templates", vars.templates.join(", ")), ("guide", PART_MODEL_GUIDE.to_owned())],
+        )
+    } else {
+        "Leave `template`, `params` and `part_model` null.\n".to_owned()
+    };
+    let prompt = fill(
+        include_str!("../templates/inspect.md"),
+        &[
+            ("level_rules", level.to_owned()),
+            ("models", models),
+            ("room_type", vars.room_type.clone()),
+            ("room", vars.room.clone()),
+            ("candidates", lines(&vars.candidates)),
+            ("placed", lines(&vars.placed)),
+        ],
+    );
+    Question::new(QuestionKind::Inspect, prompt, &InspectAnswer::example())
+}
+
+impl InspectAnswer {
+    /// A well-formed answer about some other picture.
+    pub fn example() -> Self {
+        let mut sofa = InspectedObject::plain("sofa_01", "sofa", InspectedSize { width: 2.1, height: 0.82, depth: 0.9 });
+        sofa.description = "three-seat sofa, light grey woven fabric, rounded arms, short dark wooden legs".into();
+        sofa.occlusion = Occlusion::Partly;
+        sofa.wall_affinity = WallAffinity::Back;
+        sofa.facing_toward = Some("coffee_table_01".into());
+        sofa.front_deg = Some(0.0);
+        sofa.group = Some("seating".into());
+        sofa.material = Some(InspectedMaterial {
+            material_category: MaterialCategory::Fabric,
+            roughness: Some(0.9),
+            metallic: Some(0.0),
+            ior: Some(1.5),
+            transmission: Some(0.0),
+            weight_kg: Some(55.0),
+            thickness_m: Some(0.1),
+            elasticity: Some(0.4),
+        });
+        sofa.template = Some("sofa".into());
+        let mut fragment =
+            InspectedObject::plain("chair_02", "chair", InspectedSize { width: 0.5, height: 0.9, depth: 0.5 });
+        fragment.keep = false;
+        fragment.reason = "a reflection of chair_01 in the mirror".into();
+        Self {
+            objects: vec![sofa, fragment],
+            placement_order: vec!["sofa_01".into()],
+            scene_summary: "A sofa stands against the back wall and faces a coffee table.".into(),
+        }
+    }
+
+    /// Whether every candidate is answered once and the numbers make sense.
+    ///
+    /// # Errors
+    /// A complaint in words.
+    pub fn check(&self, candidates: &[String]) -> Result<(), String> {
+        let known: BTreeSet<&str> = candidates.iter().map(String::as_str).collect();
+        let mut seen = BTreeSet::new();
+        for object in &self.objects {
+            if !known.contains(object.id.as_str()) {
+                return Err(format!("there is no candidate {:?}; the ids are {}", object.id, candidates.join(", ")));
+            }
+            if !seen.insert(object.id.as_str()) {
+                return Err(format!("candidate {:?} is answered twice", object.id));
+            }
+            for (name, v) in
+                [("width", object.size_m.width), ("height", object.size_m.height), ("depth", object.size_m.depth)]
+            {
+                in_range(&format!("size_m.{name} of {}", object.id), v, 0.001, 12.0)?;
+            }
+            if let Some(v) = object.front_deg {
+                in_range(&format!("front_deg of {}", object.id), v, -360.0, 360.0)?;
+            }
+        }
+        let missing: Vec<_> = known.difference(&seen).copied().collect();
+        if missing.is_empty() { Ok(()) } else { Err(format!("no entry for {}", missing.join(", "))) }
+    }
+}

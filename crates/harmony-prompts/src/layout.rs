@@ -1,0 +1,279 @@
+//! `1_layout/layout`: the room and the camera (paper App. C, "Layout Generation").
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::question::{Question, QuestionKind, fill, in_range};
+
+/// What the template is filled with.
+#[derive(Debug, Clone)]
+pub struct LayoutVars {
+    /// Columns of the photo.
+    pub width: u32,
+    /// Rows of the photo.
+    pub height: u32,
+    /// What is already measured, in words (depth sensor, EXIF), or empty.
+    pub measured: String,
+}
+
+/// The whole answer.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LayoutAnswer {
+    /// STEP 2: type and dimensions.
+    pub room: LayoutRoom,
+    /// STEP 1 and 2: visible walls.
+    pub walls: Vec<LayoutWall>,
+    /// STEP 3.
+    pub camera: LayoutCamera,
+    /// STEP 4.
+    pub floor_texture: FloorTexture,
+    /// STEP 4.
+    pub wall_texture: WallTexture,
+    /// Room corners that furniture hides, in words.
+    #[serde(default)]
+    pub blocked_corners: Vec<String>,
+    /// Positions of room edges in the photo (beyond the paper): they pin the camera.
+    #[serde(default)]
+    pub pins: Vec<LayoutPin>,
+}
+
+/// Room type and dimensions.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LayoutRoom {
+    /// `bedroom`, `living_room`, ...
+    pub room_type: String,
+    /// Metres.
+    pub floor_width_m: f64,
+    /// Metres.
+    pub floor_depth_m: f64,
+    /// Metres.
+    pub ceiling_height_m: f64,
+}
+
+/// A visible wall.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LayoutWall {
+    /// left, back or right.
+    pub orientation: harmony_scene::Wall,
+    /// Metres.
+    pub length_m: f64,
+    /// Metres.
+    pub height_m: f64,
+    /// What it is made of, in words.
+    pub surface: String,
+    /// Doors and windows in it.
+    #[serde(default)]
+    pub openings: Vec<LayoutOpening>,
+}
+
+/// A door or window in a wall.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LayoutOpening {
+    /// window or door.
+    pub kind: harmony_scene::OpeningKind,
+    /// Metres.
+    pub width_m: f64,
+    /// Metres.
+    pub height_m: f64,
+    /// From the wall's left end, metres.
+    pub offset_m: f64,
+}
+
+/// On which side of the deepest corner the back wall lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum BackWallSide {
+    Left,
+    Right,
+    /// The camera faces the back wall squarely.
+    Both,
+}
+
+/// Camera placement.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LayoutCamera {
+    /// Above the floor, metres.
+    pub height_m: f64,
+    /// Downward tilt, degrees.
+    pub tilt_deg: f64,
+    /// Row of the floor / back wall junction as a fraction of the image height, 0 = top.
+    pub floor_junction_y_frac: f64,
+    /// Turn to the left (positive) or right from facing the back wall squarely, degrees.
+    pub yaw_deg: f64,
+    /// Metres.
+    pub dist_to_back_m: f64,
+    /// Which wall the camera faces, in words.
+    pub facing: String,
+    /// The deepest visible floor corner, 0..1000; null when none is visible.
+    pub corner_px: Option<[f64; 2]>,
+    /// Side of the corner on which the back wall lies.
+    pub back_wall_side: BackWallSide,
+    /// Room position the camera aims at, metres (x right, y up, z from the back wall).
+    pub aim_target_world_m: [f64; 3],
+    /// What is there.
+    pub aim_target_landmark: String,
+    /// Metres.
+    pub visible_wall_height_m: f64,
+    /// Metres.
+    pub visible_floor_depth_m: f64,
+}
+
+/// Floor material.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[expect(missing_docs, reason = "the paper's fields")]
+pub struct FloorTexture {
+    pub material: String,
+    pub color: String,
+    pub pattern: String,
+    pub tile_size_m: f64,
+    pub synthesis_prompt: String,
+}
+
+/// Wall material.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[expect(missing_docs, reason = "the paper's fields")]
+pub struct WallTexture {
+    pub material: String,
+    pub color: String,
+    pub finish: String,
+    pub tile_size_m: f64,
+    pub synthesis_prompt: String,
+}
+
+/// Which room edge a pin lies on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PinKind {
+    /// Floor meets back wall.
+    FloorBack,
+    /// Floor meets left wall.
+    FloorLeft,
+    /// Floor meets right wall.
+    FloorRight,
+    /// Ceiling meets back wall.
+    CeilingBack,
+    /// Ceiling meets left wall.
+    CeilingLeft,
+    /// Ceiling meets right wall.
+    CeilingRight,
+    /// Vertical edge of back and left wall.
+    BackLeft,
+    /// Vertical edge of back and right wall.
+    BackRight,
+}
+
+/// A visible stretch of a room edge: two or more points on it, far apart.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LayoutPin {
+    /// Which edge.
+    pub edge: PinKind,
+    /// Points on it, 0..1000; an end that is a room corner should be exact.
+    pub points: Vec<[f64; 2]>,
+}
+
+/// The question.
+pub fn layout(vars: &LayoutVars) -> Question {
+    let measured =
+        if vars.measured.is_empty() { "Nothing is measured yet.".to_owned() } else { vars.measured.clone() };
+    let prompt = fill(
+        include_str!("../templates/layout.md"),
+        &[("width", vars.width.to_string()), ("height", vars.height.to_string()), ("measured", measured)],
+    );
+    Question::new(QuestionKind::Layout, prompt, &LayoutAnswer::example())
+}
+
+impl LayoutAnswer {
+    /// A well-formed answer about some other picture.
+    pub fn example() -> Self {
+        Self {
+            room: LayoutRoom {
+                room_type: "bedroom".into(),
+                floor_width_m: 3.6,
+                floor_depth_m: 4.2,
+                ceiling_height_m: 2.6,
+            },
+            walls: vec![LayoutWall {
+                orientation: harmony_scene::Wall::Back,
+                length_m: 3.6,
+                height_m: 2.6,
+                surface: "painted plaster".into(),
+                openings: vec![LayoutOpening {
+                    kind: harmony_scene::OpeningKind::Window,
+                    width_m: 1.2,
+                    height_m: 1.3,
+                    offset_m: 1.0,
+                }],
+            }],
+            camera: LayoutCamera {
+                height_m: 1.5,
+                tilt_deg: 8.0,
+                floor_junction_y_frac: 0.62,
+                yaw_deg: -15.0,
+                dist_to_back_m: 3.8,
+                facing: "back wall and left wall".into(),
+                corner_px: Some([310.0, 640.0]),
+                back_wall_side: BackWallSide::Right,
+                aim_target_world_m: [1.9, 1.0, 0.0],
+                aim_target_landmark: "headboard of the bed".into(),
+                visible_wall_height_m: 2.6,
+                visible_floor_depth_m: 3.0,
+            },
+            floor_texture: FloorTexture {
+                material: "oak planks".into(),
+                color: "warm light brown".into(),
+                pattern: "straight boards 12 cm wide".into(),
+                tile_size_m: 1.2,
+                synthesis_prompt: "seamless oak plank floor, top view, even light".into(),
+            },
+            wall_texture: WallTexture {
+                material: "plaster".into(),
+                color: "off-white".into(),
+                finish: "matt".into(),
+                tile_size_m: 1.0,
+                synthesis_prompt: "seamless matt off-white plaster".into(),
+            },
+            blocked_corners: vec![],
+            pins: vec![
+                LayoutPin { edge: PinKind::FloorBack, points: vec![[310.0, 640.0], [980.0, 690.0]] },
+                LayoutPin { edge: PinKind::BackLeft, points: vec![[310.0, 640.0], [306.0, 60.0]] },
+            ],
+        }
+    }
+
+    /// Whether the numbers make sense.
+    ///
+    /// # Errors
+    /// A complaint in words.
+    pub fn check(&self) -> Result<(), String> {
+        in_range("room.floor_width_m", self.room.floor_width_m, 0.8, 40.0)?;
+        in_range("room.floor_depth_m", self.room.floor_depth_m, 0.8, 40.0)?;
+        in_range("room.ceiling_height_m", self.room.ceiling_height_m, 1.8, 12.0)?;
+        in_range("camera.height_m", self.camera.height_m, 0.1, 6.0)?;
+        in_range("camera.tilt_deg", self.camera.tilt_deg, -80.0, 80.0)?;
+        in_range("camera.yaw_deg", self.camera.yaw_deg, -90.0, 90.0)?;
+        in_range("camera.dist_to_back_m", self.camera.dist_to_back_m, 0.2, 40.0)?;
+        for pin in &self.pins {
+            if pin.points.len() < 2 {
+                return Err(format!("pin {:?} has {} point(s); two or more are needed", pin.edge, pin.points.len()));
+            }
+            for p in &pin.points {
+                in_range("a pin's x", p[0], -200.0, 1200.0)?;
+                in_range("a pin's y", p[1], -200.0, 1200.0)?;
+            }
+        }
+        if let Some(p) = self.camera.corner_px {
+            in_range("camera.corner_px x", p[0], -200.0, 1200.0)?;
+            in_range("camera.corner_px y", p[1], -200.0, 1200.0)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,158 @@
+//! `<level>/review_<n>`: the reflective feedback loop (paper Sec. 3.3), with typed actions only.
+
+use std::collections::BTreeSet;
+
+use harmony_scene::Level;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::question::{Question, QuestionKind, fill, in_range};
+
+/// What the template is filled with.
+#[derive(Debug, Clone)]
+pub struct ReviewVars {
+    /// Level just placed.
+    pub level: Level,
+    /// Room size and camera, one line.
+    pub room: String,
+    /// Objects: id, label, position, yaw, size, support, measured agreement, one line each.
+    pub objects: Vec<String>,
+    /// Candidates that could not be placed, one line each.
+    pub unplaced: Vec<String>,
+    /// What the geometry itself complains about (collisions, floating, poor overlap), one line each.
+    pub findings: Vec<String>,
+}
+
+/// The whole answer.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReviewAnswer {
+    /// What differs between photo and render, in words.
+    #[serde(default)]
+    pub issues: Vec<String>,
+    /// What to change.
+    pub actions: Vec<ReviewActionAnswer>,
+    /// True when nothing needs to change.
+    pub converged: bool,
+}
+
+/// What an action does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ReviewActionKind {
+    /// By `delta_m` (x right, y up, z towards the viewer).
+    Move,
+    /// By `angle_deg`, counter-clockwise seen from above.
+    Rotate,
+    /// Multiply the size by `factor` (one number, or width, height, depth).
+    Rescale,
+    /// Exchange the places of `id` and `other`.
+    Swap,
+    /// Put it onto `other`.
+    Rehost,
+    /// Place another copy of `id`'s mesh at `position_m`.
+    Add,
+    /// Take it out of the scene.
+    Remove,
+    /// Give all of a matched set (`id` names one member) one size.
+    EqualizeGroup,
+}
+
+/// One action; fields an action does not need are null.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReviewActionAnswer {
+    /// What.
+    pub action: ReviewActionKind,
+    /// Which object.
+    pub id: String,
+    /// The other object.
+    #[serde(default)]
+    pub other: Option<String>,
+    /// Metres.
+    #[serde(default)]
+    pub delta_m: Option<[f64; 3]>,
+    /// Metres.
+    #[serde(default)]
+    pub position_m: Option<[f64; 3]>,
+    /// Degrees.
+    #[serde(default)]
+    pub angle_deg: Option<f64>,
+    /// Factors for width, height, depth.
+    #[serde(default)]
+    pub factor: Option<[f64; 3]>,
+    /// Why.
+    #[serde(default)]
+    pub reason: String,
+}
+
+/// The question.
+pub fn review(vars: &ReviewVars) -> Question {
+    let lines = |items: &[String]| if items.is_empty() { "(none)".to_owned() } else { items.join("\n") };
+    let prompt = fill(
+        include_str!("../templates/review.md"),
+        &[
+            ("stage", vars.level.stage().to_owned()),
+            ("room", vars.room.clone()),
+            ("objects", lines(&vars.objects)),
+            ("unplaced", lines(&vars.unplaced)),
+            ("findings", lines(&vars.findings)),
+        ],
+    );
+    let example = ReviewAnswer {
+        issues: vec!["chair_02 looks away from the table".into()],
+        actions: vec![ReviewActionAnswer {
+            action: ReviewActionKind::Rotate,
+            id: "chair_02".into(),
+            other: None,
+            delta_m: None,
+            position_m: None,
+            angle_deg: Some(90.0),
+            factor: None,
+            reason: "its back is turned to the table".into(),
+        }],
+        converged: false,
+    };
+    Question::new(QuestionKind::Review, prompt, &example)
+}
+
+impl ReviewAnswer {
+    /// Whether the actions speak of known objects and carry what they need.
+    ///
+    /// # Errors
+    /// A complaint in words.
+    pub fn check(&self, ids: &[String]) -> Result<(), String> {
+        let known: BTreeSet<&str> = ids.iter().map(String::as_str).collect();
+        if self.actions.len() > 60 {
+            return Err(format!("{} actions; at most 60", self.actions.len()));
+        }
+        for a in &self.actions {
+            for id in std::iter::once(&a.id).chain(&a.other) {
+                if !known.contains(id.as_str()) {
+                    return Err(format!("there is no object {id:?}; the ids are {}", ids.join(", ")));
+                }
+            }
+            let need = |present: bool, field: &str| {
+                if present { Ok(()) } else { Err(format!("{:?} of {} needs {field}", a.action, a.id)) }
+            };
+            match a.action {
+                ReviewActionKind::Move => need(a.delta_m.is_some(), "delta_m")?,
+                ReviewActionKind::Rotate => need(a.angle_deg.is_some(), "angle_deg")?,
+                ReviewActionKind::Rescale => need(a.factor.is_some(), "factor")?,
+                ReviewActionKind::Swap | ReviewActionKind::Rehost => need(a.other.is_some(), "other")?,
+                ReviewActionKind::Add => need(a.position_m.is_some(), "position_m")?,
+                ReviewActionKind::Remove | ReviewActionKind::EqualizeGroup => {}
+            }
+            for v in a.delta_m.iter().chain(&a.position_m).flatten() {
+                in_range("a position or delta", *v, -20.0, 40.0)?;
+            }
+            for v in a.factor.iter().flatten() {
+                in_range("a factor", *v, 0.2, 5.0)?;
+            }
+            if let Some(v) = a.angle_deg {
+                in_range("angle_deg", v, -360.0, 360.0)?;
+            }
+        }
+        Ok(())
+    }
+}
