@@ -3,9 +3,23 @@
 //! Canonical mesh frame (`docs/conventions.md`): +Y up, front faces +Z, bottom at `y = 0`, centred in x and z.
 
 mod bvh;
+pub mod catalogue;
+mod clean;
+mod convex;
 mod mesh;
+mod part_model;
 mod shell;
+mod templates;
 
 pub use bvh::{Bvh, Hit};
+pub use clean::{CleanReport, canonicalise, clean};
+pub use convex::{ConvexPart, MAX_HULL_POINTS, convex_parts};
 pub use mesh::{Bounds, Group, Material, Mesh, MeshError};
+pub use part_model::{
+    Axis, BuiltModel, LeafHabit, MAX_PARTS, Mirror, PART_MODEL_GUIDE, Part, PartModel, PartModelError, Repeat, Repeats,
+    Shape, Slot, TextureMode, hex_color, linear_rgb, parse_color,
+};
 pub use shell::{ShellOptions, room_shell, room_shell_with, shell_material_name};
+pub use templates::{
+    ArmStyle, BackStyle, LegStyle, PlantHabit, ShadeShape, SlotColor, TemplateParams, template, template_name,
+};

@@ -21,10 +21,12 @@
 //! assert!((frame.depth[24 * 64 + 32] - 4.0).abs() < 1e-5);
 //! ```
 
+mod bake;
 mod cameras;
 mod frame;
 mod renderer;
 
+pub use bake::{BakeOptions, BakedMesh, SlotColour, bake_texture, slot_colors};
 pub use cameras::{RoomView, canonical_camera, mesh_view_camera, orbit_cameras};
 pub use frame::{DepthFrame, Frame, Instance, Lighting, RenderOptions, Window, WindowFrame};
 pub use renderer::{Renderer, projected_window, render, render_depth_ids, render_window};
