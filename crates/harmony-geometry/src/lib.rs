@@ -1,1 +1,33 @@
-//! Placeholder while the workspace is laid out.
+//! The paper's layout and camera mathematics, and what this project adds to it.
+//!
+//! * [`calibrate`]: point map -> Manhattan frame -> planes -> deepest corner -> one similarity -> camera
+//!   (paper Sec. 3.1, App. B.2, Algorithm 1);
+//! * [`estimate_view`]: one photo without depth -> line segments -> vanishing points -> focal length and rotation;
+//! * [`estimate_room_box`], [`solve_from_pins`]: view + prior (+ pinned room edges) -> camera and box in metres;
+//! * small tools: homography, PCA, de-tilt, robust means, Levenberg-Marquardt.
+//!
+//! Nothing here knows that models exist: what a model said arrives as a [`LayoutPrior`].
+//! Frames, units and signs are those of `harmony_scene`.
+
+mod calibration;
+mod homography;
+mod image;
+mod pca;
+mod prior;
+mod room_box;
+mod stats;
+mod vanishing;
+
+pub use calibration::{
+    AnchorKind, Calibration, CalibrationError, CalibrationEvidence, CalibrationMethod, CalibrationSettings,
+    PlaneEvidence, calibrate,
+};
+pub use homography::{Homography, homography_from_quad};
+pub use image::{GrayImage, ImageError};
+pub use pca::{Axes, detilt, pca};
+pub use prior::{CameraHints, LayoutPins, LayoutPrior, PinnedCorner, PinnedEdge, RoomCorner, RoomEdge, WallSide};
+pub use room_box::{RoomBox, RoomBoxEvidence, RoomBoxMethod, SolveError, estimate_room_box, solve_from_pins};
+pub use stats::{front_surface_mean, median, median_absolute_deviation, percentile, robust_mean, robust_mean_scalar};
+pub use vanishing::{
+    FocalPrior, FocalSource, LineSegment, ViewEstimate, detect_segments, estimate_view, estimate_view_from_segments,
+};

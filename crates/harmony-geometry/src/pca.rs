@@ -1,0 +1,54 @@
+//! Principal axes and de-tilting of meshes (paper Sec. 3.2, "Mesh Canonicalization").
+
+use harmony_scene::{Mat3, Vec3};
+use nalgebra::{Matrix3, SymmetricEigen};
+
+/// Principal axes of a point set.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Axes {
+    /// Mean of the points.
+    pub centre: Vec3,
+    /// Unit axes, largest spread first, right-handed.
+    pub axes: [Vec3; 3],
+    /// Standard deviations along the axes.
+    pub spread: [f64; 3],
+}
+
+/// Principal axes; `None` with fewer than three finite points.
+pub fn pca(points: &[Vec3]) -> Option<Axes> {
+    let finite: Vec<Vec3> = points.iter().copied().filter(|p| p.is_finite()).collect();
+    if finite.len() < 3 {
+        return None;
+    }
+    let n = finite.len() as f64;
+    let centre = finite.iter().copied().sum::<Vec3>() / n;
+    let mut scatter = Matrix3::<f64>::zeros();
+    for p in &finite {
+        let d = *p - centre;
+        let v = nalgebra::Vector3::new(d.x, d.y, d.z);
+        scatter += v * v.transpose();
+    }
+    let eigen = SymmetricEigen::new(scatter / n);
+    let mut order = [0, 1, 2];
+    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+    let column = |i: usize| {
+        let c = eigen.eigenvectors.column(order[i]);
+        Vec3::new(c[0], c[1], c[2])
+    };
+    let (a, b) = (column(0), column(1));
+    let spread = order.map(|i| eigen.eigenvalues[i].max(0.0).sqrt());
+    Some(Axes { centre, axes: [a, b, a.cross(b)], spread })
+}
+
+/// Largest tilt that de-tilting takes back, radians (DESIGN 6.2: "within 45 degrees").
+pub const DETILT_LIMIT: f64 = std::f64::consts::FRAC_PI_4;
+
+/// The rotation that turns the principal axis nearest to +Y onto +Y, if it is within 45 degrees; else none.
+///
+/// `None` also when the points have no shape. The rotation is the shortest one, so the yaw is disturbed least.
+pub fn detilt(vertices: &[Vec3]) -> Option<Mat3> {
+    let axes = pca(vertices)?;
+    let nearest = axes.axes.iter().copied().max_by(|a, b| a.y.abs().total_cmp(&b.y.abs()))?;
+    let up = if nearest.y < 0.0 { -nearest } else { nearest };
+    (up.y >= DETILT_LIMIT.cos()).then(|| Mat3::from_quat(glam::DQuat::from_rotation_arc(up, Vec3::Y)))
+}
