@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use async_trait::async_trait;
-use harmony_mesh::{ConvexPart, Mesh, PartModel};
+use harmony_mesh::{ConvexPart, Mesh, PartModel, TemplateParams};
 use harmony_scene::{Level, Size};
 use image::RgbaImage;
 use serde::{Deserialize, Serialize};
@@ -43,6 +43,10 @@ pub struct MeshRequest {
     pub level: Level,
     /// Expected size, metres.
     pub size: Size,
+    /// Template that the VLM chose, if any; players that make their own shapes ignore it.
+    pub template: Option<String>,
+    /// Options of the template.
+    pub params: TemplateParams,
     /// A part model that the VLM wrote for this object, if any.
     pub part_model: Option<PartModel>,
     /// Fidelity.

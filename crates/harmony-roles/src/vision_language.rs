@@ -57,3 +57,57 @@ pub trait VisionLanguage: Send + Sync {
     /// Answers one question.
     async fn ask(&self, request: &VlmRequest) -> Result<VlmAnswer, RoleError>;
 }
+
+/// Heading under which a complaint about an earlier answer is added to a prompt.
+const COMPLAINT_HEADING: &str = "\n\n## Your previous answer was not accepted\n\n";
+
+impl VlmRequest {
+    /// The same question with a complaint about the previous answer at the end of the prompt; it replaces an earlier
+    /// complaint.
+    #[must_use]
+    pub fn with_complaint(&self, complaint: &str, previous: &str) -> Self {
+        let (question, _) = self.split_complaint();
+        let mut prompt = format!("{question}{COMPLAINT_HEADING}{complaint}\n");
+        if !previous.trim().is_empty() {
+            prompt.push_str("\nIt began:\n\n");
+            for line in previous.trim().chars().take(1500).collect::<String>().lines() {
+                prompt.push_str("    ");
+                prompt.push_str(line);
+                prompt.push('\n');
+            }
+        }
+        prompt.push_str("\nAnswer again, in full.\n");
+        Self { prompt, ..self.clone() }
+    }
+
+    /// The prompt as it was first asked, and the complaint about the previous answer if there is one.
+    pub fn split_complaint(&self) -> (&str, Option<&str>) {
+        match self.prompt.split_once(COMPLAINT_HEADING) {
+            Some((question, complaint)) => (question, Some(complaint)),
+            None => (&self.prompt, None),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_complaint_can_be_taken_off_again_and_does_not_pile_up() {
+        let request = VlmRequest {
+            name: "1_layout/layout".into(),
+            prompt: "How large is the room?".into(),
+            pictures: vec![],
+            schema: Value::Null,
+            example: Value::Null,
+            facts: Value::Null,
+        };
+        assert_eq!(request.split_complaint(), ("How large is the room?", None));
+        let again = request.with_complaint("width is -3", "{\"width\": -3}").with_complaint("width is 900", "");
+        let (question, complaint) = again.split_complaint();
+        assert_eq!(question, request.prompt);
+        let complaint = complaint.unwrap();
+        assert!(complaint.contains("width is 900") && !complaint.contains("-3"), "{complaint}");
+    }
+}
