@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`color`] | sRGB, linear light, CIE Lab; median and dominant colours of a mask |
 //! | [`segment`] | cuts an object out of a photo, from a box and perhaps a rough outline |
+//! | [`outline`] | the outline of a mask as a polygon |
 //! | [`regions`] | proposes object regions that differ from floor, walls and ceiling |
 //! | [`inpaint`] | fills a hole from the rest of the photo |
 //! | [`rectify`] | quadrilaterals and room surfaces seen head-on |
@@ -14,8 +15,14 @@
 //! the photo are resized to it, boxes are cut to the image, and an empty input gives an empty answer. Same input,
 //! same output: seeds are fixed and the number of threads has no influence.
 
+mod components;
+mod distance;
+mod polygon;
+mod resample;
+
 pub mod color;
 pub mod inpaint;
+pub mod outline;
 pub mod rectify;
 pub mod regions;
 pub mod segment;

@@ -1,7 +1,17 @@
 //! Cuts objects out of a photo: graph cut over colour models, from a box and perhaps a rough outline.
 
-use harmony_scene::{Mask, PixelBox};
+mod cut;
+mod frame;
+mod joint;
+mod maxflow;
+mod mixture;
+
+use harmony_scene::{ImageSize, Mask, PixelBox};
 use image::RgbImage;
+use rayon::prelude::*;
+
+use cut::{Known, Models, Problem};
+use frame::Frame;
 
 /// Something that is not the object: another object's box, or its outline when there is one.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,20 +85,128 @@ pub struct Segmented {
     pub score: f64,
 }
 
+/// Change of the odds under which a stable mask should not change much, natural log units.
+const STABILITY_BIAS: f32 = 1.0;
+/// Longest side of a crop whose edge is refined pixel by pixel; larger ones are refined at this size.
+const REFINE_PX: u32 = 1400;
+
 /// Cuts one object out.
 pub fn segment_box(photo: &RgbImage, prompt: &SegmentPrompt, settings: &SegmentSettings) -> Segmented {
-    let _ = settings;
-    let b = prompt.bounds;
-    let inside = |x: u32, y: u32| {
-        let (x, y) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
-        x >= b.x0 && x < b.x1 && y >= b.y0 && y < b.y1
-    };
-    Segmented { mask: Mask::from_fn(crate::size_of(photo), inside), score: 0.0 }
+    match cut_out(photo, prompt, settings) {
+        Some(cut) => Segmented { mask: cut.mask, score: cut.score },
+        None => Segmented { mask: Mask::empty(crate::size_of(photo)), score: 0.0 },
+    }
 }
 
 /// Cuts all objects of a photo out; each pixel goes to at most one. One answer a prompt, in order.
 ///
 /// Prompts know of each other: every prompt is an [`Exclusion`] for the others.
 pub fn segment_all(photo: &RgbImage, prompts: &[SegmentPrompt], settings: &SegmentSettings) -> Vec<Segmented> {
-    prompts.iter().map(|prompt| segment_box(photo, prompt, settings)).collect()
+    let informed: Vec<SegmentPrompt> = prompts.iter().enumerate().map(|(i, _)| joint::informed(prompts, i)).collect();
+    let cuts: Vec<Option<CutOut>> = informed.par_iter().map(|prompt| cut_out(photo, prompt, settings)).collect();
+    joint::share_out(crate::size_of(photo), prompts, cuts)
 }
+
+/// A cut with what is needed to weigh it against others.
+struct CutOut {
+    mask: Mask,
+    score: f64,
+    frame: Frame,
+    /// Log odds of the working pixels.
+    odds: Vec<f32>,
+}
+
+/// `None` when the prompt has nothing in the photo.
+fn cut_out(photo: &RgbImage, prompt: &SegmentPrompt, settings: &SegmentSettings) -> Option<CutOut> {
+    let size = crate::size_of(photo);
+    let bounds = frame::prompt_box(prompt, size)?;
+    let outline = frame::usable_outline(prompt);
+    let error = outline.map_or(0.0, |o| frame::outline_error_px(o, size, settings));
+    let frame = frame::frame(&bounds, 2.0 * error, size, settings);
+    let problem = frame::problem(photo, prompt, &bounds, &frame, settings);
+    let first = first_division(&problem);
+    let (mut object, odds, models) = problem.solve(first.clone(), settings.iterations);
+    let expected = first.iter().filter(|b| **b).count();
+    if object.iter().filter(|b| **b).count() * 12 < expected {
+        object = first; // the colours say nothing: keep the prompt's shape
+    }
+    let score = stability(&problem, &odds);
+    // With an outline the parts of an object may lie apart; without one only what is large belongs to it.
+    let share = if outline.is_some() { 60 } else { 8 };
+    let count = object.iter().filter(|b| **b).count();
+    crate::components::clean(&mut object, problem.width, problem.height, count / share, count / 100 + 4);
+    let mask = refine(photo, &frame, &object, models.as_ref(), settings);
+    Some(CutOut { mask, score, frame, odds })
+}
+
+/// What the prompt alone says.
+fn first_division(problem: &Problem) -> Vec<bool> {
+    let mut first: Vec<bool> = problem
+        .known
+        .iter()
+        .zip(&problem.prior)
+        .map(|(k, p)| *k == Known::Object || (*k == Known::Free && *p > 0.0))
+        .collect();
+    if !first.contains(&true) {
+        for (f, k) in first.iter_mut().zip(&problem.known) {
+            *f = *k == Known::Free;
+        }
+    }
+    first
+}
+
+/// Overlap of the cuts at a little more and a little less likely.
+fn stability(problem: &Problem, odds: &[f32]) -> f64 {
+    let more = problem.cut(odds, STABILITY_BIAS);
+    let less = problem.cut(odds, -STABILITY_BIAS);
+    let both = more.iter().zip(&less).filter(|(a, b)| **a && **b).count();
+    let either = more.iter().zip(&less).filter(|(a, b)| **a || **b).count();
+    if either == 0 { 0.0 } else { both as f64 / either as f64 }
+}
+
+/// The division at the photo's resolution: a second cut in a band around the enlarged edge.
+fn refine(
+    photo: &RgbImage,
+    frame: &Frame,
+    object: &[bool],
+    models: Option<&Models>,
+    settings: &SegmentSettings,
+) -> Mask {
+    let size: ImageSize = crate::size_of(photo);
+    let fine = frame.at_most(REFINE_PX);
+    let enlargement = f64::from(fine.work.width) / f64::from(frame.work.width);
+    let Some(models) = models.filter(|_| enlargement > 1.1) else {
+        return frame.to_mask(object, size);
+    };
+    let (w, h) = (fine.work.width as usize, fine.work.height as usize);
+    let soft: Vec<f32> = object.iter().map(|b| f32::from(u8::from(*b))).collect();
+    let (kx, ky) = (1.0 / enlargement, f64::from(frame.work.height) / f64::from(fine.work.height));
+    let enlarged: Vec<bool> = (0..w * h)
+        .map(|i| frame.sample(&soft, ((i % w) as f64 + 0.5) * kx, ((i / w) as f64 + 0.5) * ky) >= 0.5)
+        .collect();
+    let band = (1.5 * enlargement) as f32;
+    let depth = crate::distance::signed_distance(&enlarged, w, h);
+    let known = depth
+        .iter()
+        .map(|d| match d {
+            d if *d > band => Known::Object,
+            d if *d < -band => Known::Background,
+            _ => Known::Free,
+        })
+        .collect();
+    let prior = depth.iter().map(|d| (d / band).clamp(-1.0, 1.0)).collect();
+    let problem = Problem {
+        width: w,
+        height: h,
+        lab: fine.lab(photo),
+        known,
+        prior,
+        color_weight: 0.6,
+        smoothness: settings.smoothness as f32,
+    };
+    let refined = problem.cut(&problem.odds(Some(models)), 0.0);
+    fine.to_mask(&refined, size)
+}
+
+#[cfg(test)]
+mod tests;

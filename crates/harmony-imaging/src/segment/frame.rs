@@ -1,0 +1,248 @@
+//! The crop around a prompt, at working size, and what the prompt says about its pixels.
+
+use harmony_scene::{ImageSize, Mask, PixelBox};
+use image::RgbImage;
+
+use super::cut::{Known, Problem};
+use super::{SegmentPrompt, SegmentSettings};
+use crate::color::lab_from_rgb8;
+use crate::distance::signed_distance;
+use crate::polygon::rasterize;
+use crate::resample::{Window, resize_window};
+
+/// Log odds at one error's distance inside an outline.
+const OUTLINE_ODDS: f32 = 2.2;
+/// An outline's error is at most this fraction of the square root of its area: small things are drawn finer.
+const MOST_RELATIVE_ERROR: f64 = 0.10;
+/// Log odds of an unprompted box: at its centre, and how much less in its corners.
+const BOX_ODDS: (f32, f32) = (1.6, 3.2);
+/// Log odds against the object inside another object's outline, and inside another, smaller box.
+const EXCLUDED_ODDS: (f32, f32) = (4.0, 0.8);
+
+/// A crop of the photo and its working size.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Frame {
+    pub window: Window,
+    pub work: ImageSize,
+}
+
+impl Frame {
+    /// Working pixels per photo pixel (along x; the shape is kept but for rounding).
+    pub(super) fn scale(&self) -> f64 {
+        f64::from(self.work.width) / f64::from(self.window.width)
+    }
+
+    /// The same crop at another working size.
+    pub(super) fn at_most(&self, longest: u32) -> Self {
+        let work = ImageSize::new(self.window.width, self.window.height).fit_within(longest.max(1));
+        Self { work, ..*self }
+    }
+
+    /// Photo pixels to working pixels.
+    pub(super) fn to_work(self, p: [f64; 2]) -> [f64; 2] {
+        [
+            (p[0] - f64::from(self.window.x)) * f64::from(self.work.width) / f64::from(self.window.width),
+            (p[1] - f64::from(self.window.y)) * f64::from(self.work.height) / f64::from(self.window.height),
+        ]
+    }
+
+    fn box_to_work(self, b: &PixelBox) -> PixelBox {
+        let ([x0, y0], [x1, y1]) = (self.to_work([b.x0, b.y0]), self.to_work([b.x1, b.y1]));
+        PixelBox { x0, y0, x1, y1 }
+    }
+
+    /// The colours at working size.
+    pub(super) fn lab(&self, photo: &RgbImage) -> Vec<[f32; 3]> {
+        resize_window(photo, self.window, self.work).pixels().map(|p| lab_from_rgb8(p.0)).collect()
+    }
+
+    /// A working-size division as soft values, interpolated at a position in working pixels.
+    pub(super) fn sample(&self, values: &[f32], x: f64, y: f64) -> f32 {
+        let (w, h) = (self.work.width as usize, self.work.height as usize);
+        let clamp = |v: f64, n: usize| (v - 0.5).clamp(0.0, (n - 1) as f64);
+        let (x, y) = (clamp(x, w), clamp(y, h));
+        let (x0, y0) = (x as usize, y as usize);
+        let (x1, y1) = ((x0 + 1).min(w - 1), (y0 + 1).min(h - 1));
+        let (tx, ty) = ((x - x0 as f64) as f32, (y - y0 as f64) as f32);
+        let top = values[y0 * w + x0] * (1.0 - tx) + values[y0 * w + x1] * tx;
+        let bottom = values[y1 * w + x0] * (1.0 - tx) + values[y1 * w + x1] * tx;
+        top * (1.0 - ty) + bottom * ty
+    }
+
+    /// A division at working size as a full-frame mask, its edge interpolated.
+    pub(super) fn to_mask(self, object: &[bool], photo: ImageSize) -> Mask {
+        let mut mask = Mask::empty(photo);
+        let values: Vec<f32> = object.iter().map(|b| f32::from(u8::from(*b))).collect();
+        let (kx, ky) = (
+            f64::from(self.work.width) / f64::from(self.window.width),
+            f64::from(self.work.height) / f64::from(self.window.height),
+        );
+        for y in 0..self.window.height {
+            for x in 0..self.window.width {
+                let on = self.sample(&values, (f64::from(x) + 0.5) * kx, (f64::from(y) + 0.5) * ky) >= 0.5;
+                if on {
+                    mask.set(self.window.x + x, self.window.y + y, true);
+                }
+            }
+        }
+        mask
+    }
+}
+
+/// The prompt's box or the outline's box, cut to the photo; `None` when nothing of it is in the photo.
+pub(super) fn prompt_box(prompt: &SegmentPrompt, photo: ImageSize) -> Option<PixelBox> {
+    let outline = usable_outline(prompt);
+    let b = outline.map_or(prompt.bounds, |o| SegmentPrompt::from_outline(o.to_vec()).bounds);
+    let finite = [b.x0, b.y0, b.x1, b.y1].iter().all(|v| v.is_finite());
+    let b = b.clamped(photo);
+    (finite && b.width() >= 0.5 && b.height() >= 0.5).then_some(b)
+}
+
+/// The outline, when it has an inside.
+pub(super) fn usable_outline(prompt: &SegmentPrompt) -> Option<&[[f64; 2]]> {
+    let outline = prompt.outline.as_deref()?;
+    let area: f64 =
+        outline.iter().zip(outline.iter().cycle().skip(1)).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum::<f64>().abs()
+            / 2.0;
+    (outline.len() >= 3 && outline.iter().flatten().all(|v| v.is_finite()) && area >= 1.0).then_some(outline)
+}
+
+/// Expected error of the outline, photo pixels.
+pub(super) fn outline_error_px(outline: &[[f64; 2]], photo: ImageSize, settings: &SegmentSettings) -> f64 {
+    let longest = f64::from(photo.width.max(photo.height));
+    let doubled: f64 = outline.iter().zip(outline.iter().cycle().skip(1)).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum();
+    let relative = MOST_RELATIVE_ERROR * (doubled.abs() / 2.0).sqrt();
+    (settings.outline_error * longest).min(relative).max(1.0)
+}
+
+/// The crop for a prompt: its box with surroundings to learn the background from.
+pub(super) fn frame(bounds: &PixelBox, margin_px: f64, photo: ImageSize, settings: &SegmentSettings) -> Frame {
+    let pad = |side: f64| (side * 0.15).max(8.0) + margin_px;
+    let x0 = (bounds.x0 - pad(bounds.width())).floor().max(0.0) as u32;
+    let y0 = (bounds.y0 - pad(bounds.height())).floor().max(0.0) as u32;
+    let x1 = ((bounds.x1 + pad(bounds.width())).ceil() as u32).min(photo.width);
+    let y1 = ((bounds.y1 + pad(bounds.height())).ceil() as u32).min(photo.height);
+    let window = Window { x: x0, y: y0, width: x1.saturating_sub(x0).max(1), height: y1.saturating_sub(y0).max(1) };
+    Frame { window, work: ImageSize::new(window.width, window.height) }.at_most(settings.working_px.clamp(16, 4096))
+}
+
+/// The problem at the frame's working size.
+pub(super) fn problem(
+    photo: &RgbImage,
+    prompt: &SegmentPrompt,
+    bounds: &PixelBox,
+    frame: &Frame,
+    settings: &SegmentSettings,
+) -> Problem {
+    let (width, height) = (frame.work.width as usize, frame.work.height as usize);
+    let size = crate::size_of(photo);
+    let (mut known, mut prior) = match usable_outline(prompt) {
+        Some(outline) => {
+            let error = outline_error_px(outline, size, settings) * frame.scale();
+            from_outline(outline, error as f32, frame)
+        }
+        None => from_box(bounds, frame, size, settings),
+    };
+    exclude(prompt, bounds, frame, &mut known, &mut prior);
+    let color_weight = if usable_outline(prompt).is_some() { 0.6 } else { 1.0 };
+    Problem { width, height, lab: frame.lab(photo), known, prior, color_weight, smoothness: settings.smoothness as f32 }
+}
+
+/// Certain deep inside and far outside, a ramp between.
+fn from_outline(outline: &[[f64; 2]], error: f32, frame: &Frame) -> (Vec<Known>, Vec<f32>) {
+    let (w, h) = (frame.work.width as usize, frame.work.height as usize);
+    let points: Vec<[f64; 2]> = outline.iter().map(|p| frame.to_work(*p)).collect();
+    let depth = signed_distance(&rasterize(&points, w, h), w, h);
+    let error = error.max(0.75);
+    let known = depth
+        .iter()
+        .map(|d| {
+            if *d > 2.0 * error {
+                Known::Object
+            } else if *d < -2.0 * error {
+                Known::Background
+            } else {
+                Known::Free
+            }
+        })
+        .collect();
+    (known, depth.iter().map(|d| (d / error).clamp(-2.0, 2.0) * OUTLINE_ODDS).collect())
+}
+
+/// Background outside the box; inside, the centre more likely than the corners.
+fn from_box(bounds: &PixelBox, frame: &Frame, photo: ImageSize, settings: &SegmentSettings) -> (Vec<Known>, Vec<f32>) {
+    let b = frame.box_to_work(bounds);
+    let slack = (b.width() * settings.box_error, b.height() * settings.box_error);
+    // An object cut by the photo's border goes on behind it: no falling off towards that side.
+    let reach = |low: f64, high: f64, at_low: bool, at_high: bool, v: f64| {
+        let (centre, half) = ((low + high) / 2.0, ((high - low) / 2.0).max(0.5));
+        let r = (v - centre) / half;
+        if (r < 0.0 && at_low) || (r > 0.0 && at_high) { 0.0 } else { r.abs() }
+    };
+    let cut = [
+        bounds.x0 <= 1.0,
+        bounds.x1 >= f64::from(photo.width) - 1.0,
+        bounds.y0 <= 1.0,
+        bounds.y1 >= f64::from(photo.height) - 1.0,
+    ];
+    let mut known = Vec::with_capacity(frame.work.pixels());
+    let mut prior = Vec::with_capacity(frame.work.pixels());
+    for y in 0..frame.work.height {
+        for x in 0..frame.work.width {
+            let (x, y) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let outside = (b.x0 - x).max(x - b.x1).max(b.y0 - y).max(y - b.y1);
+            if x < b.x0 - slack.0 || x > b.x1 + slack.0 || y < b.y0 - slack.1 || y > b.y1 + slack.1 {
+                known.push(Known::Background);
+                prior.push(-BOX_ODDS.1);
+            } else {
+                known.push(Known::Free);
+                let (u, v) = (reach(b.x0, b.x1, cut[0], cut[1], x), reach(b.y0, b.y1, cut[2], cut[3], y));
+                let r = (u.powi(4) + v.powi(4)).sqrt() as f32;
+                let beyond = if outside > 0.0 { 2.0 } else { 0.0 };
+                prior.push(BOX_ODDS.0 - BOX_ODDS.1 * r.min(1.4) - beyond);
+            }
+        }
+    }
+    (known, prior)
+}
+
+/// Lowers the odds where other objects are known to be.
+fn exclude(prompt: &SegmentPrompt, bounds: &PixelBox, frame: &Frame, known: &mut [Known], prior: &mut [f32]) {
+    let (w, h) = (frame.work.width as usize, frame.work.height as usize);
+    for other in &prompt.not {
+        match &other.outline {
+            Some(outline) => {
+                let points: Vec<[f64; 2]> = outline.iter().map(|p| frame.to_work(*p)).collect();
+                let inside = rasterize(&points, w, h);
+                // What lies all around this object is what it stands before, not what hides it.
+                let mine = known.iter().zip(prior.iter()).map(|(k, p)| *k != Known::Background && *p > 0.0);
+                let (mut own, mut both) = (0_usize, 0_usize);
+                for (m, o) in mine.zip(&inside) {
+                    own += usize::from(m);
+                    both += usize::from(m && *o);
+                }
+                if both * 10 > own * 6 {
+                    continue;
+                }
+                for ((p, k), o) in prior.iter_mut().zip(known.iter_mut()).zip(&inside) {
+                    if *o {
+                        *p -= EXCLUDED_ODDS.0;
+                        if *k == Known::Object {
+                            *k = Known::Free;
+                        }
+                    }
+                }
+            }
+            None if other.bounds.area() < 0.8 * bounds.area() => {
+                let b = frame.box_to_work(&other.bounds);
+                for (i, p) in prior.iter_mut().enumerate() {
+                    let (x, y) = ((i % w) as f64 + 0.5, (i / w) as f64 + 0.5);
+                    if x > b.x0 && x < b.x1 && y > b.y0 && y < b.y1 {
+                        *p -= EXCLUDED_ODDS.1;
+                    }
+                }
+            }
+            None => {}
+        }
+    }
+}
