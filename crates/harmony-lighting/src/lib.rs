@@ -1,0 +1,33 @@
+//! Materials and light of a finished scene (paper Sec. 3.4, App. C "Material and Lighting Estimation").
+//!
+//! * [`sources`]: the light sources a furnished room has, with default powers;
+//! * [`spec`] and [`delta`]: the model's two answers about light, as types with bounds;
+//! * [`assess`]: brightness and tone of a render against the photo, measured;
+//! * [`fit`]: beyond the paper, intensities and colours by non-negative least squares over per-light images;
+//! * [`material`]: PBR factors and physical properties from an answer or from defaults;
+//! * [`cycles`]: Blender Cycles in a process of its own.
+//!
+//! Everything but [`cycles`] is pure. Nothing here knows that models exist: answers come in as data.
+
+pub mod assess;
+pub mod cycles;
+pub mod delta;
+pub mod fit;
+pub mod linear;
+pub mod material;
+mod schema;
+pub mod sources;
+pub mod spec;
+
+pub use assess::{Assessment, Brightness, Judgement, Tone, assess, judge, propose};
+pub use cycles::{
+    BlenderKind, CyclesJob, CyclesOutput, CyclesRenderer, CyclesTimings, Delight, LightPass, LitError, Progress,
+    RenderMode, ViewTransform,
+};
+pub use delta::{AmbientDelta, DirectionalDelta, LightingDelta, LightingVerdict, PointLightDelta, WindowDelta};
+pub use fit::{FitOptions, LightFit, fit_lights, relight};
+pub use linear::{GreyResponse, LinearImage};
+pub use material::{MaterialAnswer, PhysicsSidecar, category_for, material_for};
+pub use schema::strict_schema;
+pub use sources::{emitter_bounds, is_light_source, lights_from_scene};
+pub use spec::{AmbientSpec, DirectionalSpec, LightingSpec, PointLightSpec, WindowSpec};

@@ -1,0 +1,234 @@
+//! The light sources that a furnished room has.
+//!
+//! A window opening is a rectangle of daylight just inside its pane, a lamp is a bulb at the centre of its shade, the
+//! room has a little ambient light. Powers are radiant watts as Cycles understands them and typical values only: the
+//! model's specification, the fit and the reflective loop set them by the photo.
+
+use glam::DVec3;
+use harmony_mesh::{Bounds, Mesh};
+use harmony_scene::{Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Room, SceneObject};
+
+use crate::delta::bounds;
+
+/// Daylight through one square metre of window, watts: an overcast day, exposed for the room.
+pub const WINDOW_WATTS_PER_M2: f64 = 26.0;
+/// Colour of daylight from the sky, linear RGB.
+pub const DAYLIGHT: [f64; 3] = [0.86, 0.93, 1.0];
+/// Colour of household bulbs (about 2900 K), linear RGB.
+pub const WARM_BULB: [f64; 3] = [1.0, 0.78, 0.56];
+/// Colour of ceiling fixtures (about 3500 K), linear RGB.
+pub const CEILING_BULB: [f64; 3] = [1.0, 0.87, 0.72];
+/// Power of a table or wall lamp, watts.
+pub const TABLE_LAMP_WATTS: f64 = 12.0;
+/// Power of a floor lamp, watts.
+pub const FLOOR_LAMP_WATTS: f64 = 25.0;
+/// Power of a ceiling fixture, watts.
+pub const CEILING_WATTS: f64 = 45.0;
+/// Ambient radiance of a room with windows.
+pub const AMBIENT_RADIANCE: f64 = 0.15;
+/// Distance of the daylight rectangle from the wall plane, metres, where no window object says more.
+pub const PANE_GAP_M: f64 = 0.02;
+/// A window object sticks out of its wall by at most this much; more is a wrong bound (a curtain in the mesh).
+const MAX_PANE_GAP_M: f64 = 0.2;
+
+const LAMP_WORDS: [&str; 14] = [
+    "lamp",
+    "light",
+    "lights",
+    "sconce",
+    "chandelier",
+    "pendant",
+    "lantern",
+    "spotlight",
+    "downlight",
+    "candle",
+    "candles",
+    "luminaire",
+    "bulb",
+    "torchiere",
+];
+/// Words that make a phrase with a lamp word something else: a light switch, a lamp table.
+const NOT_LAMP_WORDS: [&str; 14] = [
+    "switch", "table", "fan", "holder", "stand", "box", "sofa", "chair", "rug", "curtain", "wood", "cabinet", "shelf",
+    "painting",
+];
+
+/// Slots of part models, and material names, that shine.
+const EMITTER_WORDS: [&str; 8] = ["shade", "bulb", "globe", "diffuser", "lampshade", "emit", "glow", "flame"];
+
+fn words(label: &str) -> Vec<String> {
+    label.to_lowercase().split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()).map(str::to_owned).collect()
+}
+
+/// Whether an object of this label gives light: "floor lamp", "pendant light"; not "light switch", "lamp table".
+///
+/// The head of an English noun phrase is its last word, so that decides; "ceiling fan with light" counts too.
+pub fn is_light_source(label: &str) -> bool {
+    let words = words(label);
+    let is_lamp = |w: &String| LAMP_WORDS.contains(&w.as_str()) || w.ends_with("light") && w != "skylight";
+    let Some(last) = words.last() else { return false };
+    if NOT_LAMP_WORDS.contains(&last.as_str()) {
+        return false;
+    }
+    is_lamp(last)
+        || matches!(last.as_str(), "fixture") && words.iter().any(is_lamp)
+        || matches!(
+            last.as_str(),
+            "lamps" | "pendants" | "sconces" | "lanterns" | "chandeliers" | "spotlights" | "downlights"
+        )
+        || words.iter().any(|w| w == "with") && words.iter().rev().take(2).any(is_lamp)
+}
+
+/// Bounds of the part of a mesh that shines, in the mesh's own frame: emissive materials, else slots named so.
+pub fn emitter_bounds(mesh: &Mesh) -> Option<Bounds> {
+    let emissive = |m: usize| mesh.materials.get(m).is_some_and(|m| m.emissive.iter().any(|e| *e > 0.0));
+    let named = |m: usize| {
+        mesh.materials.get(m).is_some_and(|m| {
+            let name = m.name.to_lowercase();
+            EMITTER_WORDS.iter().any(|w| name.contains(w))
+        })
+    };
+    group_bounds(mesh, emissive).or_else(|| group_bounds(mesh, named))
+}
+
+fn group_bounds(mesh: &Mesh, wanted: impl Fn(usize) -> bool) -> Option<Bounds> {
+    let mut found: Option<Bounds> = None;
+    for group in mesh.groups.iter().filter(|g| wanted(g.material)) {
+        for p in group.triangles.iter().flatten().filter_map(|i| mesh.positions.get(*i as usize)) {
+            let p = p.as_dvec3();
+            let b = found.get_or_insert(Bounds { min: p, max: p });
+            b.min = b.min.min(p);
+            b.max = b.max.max(p);
+        }
+    }
+    found
+}
+
+/// The lights of a room before anybody has looked at the photo: all windows and lamps on, at typical powers.
+///
+/// `mesh_of` gives an object's canonical mesh where there is one; without it the label decides where in the object's
+/// box the bulb is. Openings without an object shine too. Doors give no light. Ids are the objects', or
+/// `window_<n>` for openings without one.
+pub fn lights_from_scene<'m>(
+    room: &Room,
+    objects: &[SceneObject],
+    mesh_of: impl Fn(&ObjectId) -> Option<&'m Mesh>,
+) -> Lighting {
+    let mut lights = Vec::new();
+    for (i, opening) in room.openings.iter().enumerate().filter(|(_, o)| o.kind == OpeningKind::Window) {
+        let object = opening.object.as_ref().and_then(|id| objects.iter().find(|o| o.id == *id));
+        let mut id = opening.object.as_ref().map_or_else(|| format!("window_{:02}", i + 1), ToString::to_string);
+        if lights.iter().any(|l: &Light| l.id == id) {
+            id = format!("{id}_{}", i + 1);
+        }
+        let mesh = object.and_then(|o| mesh_of(&o.id));
+        if let Some(light) = window_light(room, opening, object, mesh, id) {
+            lights.push(light);
+        }
+    }
+    for object in objects.iter().filter(|o| is_light_source(&o.label)) {
+        lights.push(lamp_light(room, object, mesh_of(&object.id)));
+    }
+    Lighting { lights, ambient_color: [1.0; 3], ambient_intensity: AMBIENT_RADIANCE, exposure: 0.0 }
+}
+
+fn window_light(
+    room: &Room,
+    opening: &Opening,
+    object: Option<&SceneObject>,
+    mesh: Option<&Mesh>,
+    id: String,
+) -> Option<Light> {
+    let size = [opening.u[1] - opening.u[0], opening.y[1] - opening.y[0]];
+    if !size.iter().all(|s| s.is_finite() && *s > 0.01) {
+        return None;
+    }
+    let normal = opening.wall.normal();
+    let plane = opening.wall.point(&room.extents, 0.0, 0.0).dot(normal);
+    let gap = object.map_or(PANE_GAP_M, |o| {
+        let reach = corners(o, mesh).map(|p| p.dot(normal) - plane).fold(0.0, f64::max);
+        if reach <= MAX_PANE_GAP_M { reach.max(0.0) + 0.5 * PANE_GAP_M } else { PANE_GAP_M }
+    });
+    let centre = opening.wall.point(
+        &room.extents,
+        f64::midpoint(opening.u[0], opening.u[1]),
+        f64::midpoint(opening.y[0], opening.y[1]),
+    );
+    let kind = LightKind::Area { direction: normal.to_array(), size_m: size };
+    Some(Light {
+        id,
+        intensity: bounds::intensity(&kind, WINDOW_WATTS_PER_M2 * size[0] * size[1]),
+        kind,
+        position: (centre + normal * gap.max(PANE_GAP_M)).to_array(),
+        color: DAYLIGHT,
+        on: true,
+        object: object.map(|o| o.id.clone()),
+    })
+}
+
+/// Corners in the room of an object's box.
+fn corners(object: &SceneObject, mesh: Option<&Mesh>) -> impl Iterator<Item = DVec3> {
+    let b = object_bounds(object, mesh);
+    let pose = object.pose;
+    (0..8).map(move |i| {
+        let pick = |bit: usize, axis: usize| if i >> bit & 1 == 0 { b.min[axis] } else { b.max[axis] };
+        pose.point(DVec3::new(pick(0, 0), pick(1, 1), pick(2, 2)))
+    })
+}
+
+/// Bounds in canonical units: the mesh's, else from the size.
+fn object_bounds(object: &SceneObject, mesh: Option<&Mesh>) -> Bounds {
+    mesh.and_then(Mesh::bounds).unwrap_or_else(|| {
+        let stretch = object.pose.stretch * object.pose.scale;
+        let unit = DVec3::select(stretch.abs().cmpgt(DVec3::splat(1e-9)), object.size.as_vec() / stretch, DVec3::ZERO);
+        Bounds {
+            min: DVec3::new(-unit.x / 2.0, 0.0, -unit.z / 2.0),
+            max: DVec3::new(unit.x / 2.0, unit.y, unit.z / 2.0),
+        }
+    })
+}
+
+fn lamp_light(room: &Room, object: &SceneObject, mesh: Option<&Mesh>) -> Light {
+    let words = words(&object.label);
+    let has = |w: &str| words.iter().any(|x| x == w);
+    let all = object_bounds(object, mesh);
+    let emitter = mesh.and_then(emitter_bounds);
+    let at = |fraction: f64| DVec3::new(all.centre().x, all.min.y + fraction * all.size().y, all.centre().z);
+    let canonical = emitter.map_or_else(
+        || match object.level {
+            // The cord takes most of a pendant's height; a flush fixture shines from below its dish.
+            Level::Ceiling if has("pendant") || has("chandelier") => at(0.2),
+            Level::Ceiling => DVec3::new(all.centre().x, all.min.y, all.centre().z),
+            Level::Wall => all.centre(),
+            _ if has("floor") || all.size().y > 3.0 * all.size().x.max(all.size().z) => at(0.88),
+            _ => at(0.72),
+        },
+        |b| b.centre(),
+    );
+    let mut position = object.pose.point(canonical);
+    if object.level == Level::Ceiling && emitter.is_none() && !has("pendant") && !has("chandelier") {
+        position.y -= 0.05;
+    }
+    let shade = emitter.unwrap_or(all).size() * object.pose.stretch.abs() * object.pose.scale;
+    let radius_m = (shade.min_element() / 4.0).clamp(0.015, 0.06);
+    // A bulb in a wall or above the ceiling would light nothing.
+    let margin = DVec3::splat(radius_m + 0.01);
+    let inside = room.extents.as_vec() - margin;
+    position = position.max(margin).min(inside.max(margin));
+    let (watts, color) = match object.level {
+        Level::Ceiling => (CEILING_WATTS, CEILING_BULB),
+        _ if has("candle") || has("candles") => (1.0, [1.0, 0.6, 0.25]),
+        _ if object.size.height > 1.0 => (FLOOR_LAMP_WATTS, WARM_BULB),
+        _ => (TABLE_LAMP_WATTS, WARM_BULB),
+    };
+    let kind = LightKind::Point { radius_m };
+    Light {
+        id: object.id.to_string(),
+        intensity: bounds::intensity(&kind, watts),
+        kind,
+        position: position.to_array(),
+        color,
+        on: true,
+        object: Some(object.id.clone()),
+    }
+}
