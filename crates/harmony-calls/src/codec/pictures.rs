@@ -1,6 +1,5 @@
 //! Masks, edited images and path-traced images.
 
-use std::future::Future;
 use std::path::Path;
 
 use harmony_roles::{
@@ -45,8 +44,8 @@ impl Recordable for SegmentRequest {
         player.card()
     }
 
-    fn play(&self, player: &Self::Player) -> impl Future<Output = Result<Self::Answer, RoleError>> + Send {
-        player.segment(self)
+    async fn play(&self, player: &Self::Player) -> Result<Self::Answer, RoleError> {
+        player.segment(self).await
     }
 
     fn hash(&self, hasher: &mut KeyHasher) {
@@ -127,8 +126,8 @@ impl Recordable for EditRequest {
         player.card()
     }
 
-    fn play(&self, player: &Self::Player) -> impl Future<Output = Result<EditedImage, RoleError>> + Send {
-        player.edit(self)
+    async fn play(&self, player: &Self::Player) -> Result<EditedImage, RoleError> {
+        player.edit(self).await
     }
 
     fn hash(&self, hasher: &mut KeyHasher) {
@@ -184,8 +183,8 @@ impl Recordable for LitRequest {
         player.card()
     }
 
-    fn play(&self, player: &Self::Player) -> impl Future<Output = Result<LitImage, RoleError>> + Send {
-        player.render(self)
+    async fn play(&self, player: &Self::Player) -> Result<LitImage, RoleError> {
+        player.render(self).await
     }
 
     fn hash(&self, hasher: &mut KeyHasher) {

@@ -1,6 +1,5 @@
 //! Meshes and point maps.
 
-use std::future::Future;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -48,8 +47,8 @@ impl Recordable for MeshRequest {
         player.card()
     }
 
-    fn play(&self, player: &Self::Player) -> impl Future<Output = Result<GeneratedMesh, RoleError>> + Send {
-        player.generate(self)
+    async fn play(&self, player: &Self::Player) -> Result<GeneratedMesh, RoleError> {
+        player.generate(self).await
     }
 
     fn hash(&self, hasher: &mut KeyHasher) {
@@ -151,8 +150,8 @@ impl Recordable for GeometryRequest {
         player.card()
     }
 
-    fn play(&self, player: &Self::Player) -> impl Future<Output = Result<GeometryAnswer, RoleError>> + Send {
-        player.estimate(self)
+    async fn play(&self, player: &Self::Player) -> Result<GeometryAnswer, RoleError> {
+        player.estimate(self).await
     }
 
     fn hash(&self, hasher: &mut KeyHasher) {

@@ -1,6 +1,5 @@
 //! Questions and detections: answers that are JSON.
 
-use std::future::Future;
 use std::path::Path;
 
 use harmony_roles::{
@@ -32,8 +31,8 @@ impl Recordable for VlmRequest {
         player.card()
     }
 
-    fn play(&self, player: &Self::Player) -> impl Future<Output = Result<VlmAnswer, RoleError>> + Send {
-        player.ask(self)
+    async fn play(&self, player: &Self::Player) -> Result<VlmAnswer, RoleError> {
+        player.ask(self).await
     }
 
     fn hash(&self, hasher: &mut KeyHasher) {
@@ -103,8 +102,8 @@ impl Recordable for DetectRequest {
         player.card()
     }
 
-    fn play(&self, player: &Self::Player) -> impl Future<Output = Result<Detections, RoleError>> + Send {
-        player.detect(self)
+    async fn play(&self, player: &Self::Player) -> Result<Detections, RoleError> {
+        player.detect(self).await
     }
 
     fn hash(&self, hasher: &mut KeyHasher) {
