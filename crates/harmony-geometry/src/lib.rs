@@ -9,13 +9,17 @@
 //! Nothing here knows that models exist: what a model said arrives as a [`LayoutPrior`].
 //! Frames, units and signs are those of `harmony_scene`.
 
+pub mod align;
 mod calibration;
 mod homography;
 mod image;
+pub mod manhattan;
 mod pca;
+pub mod planes;
 mod prior;
 mod room_box;
 mod stats;
+pub mod surfels;
 mod vanishing;
 
 pub use calibration::{
@@ -29,5 +33,6 @@ pub use prior::{CameraHints, LayoutPins, LayoutPrior, PinnedCorner, PinnedEdge, 
 pub use room_box::{RoomBox, RoomBoxEvidence, RoomBoxMethod, SolveError, estimate_room_box, solve_from_pins};
 pub use stats::{front_surface_mean, median, median_absolute_deviation, percentile, robust_mean, robust_mean_scalar};
 pub use vanishing::{
-    FocalPrior, FocalSource, LineSegment, ViewEstimate, detect_segments, estimate_view, estimate_view_from_segments,
+    FocalPrior, FocalSource, LineSegment, ViewEstimate, camera_rotation, detect_segments, estimate_view,
+    estimate_view_from_segments,
 };

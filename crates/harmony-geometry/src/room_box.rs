@@ -98,7 +98,7 @@ pub fn solve_from_pins(view: &ViewEstimate, prior: &LayoutPrior) -> Result<RoomB
     Err(SolveError::TooFewPins { got, min: usize::MAX })
 }
 
-fn prior_box(view: &ViewEstimate, prior: &LayoutPrior) -> RoomBox {
+pub(crate) fn prior_box(view: &ViewEstimate, prior: &LayoutPrior) -> RoomBox {
     let e = prior.extents;
     let height = prior.camera.height_m.unwrap_or(1.5);
     let centre = Vec3::new(e.width / 2.0, height, prior.camera.dist_to_back_m.unwrap_or(e.depth * 0.9));

@@ -1,9 +1,9 @@
 //! Focal length and rotation of a single image, from its line segments.
 
-use harmony_scene::{ImageSize, Intrinsics, Mat3, Vec2};
+use harmony_scene::{ImageSize, Intrinsics, Mat3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
-use crate::GrayImage;
+use crate::{CameraHints, GrayImage};
 
 /// A straight edge of the image.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -74,17 +74,43 @@ pub struct ViewEstimate {
 }
 
 impl ViewEstimate {
+    /// A view from a model's hints alone: known lens, tilt and yaw as hinted (0 where not), no roll, no lines.
+    pub fn from_hints(size: ImageSize, intrinsics: Intrinsics, hints: &CameraHints) -> Self {
+        let degrees = |v: Option<f64>, limit: f64| v.filter(|v| v.abs() <= limit).unwrap_or(0.0).to_radians();
+        let (tilt, yaw) = (degrees(hints.tilt_deg, 80.0), degrees(hints.yaw_deg, 90.0));
+        Self {
+            size,
+            intrinsics,
+            rotation: camera_rotation(yaw, tilt, 0.0),
+            focal: FocalSource::Known,
+            focal_sigma: 0.01,
+            support: [0.0; 3],
+            counts: [0; 3],
+            confidence: 0.0,
+            segments: vec![],
+        }
+    }
+
     /// Downward tilt of the optical axis, degrees.
     pub fn tilt_deg(&self) -> f64 {
-        let forward = self.rotation.transpose() * harmony_scene::Vec3::Z;
+        let forward = self.rotation.transpose() * Vec3::Z;
         -forward.y.clamp(-1.0, 1.0).asin().to_degrees()
     }
 
     /// Turn to the left (positive) from facing the back wall squarely, degrees.
     pub fn yaw_deg(&self) -> f64 {
-        let forward = self.rotation.transpose() * harmony_scene::Vec3::Z;
+        let forward = self.rotation.transpose() * Vec3::Z;
         (-forward.x).atan2(-forward.z).to_degrees()
     }
+}
+
+/// `camera_from_room` rotation of a camera turned left by `yaw`, down by `tilt` and clockwise by `roll`, radians.
+///
+/// With all three 0 it faces the back wall squarely.
+pub fn camera_rotation(yaw: f64, tilt: f64, roll: f64) -> Mat3 {
+    // Facing -Z, level: camera x = +X, y = -Y, z = -Z.
+    let facing = Mat3::from_diagonal(Vec3::new(1.0, -1.0, -1.0));
+    Mat3::from_rotation_z(-roll) * Mat3::from_rotation_x(tilt) * facing * Mat3::from_rotation_y(-yaw)
 }
 
 /// Finds the straight edges of an image, longest first.
@@ -109,7 +135,7 @@ pub fn estimate_view_from_segments(
     ViewEstimate {
         size,
         intrinsics: Intrinsics::centred(size, focal),
-        rotation: Mat3::from_diagonal(harmony_scene::Vec3::new(1.0, -1.0, -1.0)),
+        rotation: Mat3::from_diagonal(Vec3::new(1.0, -1.0, -1.0)),
         focal: FocalSource::Assumed,
         focal_sigma: 0.25,
         support: [0.0; 3],

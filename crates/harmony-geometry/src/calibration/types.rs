@@ -1,9 +1,7 @@
-//! From a point map to the camera in the room (paper Sec. 3.1, App. B.2, Algorithm 1).
+//! Settings, result, evidence and errors of the calibration.
 
-use harmony_scene::{Camera, Extents, PointMap, Similarity, Surface, Vec3};
+use harmony_scene::{Camera, Extents, Similarity, Surface, Vec3};
 use serde::{Deserialize, Serialize};
-
-use crate::LayoutPrior;
 
 /// Constants of the calibration; the defaults are the paper's.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -89,6 +87,8 @@ pub struct CalibrationEvidence {
     pub axis_support: f64,
     /// Rounds of the frame search.
     pub iterations: usize,
+    /// Where the metric scale comes from, in words.
+    pub scale_source: String,
     /// Measured height over the prior's height, where both planes are seen (metric maps: the prior's error).
     pub height_ratio: Option<f64>,
     /// 0 to 1.
@@ -126,6 +126,18 @@ pub enum CalibrationError {
         /// Needed.
         min: usize,
     },
+    /// The map's buffers don't have one entry a pixel.
+    #[error("a point map of {width} x {height} pixels has {points} points and {confidences} confidences")]
+    BadMap {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Points.
+        points: usize,
+        /// Confidences.
+        confidences: usize,
+    },
     /// The prior's room size is not a size.
     #[error("room prior of {width:.3} x {height:.3} x {depth:.3} m is not a room")]
     BadPrior {
@@ -144,17 +156,4 @@ pub enum CalibrationError {
         /// Shortest edge accepted, same unit.
         min: f64,
     },
-}
-
-/// Calibrates the photo's camera in the room from a point map.
-///
-/// # Errors
-/// [`CalibrationError::TooFewPoints`] and [`CalibrationError::BadPrior`]; everything else has a fallback.
-pub fn calibrate(
-    points: &PointMap,
-    prior: &LayoutPrior,
-    settings: &CalibrationSettings,
-) -> Result<Calibration, CalibrationError> {
-    let _ = (points, prior, settings);
-    Err(CalibrationError::TooFewPoints { got: 0, min: 1 })
 }

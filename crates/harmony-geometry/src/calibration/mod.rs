@@ -1,0 +1,317 @@
+//! From a point map to the camera in the room (paper Sec. 3.1, App. B.2, Algorithm 1).
+
+mod complete;
+mod fallback;
+mod scale;
+mod types;
+
+use harmony_scene::{Camera, Extents, Mat3, PointMap, Surface, Vec2, Vec3};
+
+pub use types::{
+    AnchorKind, Calibration, CalibrationError, CalibrationEvidence, CalibrationMethod, CalibrationSettings,
+    PlaneEvidence,
+};
+
+use crate::align::{VerticalEdge, camera_in_room, room_from_points};
+use crate::manhattan::{ManhattanAxes, ManhattanFrame, manhattan_frame};
+use crate::planes::{AxisBox, FacePlane, axis_of, fit_faces, polish_axes};
+use crate::surfels::{Surfels, surfels};
+use crate::{CameraHints, LayoutPrior};
+
+/// Usable points below which nothing is tried.
+const LEAST_POINTS: usize = 100;
+/// Share of agreeing normals below which there is no Manhattan frame. Random normals reach 0.1.
+const LEAST_SUPPORT: f64 = 0.22;
+/// A measured room side beyond these times the prior's is absurd.
+const ABSURD_RATIO: f64 = 4.0;
+/// Beyond this yaw the other horizontal axis is never the depth axis, degrees.
+const WIDEST_YAW_DEG: f64 = 56.0;
+
+/// Calibrates the photo's camera in the room from a point map.
+///
+/// Normals -> Manhattan frame -> six planes -> deepest visible floor corner -> one similarity -> camera
+/// (keys `cam.manhattan`, `cam.histogram`, `cam.extend`, `cam.corner`, `cam.rotation`, `cam.scale`,
+/// `cam.translation`, `cam.pose`).
+///
+/// # Departures from the paper
+/// * The axes are oriented before the planes are fitted, so that every plane has a name; the result is the same.
+/// * After the first planes the frame is turned onto them ([`polish_axes`]).
+/// * `H_room` is the metric reference only where floor *and* ceiling are seen. Without one of them the scale is the
+///   weighted mean of what is left: camera height, distance to the back wall, width.
+/// * A metric map keeps its scale (1): a sensor knows metres better than a model does. The height is then measured,
+///   and `evidence.height_ratio` says how far the prior was off.
+/// * Faces that aren't seen come from the prior, but the box always holds the camera and nearly all points.
+///
+/// When no frame or no plane holds, the prior's camera refined by its pins stands in, and the points are scaled to it.
+///
+/// # Errors
+/// [`CalibrationError::TooFewPoints`], [`CalibrationError::BadMap`] and [`CalibrationError::BadPrior`]; everything
+/// else has a fallback, named in `evidence.fallbacks`.
+pub fn calibrate(
+    points: &PointMap,
+    prior: &LayoutPrior,
+    settings: &CalibrationSettings,
+) -> Result<Calibration, CalibrationError> {
+    check(points, prior)?;
+    let surfels = surfels(points);
+    if surfels.usable_points < LEAST_POINTS || surfels.cells.len() < 20 {
+        return Err(CalibrationError::TooFewPoints { got: surfels.usable_points, min: LEAST_POINTS });
+    }
+    let measured = measure(points, &surfels, prior, settings);
+    match measured.and_then(|m| solve(points, &surfels, prior, &m)) {
+        Ok(calibration) => Ok(calibration),
+        Err(reason) => {
+            tracing::debug!(reason, "no Manhattan calibration, the prior's camera stands in");
+            Ok(fallback::calibrate_by_prior(points, &surfels, prior, &reason))
+        }
+    }
+}
+
+fn check(points: &PointMap, prior: &LayoutPrior) -> Result<(), CalibrationError> {
+    let pixels = points.size.pixels();
+    if points.xyz.len() != pixels || points.confidence.len() != pixels {
+        return Err(CalibrationError::BadMap {
+            width: points.size.width,
+            height: points.size.height,
+            points: points.xyz.len(),
+            confidences: points.confidence.len(),
+        });
+    }
+    let Extents { width, height, depth } = prior.extents;
+    if [width, height, depth].iter().all(|v| (0.3..=200.0).contains(v)) {
+        Ok(())
+    } else {
+        Err(CalibrationError::BadPrior { width, height, depth })
+    }
+}
+
+/// Frame and planes, before the scale is known.
+struct Measured {
+    frame: ManhattanFrame,
+    /// Oriented and polished.
+    axes: ManhattanAxes,
+    /// In the order of [`Surface::ALL`].
+    faces: [Option<FacePlane>; 6],
+    notes: Vec<String>,
+}
+
+impl Measured {
+    fn face(&self, surface: Surface) -> Option<&FacePlane> {
+        self.faces.iter().flatten().find(|f| f.surface == surface && f.measured)
+    }
+
+    fn offset(&self, surface: Surface) -> Option<f64> {
+        self.face(surface).map(|f| f.offset)
+    }
+}
+
+fn measure(
+    points: &PointMap,
+    surfels: &Surfels,
+    prior: &LayoutPrior,
+    settings: &CalibrationSettings,
+) -> Result<Measured, String> {
+    let tilt = hint(prior.camera.tilt_deg, -80.0, 80.0).unwrap_or(0.0).to_radians();
+    let frame = manhattan_frame(surfels, points.rotation, tilt).ok_or("the point map has hardly any smooth surface")?;
+    if frame.support < LEAST_SUPPORT {
+        return Err(format!("only {:.0} % of the normals agree with a Manhattan frame", frame.support * 100.0));
+    }
+    let points_from_camera = points.rotation.transpose();
+    let (up, forward) = (points_from_camera * Vec3::NEG_Y, points_from_camera * Vec3::Z);
+    let mut notes = Vec::new();
+    let mut axes = frame.axes.oriented(up, forward);
+    if let Some(turned) = prefer_quarter_turn(&axes, forward, &prior.camera) {
+        notes.push("the view is near a corner: back and side wall named as the prior names them".to_owned());
+        axes = turned;
+    }
+    let mut faces = fit_faces(surfels, &axes, settings);
+    for _ in 0..2 {
+        // Polishing keeps the orientation: it turns by a few degrees at most.
+        axes = polish_axes(surfels, &axes, &faces);
+        faces = fit_faces(surfels, &axes, settings);
+    }
+    // The camera is inside the room, so a plane on its wrong side is furniture or a reflection.
+    let camera = axes.r_align() * points.camera_centre();
+    for face in faces.iter_mut().flatten() {
+        let (axis, sign) = axis_of(face.surface);
+        let inside = (camera[axis] - face.offset) * sign;
+        if face.measured && inside < 0.02 * surfels.median_depth {
+            face.measured = false;
+            notes.push(format!("the {} plane found is not on its side of the camera", face.surface.name()));
+        }
+    }
+    if faces.iter().flatten().all(|f| !f.measured) {
+        return Err("no wall, floor or ceiling holds enough points".to_owned());
+    }
+    Ok(Measured { frame, axes, faces, notes })
+}
+
+/// Near 45 degrees both horizontal axes could be the depth axis; then the prior's yaw decides.
+fn prefer_quarter_turn(axes: &ManhattanAxes, forward: Vec3, hints: &CameraHints) -> Option<ManhattanAxes> {
+    let hinted = hint(hints.yaw_deg, -90.0, 90.0)?;
+    let yaw_of = |a: &ManhattanAxes| {
+        let f = a.r_align() * forward;
+        (-f.x).atan2(-f.z).to_degrees()
+    };
+    let turned = axes.quarter_turned(forward);
+    let (now, other) = (yaw_of(axes), yaw_of(&turned));
+    (other.abs() <= WIDEST_YAW_DEG && (other - hinted).abs() + 20.0 < (now - hinted).abs()).then_some(turned)
+}
+
+fn solve(points: &PointMap, surfels: &Surfels, prior: &LayoutPrior, m: &Measured) -> Result<Calibration, String> {
+    let r_align = m.axes.r_align();
+    let centre = points.camera_centre();
+    let camera_on_axes = r_align * centre;
+    let spread = complete::point_range(surfels, r_align);
+    let scale = scale::metric_scale(points.kind, prior, m, camera_on_axes, &spread, surfels.median_depth);
+    let mut fallbacks = m.notes.clone();
+    fallbacks.extend(scale.notes.clone());
+
+    let (axis_box, more) = complete::complete(m, prior, scale.value, camera_on_axes, &spread);
+    fallbacks.extend(more);
+    let size = (axis_box.high - axis_box.low) * scale.value;
+    absurd(m, prior, size)?;
+
+    let anchor = deepest_corner(points, m, r_align, &axis_box);
+    if anchor.kind != AnchorKind::FloorCorner {
+        fallbacks.push(match anchor.kind {
+            AnchorKind::WallEnd => {
+                "no floor corner of two measured walls is in the image: the farthest wall end anchors".into()
+            }
+            _ => "no measured wall reaches a corner: a corner of the completed box anchors".into(),
+        });
+    }
+    let points_from_axes = r_align.transpose();
+    let top = Vec3::new(anchor.on_axes.x, axis_box.high.y, anchor.on_axes.z);
+    let edge = VerticalEdge { floor: points_from_axes * anchor.on_axes, ceiling: points_from_axes * top };
+    let floor_in_room = (anchor.on_axes - axis_box.low) * scale.value;
+    let in_room = VerticalEdge { floor: floor_in_room, ceiling: floor_in_room + Vec3::Y * size.y };
+    let similarity = room_from_points(&m.axes, centre, &edge, &in_room).map_err(|e| e.to_string())?;
+    let camera = camera_in_room(points.size, points.intrinsics, points.rotation, centre, &similarity);
+    let extents = Extents { width: size.x, height: size.y, depth: size.z };
+
+    let evidence = CalibrationEvidence {
+        method: CalibrationMethod::Manhattan,
+        manhattan: [m.axes.width, m.axes.vertical, m.axes.depth].map(|a| a.to_array()),
+        planes: plane_evidence(m, scale.value, camera_on_axes),
+        anchor_kind: anchor.kind,
+        anchor: floor_in_room,
+        anchor_px: anchor.pixel.map(|p| p.to_array()),
+        corner_reprojection_px: reprojection(&camera, floor_in_room, prior),
+        axis_agreement_deg: m.frame.agreement_deg,
+        axis_support: m.frame.support,
+        iterations: m.frame.iterations,
+        scale_source: scale.source.clone(),
+        height_ratio: scale.height_ratio,
+        confidence: confidence(m, &anchor, scale.certainty),
+        fallbacks,
+    };
+    let seen = Surface::ALL.into_iter().filter(|s| m.face(*s).is_some()).collect();
+    Ok(Calibration { camera, room_from_points: similarity, extents, seen, anchor: floor_in_room, evidence })
+}
+
+/// Refuses a box whose measured sides have nothing to do with the prior's.
+fn absurd(m: &Measured, prior: &LayoutPrior, size: Vec3) -> Result<(), String> {
+    let wanted = prior.extents.as_vec();
+    let pairs = [(0, Surface::Left, Surface::Right, "wide"), (1, Surface::Floor, Surface::Ceiling, "high")];
+    for (axis, low, high, word) in pairs {
+        if m.face(low).is_some() && m.face(high).is_some() {
+            let ratio = size[axis] / wanted[axis];
+            if !(1.0 / ABSURD_RATIO..=ABSURD_RATIO).contains(&ratio) {
+                return Err(format!(
+                    "the measured room is {:.2} m {word}, the prior says {:.2} m",
+                    size[axis], wanted[axis]
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+struct Anchor {
+    kind: AnchorKind,
+    /// Coordinates along the axes, unit of the map.
+    on_axes: Vec3,
+    pixel: Option<Vec2>,
+}
+
+/// The deepest visible floor corner (key `cam.corner`; Alg. 1): of the floor corners of two measured walls in front
+/// of the camera and projecting into the image the one with the largest depth; else the farthest end of a measured
+/// wall; else the farthest corner.
+fn deepest_corner(points: &PointMap, m: &Measured, r_align: Mat3, axis_box: &AxisBox) -> Anchor {
+    let own = Camera {
+        size: points.size,
+        intrinsics: points.intrinsics,
+        rotation: points.rotation,
+        translation: points.translation,
+    };
+    let points_from_axes = r_align.transpose();
+    let walls = [
+        [Surface::Back, Surface::Left],
+        [Surface::Back, Surface::Right],
+        [Surface::Front, Surface::Left],
+        [Surface::Front, Surface::Right],
+    ];
+    let candidates = axis_box.floor_corners().into_iter().zip(walls).map(|(corner, sides)| {
+        let point = points_from_axes * corner;
+        let pixel = own.project(point);
+        let measured = sides.iter().filter(|s| m.face(**s).is_some()).count();
+        let visible = pixel.is_some_and(|p| own.contains(p));
+        let kind = match measured {
+            2 if visible => AnchorKind::FloorCorner,
+            0 => AnchorKind::Prior,
+            _ => AnchorKind::WallEnd,
+        };
+        (Anchor { kind, on_axes: corner, pixel }, visible, own.depth(point))
+    });
+    let rank = |kind: AnchorKind| match kind {
+        AnchorKind::FloorCorner => 2,
+        AnchorKind::WallEnd => 1,
+        AnchorKind::Prior => 0,
+    };
+    candidates
+        .max_by(|(a, a_visible, a_depth), (b, b_visible, b_depth)| {
+            (rank(a.kind), a_visible).cmp(&(rank(b.kind), b_visible)).then(a_depth.total_cmp(b_depth))
+        })
+        .map_or(Anchor { kind: AnchorKind::Prior, on_axes: axis_box.low, pixel: None }, |(anchor, ..)| anchor)
+}
+
+fn plane_evidence(m: &Measured, scale: f64, camera_on_axes: Vec3) -> Vec<PlaneEvidence> {
+    m.faces
+        .iter()
+        .flatten()
+        .map(|f| PlaneEvidence {
+            surface: f.surface,
+            measured: f.measured,
+            distance_m: (camera_on_axes[axis_of(f.surface).0] - f.offset).abs() * scale,
+            rms_m: f.rms * scale,
+            inliers: f.inliers,
+            share: f.share,
+        })
+        .collect()
+}
+
+/// Distance, in photo pixels, between the anchor's projection and the prior's corner.
+fn reprojection(camera: &Camera, anchor: Vec3, prior: &LayoutPrior) -> Option<f64> {
+    let hinted = Vec2::from_array(prior.camera.corner_px?);
+    let seen = camera.resized(prior.photo).project(anchor)?;
+    Some(seen.distance(hinted)).filter(|d| d.is_finite())
+}
+
+fn confidence(m: &Measured, anchor: &Anchor, scale_certainty: f64) -> f64 {
+    let support = (m.frame.support / 0.6).min(1.0);
+    let floor = if m.face(Surface::Floor).is_some() { 1.0 } else { 0.6 };
+    let walls = [Surface::Back, Surface::Left, Surface::Right].iter().filter(|s| m.face(**s).is_some()).count();
+    let walls = [0.4, 0.8, 1.0, 1.0][walls];
+    let corner = match anchor.kind {
+        AnchorKind::FloorCorner => 1.0,
+        AnchorKind::WallEnd => 0.9,
+        AnchorKind::Prior => 0.7,
+    };
+    support * floor * walls * corner * scale_certainty
+}
+
+/// A hint that is a number in range.
+fn hint(value: Option<f64>, low: f64, high: f64) -> Option<f64> {
+    value.filter(|v| (low..=high).contains(v))
+}
