@@ -124,6 +124,8 @@ fn mesh_parameters(request: &MeshRequest) -> Value {
         "description": request.description,
         "level": request.level,
         "size": request.size,
+        "template": request.template,
+        "params": request.params,
         "part_model": request.part_model,
         "settings": request.settings,
     })
