@@ -1,1 +1,28 @@
-//! Placeholder while the workspace is laid out.
+//! The six phases, from a photo to a finished scene.
+//!
+//! A phase takes values and returns values ([`SceneState`]); what it asks of models goes through
+//! [`harmony_calls::Calls`], whose records are the only memory of a run: running again recomputes what this program
+//! computes, asks nobody twice, and ends in the same bytes (`docs/decisions/0002-records-are-the-state.md`).
+//!
+//! Start reading at [`run`].
+
+mod ctx;
+mod filter;
+mod outputs;
+mod phases;
+mod progress;
+mod run;
+mod run_file;
+mod settings;
+mod state;
+mod steps;
+pub mod views;
+
+pub use ctx::{PhaseCtx, PhaseError, Warnings};
+pub use filter::{Dropped, filter_boxes, filter_masks};
+pub use outputs::GENERATOR;
+pub use progress::{ProgressEvent, ProgressSink};
+pub use run::{PHASES, RunError, RunOutcome, RunRequest, run};
+pub use run_file::{PhaseEntry, PhaseState, RunFile};
+pub use settings::{FilterSettings, LightingSettings, Settings};
+pub use state::{Candidate, Layout, Prepared, SceneState};

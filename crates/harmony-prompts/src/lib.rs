@@ -20,9 +20,7 @@ pub use layout::{
     BackWallSide, FloorTexture, LayoutAnswer, LayoutCamera, LayoutOpening, LayoutPin, LayoutRoom, LayoutVars,
     LayoutWall, PinKind, WallTexture, layout,
 };
-pub use lighting::{
-    LightAnswer, LightingReviewVars, LightsAnswer, LightsVars, lighting_review, lights,
-};
+pub use lighting::{LightingReviewVars, LightsVars, lighting_review, lights};
 pub use list::{ListAnswer, ListVars, ListedInstance, ListedItem, list};
 pub use meshes::{
     CompletedAnswer, CompletedObject, CompletedVars, FrontPanel, FrontsAnswer, FrontsObject, FrontsVars, completed,

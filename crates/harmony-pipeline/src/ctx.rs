@@ -1,0 +1,212 @@
+//! What a phase is given beside the scene, and how it fails.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use harmony_calls::Calls;
+use harmony_io::{FileError, MaskError, PointsError, picture};
+use harmony_prompts::Question;
+use harmony_roles::{Picture, RoleError, VlmRequest};
+use harmony_scene::{ObjectId, Warning, WarningKind};
+use image::{RgbImage, RgbaImage};
+use serde::{Serialize, de::DeserializeOwned};
+use serde_json::Value;
+
+use crate::progress::{ProgressEvent, ProgressSink};
+use crate::settings::Settings;
+
+/// A phase cannot go on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PhaseError {
+    /// A role failed, its stand-in too, or the run must stop.
+    #[error(transparent)]
+    Role(#[from] RoleError),
+    /// A file cannot be written or read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A folder cannot be made.
+    #[error("folder {path} cannot be made: {source}", path = path.display())]
+    Folder {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A picture cannot be written.
+    #[error(transparent)]
+    Picture(#[from] picture::PictureError),
+    /// A mask cannot be written.
+    #[error(transparent)]
+    Mask(#[from] MaskError),
+    /// A point map cannot be written.
+    #[error(transparent)]
+    Points(#[from] PointsError),
+    /// The GLB cannot be written.
+    #[error(transparent)]
+    Glb(#[from] harmony_io::GlbError),
+    /// The report cannot be written.
+    #[error(transparent)]
+    Report(#[from] harmony_viewer::ReportError),
+    /// A bug of ours.
+    #[error("{phase} failed inside: {reason}")]
+    Internal {
+        /// Phase.
+        phase: String,
+        /// Why.
+        reason: String,
+    },
+}
+
+impl PhaseError {
+    /// Something that should not happen.
+    pub fn internal(phase: &str, reason: &dyn std::fmt::Display) -> Self {
+        Self::Internal { phase: phase.to_owned(), reason: reason.to_string() }
+    }
+
+    /// What a person can do about it.
+    pub fn hint(&self) -> Option<String> {
+        match self {
+            Self::Role(error) => error.hint().map(ToOwned::to_owned),
+            Self::File(error) => error.hint().map(ToOwned::to_owned),
+            Self::Folder { source, .. } => harmony_io::atomic::io_hint(source).map(ToOwned::to_owned),
+            Self::Internal { .. } => {
+                Some("this is a fault of the program; what was obtained is kept, and running again goes on from it".into())
+            }
+            _ => None,
+        }
+    }
+}
+
+/// Warnings of a run, in a stable order, each once.
+#[derive(Debug, Default)]
+pub struct Warnings(Mutex<Vec<Warning>>);
+
+impl Warnings {
+    /// Adds one.
+    pub fn push(&self, warning: Warning) {
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if !all.contains(&warning) {
+            all.push(warning);
+        }
+    }
+
+    /// All so far, sorted by phase, object, kind and text.
+    pub fn sorted(&self) -> Vec<Warning> {
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        all.sort();
+        all
+    }
+}
+
+/// Roles, settings, progress, warnings, and the phase's folder.
+pub struct PhaseCtx<'a> {
+    /// Run folder.
+    pub run: &'a Path,
+    /// Folder name of the phase, such as `3_furniture`.
+    pub phase: &'static str,
+    /// Calls to roles.
+    pub calls: &'a Calls,
+    /// The VLM gives boxes with its lists; no detector is asked.
+    pub boxes_from_vlm: bool,
+    /// There is a path tracer.
+    pub path_tracer: bool,
+    /// Settings.
+    pub settings: &'a Settings,
+    /// Where warnings go.
+    pub warnings: &'a Warnings,
+    /// Who listens.
+    pub progress: &'a ProgressSink,
+}
+
+impl PhaseCtx<'_> {
+    /// Full name of a call of this phase.
+    pub fn call(&self, step: &str) -> String {
+        format!("{}/{step}", self.phase)
+    }
+
+    /// Tells that a step begins.
+    pub fn step(&self, text: &str) {
+        tracing::info!(phase = self.phase, "{text}");
+        (self.progress)(ProgressEvent::Step { phase: self.phase.to_owned(), text: text.to_owned() });
+    }
+
+    /// Collects a warning.
+    pub fn warn(&self, kind: WarningKind, object: Option<ObjectId>, message: String) {
+        let warning = Warning { phase: self.phase.to_owned(), object, kind, message };
+        (self.progress)(ProgressEvent::Warned(warning.clone()));
+        self.warnings.push(warning);
+    }
+
+    /// Asks the VLM a question and reads the answer into its type.
+    ///
+    /// # Errors
+    /// Fatal role errors, or no acceptable answer from anybody.
+    pub async fn ask<T: DeserializeOwned>(
+        &self,
+        step: &str,
+        question: Question,
+        pictures: Vec<Picture>,
+        facts: Value,
+        sense: impl Fn(&T) -> Result<(), String> + Send + Sync,
+    ) -> Result<T, PhaseError> {
+        let request = VlmRequest {
+            name: self.call(step),
+            prompt: question.prompt,
+            pictures,
+            schema: question.schema,
+            example: question.example,
+            facts: serde_json::json!({ "question": question.kind, "facts": facts }),
+        };
+        Ok(self.calls.ask_as(&request, sense).await?)
+    }
+
+    /// Path of a file of this phase; its folder is made.
+    ///
+    /// # Errors
+    /// When the folder cannot be made.
+    pub fn file(&self, relative: &str) -> Result<PathBuf, PhaseError> {
+        self.file_in(self.phase, relative)
+    }
+
+    fn file_in(&self, phase: &str, relative: &str) -> Result<PathBuf, PhaseError> {
+        let path = self.run.join(phase).join(relative);
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder)
+                .map_err(|source| PhaseError::Folder { path: folder.to_owned(), source })?;
+        }
+        Ok(path)
+    }
+
+    /// Writes JSON into the phase's folder.
+    ///
+    /// # Errors
+    /// Unwritable files.
+    pub fn write_json<T: Serialize + ?Sized>(&self, relative: &str, value: &T) -> Result<(), PhaseError> {
+        Ok(harmony_io::write_json(&self.file(relative)?, value)?)
+    }
+
+    /// Writes a PNG into the phase's folder.
+    ///
+    /// # Errors
+    /// Unwritable files.
+    pub fn write_picture(&self, relative: &str, image: &RgbImage) -> Result<(), PhaseError> {
+        self.write_picture_in(self.phase, relative, image)
+    }
+
+    /// Writes a PNG into another phase's folder.
+    ///
+    /// # Errors
+    /// Unwritable files.
+    pub fn write_picture_in(&self, phase: &str, relative: &str, image: &RgbImage) -> Result<(), PhaseError> {
+        Ok(picture::write_rgb_png(&self.file_in(phase, relative)?, image)?)
+    }
+
+    /// Writes a PNG with alpha into the phase's folder.
+    ///
+    /// # Errors
+    /// Unwritable files.
+    pub fn write_picture_rgba(&self, relative: &str, image: &RgbaImage) -> Result<(), PhaseError> {
+        Ok(picture::write_rgba_png(&self.file(relative)?, image)?)
+    }
+}

@@ -1,0 +1,163 @@
+//! Duplicate and spurious detections (paper App. C, "Containment and fragment removal"). Pure functions.
+
+use harmony_roles::Detection;
+use harmony_scene::{Mask, PixelBox};
+
+use crate::FilterSettings;
+
+/// Why a detection was dropped.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Dropped {
+    /// Its label.
+    pub label: String,
+    /// Its box, pixels.
+    #[serde(rename = "box")]
+    pub bounds: PixelBox,
+    /// Why.
+    pub reason: String,
+}
+
+/// The order of belief: score first (a missing score counts as middling), larger area first among equals.
+fn belief(d: &Detection) -> (f64, f64) {
+    (d.score.unwrap_or(0.5), d.bounds.area())
+}
+
+/// Drops boxes that another of equal or higher confidence covers, and group boxes whose members were found singly.
+///
+/// Only boxes of one label compete: a vase's box lies inside its table's box by nature.
+pub fn filter_boxes(detections: Vec<Detection>, settings: &FilterSettings) -> (Vec<Detection>, Vec<Dropped>) {
+    let mut dropped = Vec::new();
+    let mut keep = vec![true; detections.len()];
+    // A box that holds two or more others of its label, which do not hold one another, is a group box.
+    for (i, group) in detections.iter().enumerate() {
+        let members: Vec<usize> = (0..detections.len())
+            .filter(|j| {
+                *j != i
+                    && detections[*j].label == group.label
+                    && detections[*j].bounds.covered_by(&group.bounds) >= settings.box_containment
+                    && detections[*j].bounds.area() < 0.7 * group.bounds.area()
+            })
+            .collect();
+        let apart = members
+            .iter()
+            .any(|a| members.iter().any(|b| a < b && detections[*a].bounds.iou(&detections[*b].bounds) < 0.3));
+        if apart {
+            keep[i] = false;
+            dropped.push(drop(group, format!("a group box around {} {}s found singly", members.len(), group.label)));
+        }
+    }
+    for i in 0..detections.len() {
+        for j in 0..detections.len() {
+            if i == j || !keep[i] || !keep[j] || detections[i].label != detections[j].label {
+                continue;
+            }
+            let (a, b) = (&detections[i], &detections[j]);
+            let stronger = belief(b) > belief(a) || (belief(b) == belief(a) && j < i);
+            let enough = b.score.unwrap_or(0.5) >= a.score.unwrap_or(0.5);
+            if stronger && enough && a.bounds.covered_by(&b.bounds) >= settings.box_containment {
+                keep[i] = false;
+                dropped.push(drop(a, format!("covered by another {}", b.label)));
+            }
+        }
+    }
+    let mut kept: Vec<Detection> =
+        detections.into_iter().zip(&keep).filter(|(_, k)| **k).map(|(d, _)| d).collect();
+    if kept.len() > settings.max_candidates {
+        kept.sort_by(|a, b| belief(b).partial_cmp(&belief(a)).unwrap_or(std::cmp::Ordering::Equal));
+        for extra in kept.split_off(settings.max_candidates) {
+            dropped.push(drop(&extra, format!("more than {} candidates", settings.max_candidates)));
+        }
+    }
+    (kept, dropped)
+}
+
+fn drop(d: &Detection, reason: String) -> Dropped {
+    Dropped { label: d.label.clone(), bounds: d.bounds, reason }
+}
+
+/// Which masks to keep: `None` = kept, `Some(reason)` = dropped.
+///
+/// Masks of one type with high IoU or near-full containment collapse onto the one of higher confidence.
+pub fn filter_masks(found: &[(Detection, Mask)], settings: &FilterSettings) -> Vec<Option<String>> {
+    let mut verdict: Vec<Option<String>> = vec![None; found.len()];
+    let areas: Vec<usize> = found.iter().map(|(_, m)| m.count()).collect();
+    for (i, (detection, mask)) in found.iter().enumerate() {
+        let least = (settings.min_area * mask.size().pixels() as f64).max(4.0);
+        if (areas[i] as f64) < least {
+            verdict[i] = Some(format!("the mask of {} has {} pixels, at least {least:.0} are needed", detection.label, areas[i]));
+        }
+    }
+    for i in 0..found.len() {
+        for j in 0..found.len() {
+            if i == j || verdict[i].is_some() || verdict[j].is_some() || found[i].0.label != found[j].0.label {
+                continue;
+            }
+            let stronger = (belief(&found[j].0).0, areas[j], j) > (belief(&found[i].0).0, areas[i], i);
+            if !stronger {
+                continue;
+            }
+            let shared = found[i].1.and(&found[j].1).count() as f64;
+            let union = (areas[i] + areas[j]) as f64 - shared;
+            if shared / union >= settings.mask_iou {
+                verdict[i] = Some(format!("the same {} twice", found[i].0.label));
+            } else if shared / areas[i] as f64 >= settings.mask_containment {
+                verdict[i] = Some(format!("a fragment of another {}", found[i].0.label));
+            }
+        }
+    }
+    verdict
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use harmony_scene::ImageSize;
+
+    fn detection(label: &str, b: [f64; 4], score: Option<f64>) -> Detection {
+        Detection {
+            label: label.into(),
+            phrase: label.into(),
+            bounds: PixelBox { x0: b[0], y0: b[1], x1: b[2], y1: b[3] },
+            score,
+            outline: None,
+        }
+    }
+
+    #[test]
+    fn a_gallery_wall_box_gives_way_to_its_frames() {
+        let all = vec![
+            detection("painting", [0.0, 0.0, 100.0, 100.0], Some(0.9)),
+            detection("painting", [5.0, 5.0, 40.0, 40.0], Some(0.6)),
+            detection("painting", [60.0, 5.0, 95.0, 40.0], Some(0.6)),
+        ];
+        let (kept, dropped) = filter_boxes(all, &FilterSettings::default());
+        assert_eq!(kept.len(), 2);
+        assert!(kept.iter().all(|d| d.bounds.area() < 2000.0));
+        assert_eq!(dropped.len(), 1);
+    }
+
+    #[test]
+    fn a_contained_box_of_the_same_label_goes_but_not_of_another() {
+        let all = vec![
+            detection("sofa", [0.0, 0.0, 100.0, 50.0], None),
+            detection("sofa", [10.0, 10.0, 60.0, 40.0], None),
+            detection("cushion", [20.0, 10.0, 30.0, 20.0], None),
+        ];
+        let (kept, dropped) = filter_boxes(all, &FilterSettings::default());
+        assert_eq!(kept.iter().map(|d| d.label.as_str()).collect::<Vec<_>>(), ["sofa", "cushion"]);
+        assert_eq!(dropped.len(), 1);
+    }
+
+    #[test]
+    fn of_two_equal_masks_the_surer_stays() {
+        let size = ImageSize::new(20, 20);
+        let square = |x0: u32, x1: u32| Mask::from_fn(size, |x, y| (x0..x1).contains(&x) && y < 10);
+        let found = vec![
+            (detection("chair", [0.0, 0.0, 10.0, 10.0], Some(0.4)), square(0, 10)),
+            (detection("chair", [0.0, 0.0, 10.0, 10.0], Some(0.8)), square(0, 10)),
+            (detection("chair", [12.0, 0.0, 20.0, 10.0], Some(0.2)), square(12, 20)),
+        ];
+        let verdict = filter_masks(&found, &FilterSettings::default());
+        assert!(verdict[0].is_some() && verdict[1].is_none() && verdict[2].is_none());
+    }
+}

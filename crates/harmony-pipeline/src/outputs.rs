@@ -1,0 +1,356 @@
+//! The files of a finished (or broken off) run: scene, GLB, renders, the paper's annotations, the report's data.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use harmony_calls::CallSummary;
+use harmony_io::{GlbNode, GlbScene, NodeTransform, Segment, glb::TextureEncoding, picture, save_segmentation, write_json};
+use harmony_mesh::{Mesh, catalogue::light_slot};
+use harmony_render::canonical_camera;
+use harmony_scene::{
+    ImageSize, Lighting, Mask, ObjectId, SCENE_VERSION, Scene, SceneCamera, SceneObject, Surface, Warning,
+};
+use harmony_viewer::{CallRow, DroppedObject, Evidence, Fact, ObjectReport, ReportData};
+use image::RgbImage;
+use serde_json::{Value, json};
+
+use crate::ctx::PhaseError;
+use crate::state::SceneState;
+use crate::views;
+
+/// Name and version in files.
+pub const GENERATOR: &str = concat!("harmony ", env!("CARGO_PKG_VERSION"));
+
+/// The objects in scene order.
+pub fn scene_objects(state: &SceneState) -> Vec<SceneObject> {
+    state
+        .partial
+        .placed
+        .iter()
+        .filter_map(|placed| {
+            let prepared = state.prepared.get(&placed.item.id)?;
+            let level = placed.item.level;
+            Some(SceneObject {
+                id: placed.item.id.clone(),
+                index: placed.item.index,
+                level,
+                label: placed.item.label.clone(),
+                description: prepared.inspected.description.clone(),
+                source_phrase: prepared.candidate.detection.phrase.clone(),
+                pose: placed.pose,
+                size: placed.size(),
+                support: placed.support.clone(),
+                relations: placed.item.relations.clone(),
+                material: prepared.material,
+                mesh: format!("{}/meshes/{}.glb", level.folder(), placed.item.id),
+                mask: Some(format!("{}/masks/{}.png", level.folder(), placed.item.id)),
+                seen_box: prepared.candidate.mask.bounds(),
+                mesh_source: prepared.mesh_source.clone(),
+                confidence: placed.confidence(),
+            })
+        })
+        .collect()
+}
+
+/// The scene as `scene.json` holds it. The camera speaks about the photo's original size.
+pub fn scene(state: &SceneState, original: ImageSize, warnings: &[Warning]) -> Scene {
+    Scene {
+        version: SCENE_VERSION,
+        generator: GENERATOR.to_owned(),
+        room: state.partial.room.clone(),
+        camera: SceneCamera::from(&state.partial.camera.resized(original)),
+        objects: scene_objects(state),
+        lighting: state.lighting.clone().unwrap_or(Lighting {
+            lights: Vec::new(),
+            ambient_color: [1.0; 3],
+            ambient_intensity: 1.0,
+            exposure: 0.0,
+        }),
+        summary: state.summaries.join(" "),
+        warnings: warnings.to_vec(),
+    }
+}
+
+/// Writes everything that lies at the top of a run folder, but for `run.json` and `report.html`.
+///
+/// # Errors
+/// Unwritable files.
+pub fn write(
+    run: &Path,
+    state: &SceneState,
+    original: ImageSize,
+    lit: Option<&RgbImage>,
+    warnings: &[Warning],
+) -> Result<Scene, PhaseError> {
+    let scene = scene(state, original, warnings);
+    write_json(&run.join("scene.json"), &scene)?;
+    write_json(&run.join("camera.json"), &camera_json(state, &scene))?;
+    write_json(&run.join("objects.json"), &objects_json(&scene))?;
+    for placed in &state.partial.placed {
+        if let (Some(mesh), Some(object)) =
+            (state.mesh_of(&placed.item.id), scene.objects.iter().find(|o| o.id == placed.item.id))
+        {
+            let mesh = with_material(mesh, object);
+            harmony_io::glb::write_mesh_glb(&run.join(&object.mesh), object.id.as_str(), Arc::new(mesh), Value::Null)?;
+        }
+    }
+    write_scene_glb(&run.join("scene_full.glb"), state, Some(&scene))?;
+    picture::write_rgb_png(&run.join("render_flat.png"), &views::flat(state))?;
+    let view = canonical_camera(&state.partial.room, ImageSize::new(1280, 960), &state.partial.camera);
+    let canonical = views::scene_from(state, &view.camera, view.omit);
+    picture::write_rgb_png(&run.join("render_canonical.png"), &canonical)?;
+    if let Some(lit) = lit {
+        picture::write_rgb_png(&run.join("render_lit.png"), lit)?;
+    }
+    let masks: Vec<(ObjectId, Mask)> = scene
+        .objects
+        .iter()
+        .filter_map(|o| Some((o.id.clone(), state.visible_mask(&o.id)?.resized(original))))
+        .collect();
+    let segments: Vec<Segment<'_>> = scene
+        .objects
+        .iter()
+        .filter_map(|object| {
+            masks.iter().find(|(id, _)| *id == object.id).map(|(_, mask)| Segment { object, mask })
+        })
+        .collect();
+    save_segmentation(run, original, &segments)?;
+    Ok(scene)
+}
+
+/// The whole scene as GLB: shell, objects, camera, lights.
+///
+/// # Errors
+/// Unwritable files.
+pub fn write_scene_glb(path: &Path, state: &SceneState, scene: Option<&Scene>) -> Result<(), PhaseError> {
+    let objects = scene.map_or_else(|| scene_objects(state), |s| s.objects.clone());
+    let nodes = objects
+        .iter()
+        .filter_map(|object| {
+            let mesh = with_material(state.mesh_of(&object.id)?, object);
+            Some(GlbNode {
+                name: object.id.to_string(),
+                mesh: Arc::new(mesh),
+                transform: NodeTransform {
+                    translation: object.pose.position,
+                    yaw: object.pose.yaw,
+                    scale: object.pose.stretch * object.pose.scale,
+                },
+                extras: json!({
+                    "id": object.id, "label": object.label, "level": object.level, "description": object.description,
+                    "size_m": object.size, "support": object.support, "relations": object.relations,
+                    "material": object.material, "confidence": object.confidence, "mesh_source": object.mesh_source,
+                    "index": object.index,
+                }),
+            })
+        })
+        .collect();
+    let shell = views::shell(state, Vec::new());
+    let glb = GlbScene {
+        objects: nodes,
+        shell: shell_nodes(&shell),
+        camera: Some(state.partial.camera),
+        lighting: state.lighting.as_ref(),
+        extras: json!({
+            "generator": GENERATOR,
+            "room": state.partial.room,
+            "frame": "right-handed, +X width, +Y up, +Z from the back wall to the viewer, metres",
+        }),
+        generator: GENERATOR.to_owned(),
+        textures: TextureEncoding::Compact,
+    };
+    Ok(harmony_io::write_glb(&glb, path)?)
+}
+
+/// The shell, one node a face.
+fn shell_nodes(shell: &Mesh) -> Vec<GlbNode> {
+    shell
+        .groups
+        .iter()
+        .filter(|group| !group.triangles.is_empty())
+        .map(|group| {
+            let mut used: BTreeMap<u32, u32> = BTreeMap::new();
+            for i in group.triangles.iter().flatten() {
+                let next = used.len() as u32;
+                used.entry(*i).or_insert(next);
+            }
+            let mut old: Vec<u32> = vec![0; used.len()];
+            for (from, to) in &used {
+                old[*to as usize] = *from;
+            }
+            let material = shell.materials[group.material].clone();
+            let name = material.name.clone();
+            let mesh = Mesh {
+                positions: old.iter().map(|i| shell.positions[*i as usize]).collect(),
+                normals: old.iter().map(|i| shell.normals[*i as usize]).collect(),
+                uvs: old.iter().map(|i| shell.uvs[*i as usize]).collect(),
+                groups: vec![harmony_mesh::Group {
+                    material: 0,
+                    triangles: group.triangles.iter().map(|t| t.map(|i| used[&i])).collect(),
+                }],
+                materials: vec![material],
+            };
+            GlbNode {
+                name: name.clone(),
+                mesh: Arc::new(mesh),
+                transform: NodeTransform::IDENTITY,
+                extras: json!({ "surface": name }),
+            }
+        })
+        .collect()
+}
+
+/// The object's PBR factors on its mesh: on every material that has no factors of its own kind.
+///
+/// Part models name their slots' materials; the dominant material goes to the others, and glass and light sources
+/// keep what their slot says.
+fn with_material(mesh: &Arc<Mesh>, object: &SceneObject) -> Mesh {
+    let mut mesh = (**mesh).clone();
+    let emitting = light_slot(&object.label);
+    for material in &mut mesh.materials {
+        if material.transmission > 0.0 || material.metallic > 0.5 || Some(material.name.as_str()) == emitting {
+            continue;
+        }
+        let pbr = object.material.pbr;
+        material.roughness = pbr.roughness as f32;
+        material.metallic = pbr.metallic as f32;
+        material.ior = pbr.ior as f32;
+        // A photo texture on clear glass would vanish: only thin slots of a glass object stay clear.
+        if material.texture.is_none() {
+            material.transmission = pbr.transmission as f32;
+        }
+    }
+    mesh
+}
+
+fn camera_json(state: &SceneState, scene: &Scene) -> Value {
+    let c = &scene.camera;
+    let camera = harmony_scene::Camera::from(c);
+    json!({
+        "convention": "OpenCV; x_cam = R x_room + t; the centre of the top-left pixel is (0.5, 0.5)",
+        "width": c.size.width, "height": c.size.height,
+        "K": [[c.intrinsics.fx, 0.0, c.intrinsics.cx], [0.0, c.intrinsics.fy, c.intrinsics.cy], [0.0, 0.0, 1.0]],
+        "R": c.rotation, "t": c.translation, "centre": c.centre,
+        "horizontal_fov_deg": camera.horizontal_fov().to_degrees(),
+        "pitch_down_deg": (-camera.forward().y).clamp(-1.0, 1.0).asin().to_degrees(),
+        "yaw_left_deg": (-camera.forward().x).atan2(-camera.forward().z).to_degrees(),
+        "room_m": scene.room.extents,
+        "method": state.layout.method, "confidence": state.layout.confidence, "because": state.layout.because,
+        "evidence": state.layout.evidence,
+    })
+}
+
+/// The paper's third annotation file: size, world position, wall affinity and relations of each object.
+fn objects_json(scene: &Scene) -> Value {
+    let rows: Vec<Value> = scene
+        .objects
+        .iter()
+        .map(|o| {
+            json!({
+                "id": o.id, "type": o.label, "stage": o.level.stage(), "size_m": o.size,
+                "position_m": o.pose.position.to_array(), "yaw_deg": o.pose.yaw.to_degrees(),
+                "wall_affinity": o.relations.wall_affinity, "support": o.support,
+                "facing": o.relations.facing_toward, "in_front_of": o.relations.in_front_of,
+                "behind": o.relations.behind, "on_top_of": o.relations.on_top_of,
+                "grouped_with": o.relations.group, "matched_set": o.relations.matched_set,
+                "confidence": o.confidence.overall,
+            })
+        })
+        .collect();
+    json!({ "objects": rows })
+}
+
+/// What the report says beside the scene.
+pub fn report_data(state: &SceneState, scene: &Scene, log: &[CallSummary], run: &Path) -> ReportData {
+    let e = scene.room.extents;
+    let camera = harmony_scene::Camera::from(&scene.camera);
+    let exists = |path: String| run.join(&path).is_file().then_some(path);
+    let objects = scene
+        .objects
+        .iter()
+        .map(|o| {
+            let folder = o.level.folder();
+            let placed = state.partial.find(&o.id);
+            let c = &o.confidence;
+            let mut because = Vec::new();
+            if let Some(iou) = c.silhouette_iou {
+                because.push(format!("outline agreement {iou:.2}"));
+            }
+            if let Some(residual) = c.depth_residual_m {
+                because.push(format!("depth residual {:.0} mm", residual * 1000.0));
+            }
+            if let Some(p) = placed {
+                if p.evidence.penetration_m > 0.005 {
+                    because.push(format!("penetrates a neighbour by {:.0} mm", p.evidence.penetration_m * 1000.0));
+                }
+                if p.evidence.size_log_ratio.abs() > 0.25 {
+                    because.push(format!("{:.0} % of the expected size", p.evidence.size_log_ratio.exp() * 100.0));
+                }
+            }
+            if c.detection.is_none() {
+                because.push("the detector gave no score".to_owned());
+            }
+            let report = ObjectReport {
+                crop: exists(format!("{folder}/crops/{}.png", o.id)),
+                completed: exists(format!("{folder}/completed/{}.png", o.id)),
+                mesh_view: exists(format!("{folder}/meshes/{}.png", o.id)),
+                confidence_because: because.join(", "),
+                facts: vec![Fact::new("mesh", o.mesh_source.clone())],
+            };
+            (o.id.clone(), report)
+        })
+        .collect();
+    ReportData {
+        objects,
+        calls: log.iter().map(call_row).collect(),
+        dropped: state
+            .dropped
+            .iter()
+            .map(|(label, phase, reason)| DroppedObject {
+                label: label.clone(),
+                phase: phase.clone(),
+                reason: reason.clone(),
+            })
+            .collect(),
+        room: Evidence {
+            method: state.layout.method.clone(),
+            confidence: Some(state.layout.confidence),
+            because: state.layout.because.clone(),
+            facts: vec![
+                Fact::new("type", scene.room.room_type.clone()),
+                Fact::new("size W x D x H", format!("{:.2} x {:.2} x {:.2} m", e.width, e.depth, e.height)),
+                Fact::new("faces seen", scene.room.seen.iter().map(|s: &Surface| s.name()).collect::<Vec<_>>().join(", ")),
+            ],
+        },
+        camera: Evidence {
+            method: state.layout.method.clone(),
+            confidence: Some(state.layout.confidence),
+            because: state.layout.because.clone(),
+            facts: vec![
+                Fact::new("horizontal field of view", format!("{:.1} deg", camera.horizontal_fov().to_degrees())),
+                Fact::new("height", format!("{:.2} m", camera.centre().y)),
+                Fact::new("position", format!("({:.2}, {:.2}, {:.2}) m", scene.camera.centre[0], scene.camera.centre[1], scene.camera.centre[2])),
+            ],
+        },
+        ..ReportData::default()
+    }
+}
+
+fn call_row(c: &CallSummary) -> CallRow {
+    CallRow {
+        name: c.name.clone(),
+        role: c.role.folder().to_owned(),
+        player: format!("{} / {}", c.player, c.model),
+        seconds: c.timing.latency_ms as f64 / 1000.0,
+        tokens_in: c.usage.input_tokens,
+        tokens_out: c.usage.output_tokens,
+        cost_usd: c.usage.cost_usd,
+        tries: c.tries as u32,
+        from_record: matches!(c.source, harmony_calls::Source::Recording { .. }),
+        problem: match &c.source {
+            harmony_calls::Source::Replaced { reason } => format!("replaced by this program: {reason}"),
+            _ => String::new(),
+        },
+    }
+}

@@ -1,0 +1,267 @@
+//! Phase 1, the empty room and the camera. Paper Sec. 3.1, App. B.2 and App. C "Layout Generation".
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use harmony_geometry::{
+    CalibrationSettings, CameraHints, FocalPrior, GrayImage, LayoutPins, LayoutPrior, PinnedEdge, RoomEdge, WallSide,
+    calibrate, estimate_room_box, estimate_view,
+};
+use harmony_imaging::sheet::grid_overlay;
+use harmony_io::Photo;
+use harmony_placement::{PartialScene, RoomPoints};
+use harmony_prompts::{BackWallSide, LayoutAnswer, LayoutVars, PinKind, layout};
+use harmony_roles::{GeometryAnswer, GeometryRequest, Picture};
+use harmony_scene::{Camera, Extents, ImageSize, Room, Surface, SurfaceTexture, WarningKind};
+use image::RgbImage;
+use serde_json::{Value, json};
+
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::state::{Layout, SceneState};
+
+/// Typical lens of a phone or a real-estate photo, as a fraction of the longer side; used when nothing else is known.
+const TYPICAL_FOCAL: f64 = 0.82;
+
+/// Recovers room and camera.
+///
+/// # Errors
+/// Fatal role errors and unwritable files only: geometry that does not hold falls back, and says so.
+pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> Result<SceneState, PhaseError> {
+    let size = ImageSize::new(working.width(), working.height());
+    let exif_focal = photo.focal_px.map(|f| f * f64::from(size.width) / f64::from(photo.image.width()));
+
+    ctx.step("geometry");
+    let request = GeometryRequest { name: ctx.call("geometry"), image: working.clone(), exif_focal_px: exif_focal };
+    let geometry = ctx.calls.estimate(&request).await?;
+    let gray = GrayImage::from_rgb8(size, working.as_raw()).map_err(|e| PhaseError::internal(ctx.phase, &e))?;
+    let focal = match &geometry {
+        GeometryAnswer::Points(map) => {
+            let k = map.intrinsics.resized(map.size, size);
+            FocalPrior { focal_px: (k.fx + k.fy) / 2.0, sigma: 0.02 }
+        }
+        GeometryAnswer::NoDepth { .. } => match exif_focal {
+            Some(focal_px) => FocalPrior { focal_px, sigma: 0.03 },
+            None => FocalPrior {
+                focal_px: TYPICAL_FOCAL * f64::from(size.width.max(size.height)),
+                sigma: 0.25,
+            },
+        },
+    };
+    let view = estimate_view(&gray, Some(focal));
+    let unaided = estimate_room_box(&gray, &view, &LayoutPrior::unknown(size));
+
+    ctx.step("asking about room and camera");
+    let answer = ask(ctx, &working, &geometry, &unaided).await?;
+    let prior = prior_from(&answer, size);
+    let by_box = estimate_room_box(&gray, &view, &prior);
+    let (camera, extents, seen, anchor, points, evidence, method, confidence, because) = match geometry {
+        GeometryAnswer::Points(map) if ctx.settings.camera_calibration => {
+            match calibrate(&map, &prior, &CalibrationSettings::default()) {
+                Ok(c) => {
+                    for fallback in &c.evidence.fallbacks {
+                        ctx.warn(WarningKind::Fallback, None, fallback.clone());
+                    }
+                    let because = format!(
+                        "{:.0} % of the surface normals agree with the Manhattan frame, axis agreement {:.2} deg, anchor: {}",
+                        c.evidence.axis_support * 100.0,
+                        c.evidence.axis_agreement_deg,
+                        words(&json!(c.evidence.anchor_kind)),
+                    );
+                    let method = format!("closed form from the point map ({})", words(&json!(c.evidence.method)));
+                    let confidence = c.evidence.confidence;
+                    let points = Some((map, c.room_from_points));
+                    (c.camera.resized(size), c.extents, c.seen, c.anchor, points, json!(c.evidence), method, confidence, because)
+                }
+                Err(error) => {
+                    ctx.warn(
+                        WarningKind::Fallback,
+                        None,
+                        format!("the point map could not be calibrated ({error}); the room comes from the photo's lines"),
+                    );
+                    from_box(ctx, by_box)
+                }
+            }
+        }
+        GeometryAnswer::Points(_) | GeometryAnswer::NoDepth { .. } => from_box(ctx, by_box),
+    };
+    let room = Room {
+        room_type: tidy(&answer.room.room_type),
+        extents,
+        seen,
+        openings: Vec::new(),
+        floor_texture: Some(SurfaceTexture {
+            material: answer.floor_texture.material.clone(),
+            color: answer.floor_texture.color.clone(),
+            pattern: answer.floor_texture.pattern.clone(),
+            tile_size_m: answer.floor_texture.tile_size_m.clamp(0.05, 5.0),
+        }),
+        wall_texture: Some(SurfaceTexture {
+            material: answer.wall_texture.material.clone(),
+            color: answer.wall_texture.color.clone(),
+            pattern: answer.wall_texture.finish.clone(),
+            tile_size_m: answer.wall_texture.tile_size_m.clamp(0.05, 5.0),
+        }),
+    };
+    let room_points = points.as_ref().map(|(map, similarity)| RoomPoints::new(map, similarity));
+    let partial = PartialScene::new(room, camera, room_points, Some(anchor));
+    let layout =
+        Layout { answer, camera, points, evidence, method, confidence, because };
+    let state = SceneState {
+        photo: working,
+        layout,
+        partial,
+        prepared: BTreeMap::new(),
+        textured: BTreeMap::new(),
+        surfaces: BTreeMap::new(),
+        dropped: Vec::new(),
+        summaries: Vec::new(),
+        lighting: None,
+        next_index: 10,
+    };
+    write_files(ctx, &state)?;
+    Ok(state)
+}
+
+type Found = (
+    Camera,
+    Extents,
+    Vec<Surface>,
+    glam::DVec3,
+    Option<(Arc<harmony_scene::PointMap>, harmony_scene::Similarity)>,
+    Value,
+    String,
+    f64,
+    String,
+);
+
+fn from_box(ctx: &PhaseCtx<'_>, found: harmony_geometry::RoomBox) -> Found {
+    for fallback in &found.evidence.fallbacks {
+        ctx.warn(WarningKind::Fallback, None, fallback.clone());
+    }
+    if found.confidence < 0.35 {
+        ctx.warn(
+            WarningKind::LowConfidence,
+            None,
+            format!("room and camera are a guess (confidence {:.2}): little in the photo fixes them", found.confidence),
+        );
+    }
+    let e = &found.evidence;
+    let because = if e.pins_used > 0 {
+        format!("{} of {} pinned points, {:.1} px RMS; vanishing points {:.2}", e.pins_used, e.pins_given, e.pin_rms_px, e.view_confidence)
+    } else {
+        format!("{:.0} % of the box's edges lie on image lines; vanishing points {:.2}", e.edge_support * 100.0, e.view_confidence)
+    };
+    let method = format!("room box from {}", words(&json!(e.method)));
+    let evidence = json!(found.evidence);
+    (found.camera, found.extents, found.seen, found.anchor, None, evidence, method, found.confidence, because)
+}
+
+async fn ask(
+    ctx: &PhaseCtx<'_>,
+    photo: &Arc<RgbImage>,
+    geometry: &GeometryAnswer,
+    unaided: &harmony_geometry::RoomBox,
+) -> Result<LayoutAnswer, PhaseError> {
+    let measured = match geometry {
+        GeometryAnswer::Points(map) => match map.kind {
+            harmony_scene::PointMapKind::Metric => {
+                "A depth sensor measured the scene in metres; what you see fixes names, openings and textures.".to_owned()
+            }
+            _ => "A point map up to one unknown scale is there; the ceiling height you give sets the scale, so estimate it with care.".to_owned(),
+        },
+        GeometryAnswer::NoDepth { .. } => {
+            "Nothing is measured: the pins and the ceiling height you give fix the camera, so place them with care.".to_owned()
+        }
+    };
+    let question = layout(&LayoutVars { width: photo.width(), height: photo.height(), measured });
+    let facts = json!({
+        "extents": unaided.extents,
+        "camera_height_m": unaided.camera.centre().y,
+        "tilt_deg": (-unaided.camera.forward().y).clamp(-1.0, 1.0).asin().to_degrees(),
+        "yaw_deg": (-unaided.camera.forward().x).atan2(-unaided.camera.forward().z).to_degrees(),
+        "dist_to_back_m": unaided.camera.centre().z,
+        "confidence": unaided.confidence,
+    });
+    let pictures = vec![
+        Picture { caption: "IMAGE 1: the photograph".into(), image: photo.clone() },
+        Picture {
+            caption: "IMAGE 2: the photograph with a coordinate grid (thousandths)".into(),
+            image: Arc::new(grid_overlay(photo, 50).picture),
+        },
+    ];
+    ctx.ask("layout", question, pictures, facts, |answer: &LayoutAnswer| answer.check()).await
+}
+
+/// The layout answer in the words of the calibration.
+fn prior_from(answer: &LayoutAnswer, size: ImageSize) -> LayoutPrior {
+    let pixel = |p: &[f64; 2]| {
+        glam::DVec2::new(p[0] * f64::from(size.width) / 1000.0, p[1] * f64::from(size.height) / 1000.0)
+    };
+    let c = &answer.camera;
+    let edges = answer
+        .pins
+        .iter()
+        .map(|pin| PinnedEdge {
+            edge: match pin.edge {
+                PinKind::FloorBack => RoomEdge::FloorBack,
+                PinKind::FloorLeft => RoomEdge::FloorLeft,
+                PinKind::FloorRight => RoomEdge::FloorRight,
+                PinKind::CeilingBack => RoomEdge::CeilingBack,
+                PinKind::CeilingLeft => RoomEdge::CeilingLeft,
+                PinKind::CeilingRight => RoomEdge::CeilingRight,
+                PinKind::BackLeft => RoomEdge::BackLeft,
+                PinKind::BackRight => RoomEdge::BackRight,
+            },
+            points: pin.points.iter().map(pixel).collect(),
+        })
+        .collect();
+    LayoutPrior {
+        photo: size,
+        extents: Extents {
+            width: answer.room.floor_width_m,
+            height: answer.room.ceiling_height_m,
+            depth: answer.room.floor_depth_m,
+        },
+        camera: CameraHints {
+            height_m: Some(c.height_m),
+            tilt_deg: Some(c.tilt_deg),
+            yaw_deg: Some(c.yaw_deg),
+            dist_to_back_m: Some(c.dist_to_back_m),
+            corner_px: c.corner_px.as_ref().map(|p| pixel(p).to_array()),
+            back_wall_side: Some(match c.back_wall_side {
+                BackWallSide::Left => WallSide::Left,
+                BackWallSide::Right => WallSide::Right,
+                BackWallSide::Both => WallSide::Both,
+            }),
+            floor_junction_y_frac: Some(c.floor_junction_y_frac),
+        },
+        pins: LayoutPins { edges, corners: Vec::new() },
+    }
+}
+
+fn tidy(text: &str) -> String {
+    text.trim().to_lowercase().replace(' ', "_").chars().take(60).collect()
+}
+
+fn words(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), |s| s.replace('_', " "))
+}
+
+fn write_files(ctx: &PhaseCtx<'_>, state: &SceneState) -> Result<(), PhaseError> {
+    ctx.write_json("room.json", &state.partial.room)?;
+    ctx.write_json("layout_answer.json", &state.layout.answer)?;
+    ctx.write_json(
+        "camera.json",
+        &json!({
+            "camera": harmony_scene::SceneCamera::from(&state.layout.camera),
+            "method": state.layout.method,
+            "confidence": state.layout.confidence,
+            "because": state.layout.because,
+        }),
+    )?;
+    ctx.write_json("manhattan.json", &state.layout.evidence)?;
+    if let Some((map, _)) = &state.layout.points {
+        harmony_io::save_point_map(&ctx.file("points.npz")?, map)?;
+    }
+    ctx.write_picture("layout_overlay.png", &crate::views::layout_overlay(state))
+}

@@ -1,0 +1,321 @@
+//! The main path: photo -> layout -> wall -> furniture -> ceiling -> decoration -> lighting -> files.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use harmony_calls::{Bill, Calls};
+use harmony_io::Photo;
+use harmony_roles::Role;
+use harmony_scene::{ImageSize, Level, Scene};
+use image::{RgbImage, imageops};
+use serde_json::json;
+
+use crate::ctx::{PhaseCtx, PhaseError, Warnings};
+use crate::outputs::{self, GENERATOR};
+use crate::phases;
+use crate::progress::{ProgressEvent, ProgressSink};
+use crate::run_file::{PhaseEntry, PhaseState, RunFile, hash_files};
+use crate::settings::Settings;
+use crate::state::SceneState;
+
+/// The phases' folder names, in order.
+pub const PHASES: [&str; 6] = ["1_layout", "2_wall", "3_furniture", "4_ceiling", "5_decoration", "6_lighting"];
+
+/// Files that a complete run must have.
+const REQUIRED: [&str; 9] = [
+    "scene.json",
+    "scene_full.glb",
+    "render_flat.png",
+    "render_canonical.png",
+    "segmentation.png",
+    "segmentation.json",
+    "objects.json",
+    "camera.json",
+    "report.html",
+];
+
+/// What to run.
+pub struct RunRequest {
+    /// The photo.
+    pub photo: Photo,
+    /// Title for the report, such as the file's name.
+    pub title: String,
+    /// Run folder.
+    pub run: PathBuf,
+    /// Profile name, for the record.
+    pub profile: String,
+    /// Settings.
+    pub settings: Settings,
+    /// Index into [`PHASES`] of the last phase to run.
+    pub until: usize,
+    /// The VLM gives boxes with its lists.
+    pub boxes_from_vlm: bool,
+    /// There is a path tracer.
+    pub path_tracer: bool,
+    /// What else the result depends on (hash of mask and point-map files, recording).
+    pub further_inputs: String,
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunOutcome {
+    /// `run.json`.
+    pub file: RunFile,
+    /// True when an earlier run had done everything and nothing had to be computed.
+    pub nothing_to_do: bool,
+    /// The scene, when there is one.
+    pub scene: Option<Scene>,
+    /// The first failure: phase and reason.
+    pub failure: Option<(String, String, Option<String>)>,
+}
+
+/// A run cannot even begin, or its folder cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// A file of the run folder.
+    #[error(transparent)]
+    File(#[from] harmony_io::FileError),
+    /// Settings out of range.
+    #[error("setting {0}")]
+    Settings(String),
+    /// The call log cannot be read.
+    #[error(transparent)]
+    Book(#[from] harmony_calls::BookError),
+}
+
+/// Runs the phases; everything obtained is kept, whatever happens.
+///
+/// # Errors
+/// [`RunError`] when the run folder cannot be used at all. A failed phase is not an error here: it is in the outcome.
+pub async fn run(
+    request: &RunRequest,
+    calls: &Calls,
+    warnings: &Warnings,
+    progress: &ProgressSink,
+) -> Result<RunOutcome, RunError> {
+    request.settings.check().map_err(RunError::Settings)?;
+    let inputs = inputs_hash(request, calls);
+    if let Some(outcome) = finished_before(request, calls, &inputs)? {
+        return Ok(outcome);
+    }
+    let photo_file = request.run.join(format!("input.{}", request.photo.extension));
+    harmony_io::write_atomic(&photo_file, &request.photo.bytes)?;
+    for warning in &request.photo.warnings {
+        warnings.push(warning.clone());
+    }
+    let mut file = RunFile {
+        generator: GENERATOR.to_owned(),
+        profile: request.profile.clone(),
+        inputs,
+        answers: String::new(),
+        phases: PHASES.iter().map(|p| ((*p).to_owned(), PhaseEntry::default())).collect(),
+        cast: calls.cast().cards(),
+        settings: request.settings.clone(),
+        objects: 0,
+        questions_per_object: 0.0,
+        bill: Bill::default(),
+        files: BTreeMap::new(),
+    };
+    let mut stage = Stage { request, calls, warnings, progress, file: &mut file, failure: None, lit: None };
+    let state = stage.all().await?;
+    let failure = stage.failure.take();
+    let lit = stage.lit.take();
+    let mut outcome = RunOutcome { file, nothing_to_do: false, scene: None, failure };
+    if let Some(state) = state {
+        finish(request, calls, warnings, state, lit.as_ref(), &mut outcome)?;
+    }
+    outcome.file.write(&request.run)?;
+    Ok(outcome)
+}
+
+/// One run in progress.
+struct Stage<'a> {
+    request: &'a RunRequest,
+    calls: &'a Calls,
+    warnings: &'a Warnings,
+    progress: &'a ProgressSink,
+    file: &'a mut RunFile,
+    failure: Option<(String, String, Option<String>)>,
+    lit: Option<RgbImage>,
+}
+
+impl Stage<'_> {
+    /// All phases up to the last wanted one; the state after the last that succeeded.
+    async fn all(&mut self) -> Result<Option<SceneState>, RunError> {
+        let request = self.request;
+        let working = Arc::new(working_photo(&request.photo, request.settings.working_px));
+        let ctx = self.ctx(0);
+        let Some(mut state) = self.phase(0, phases::layout::run(&ctx, &request.photo, working)).await? else {
+            return Ok(None);
+        };
+        for (index, level) in [(1, Level::Wall), (2, Level::Furniture), (3, Level::Ceiling), (4, Level::Decoration)] {
+            if index > request.until {
+                return Ok(Some(state));
+            }
+            let ctx = self.ctx(index);
+            match self.phase(index, phases::objects::run(&ctx, level, state.clone())).await? {
+                Some(next) => state = next,
+                None => return Ok(Some(state)),
+            }
+        }
+        if request.until >= 5 {
+            let ctx = self.ctx(5);
+            if let Some((next, lit)) = self.phase(5, phases::lighting::run(&ctx, state.clone())).await? {
+                state = next;
+                self.lit = lit;
+            }
+        }
+        Ok(Some(state))
+    }
+
+    /// Runs one phase and marks how it ended.
+    async fn phase<T>(
+        &mut self,
+        index: usize,
+        work: impl Future<Output = Result<T, PhaseError>>,
+    ) -> Result<Option<T>, RunError> {
+        let name = PHASES[index];
+        let started = Instant::now();
+        self.mark(name, PhaseState::Running, String::new(), None)?;
+        (self.progress)(ProgressEvent::PhaseStarted { phase: name.to_owned() });
+        match work.await {
+            Ok(value) => {
+                self.mark(name, PhaseState::Done, "done".to_owned(), None)?;
+                let seconds = started.elapsed().as_secs_f64();
+                (self.progress)(ProgressEvent::PhaseDone { phase: name.to_owned(), seconds, outcome: "done".to_owned() });
+                Ok(Some(value))
+            }
+            Err(error) => {
+                let reason = error.to_string();
+                tracing::error!(phase = name, "{reason}");
+                (self.progress)(ProgressEvent::PhaseFailed { phase: name.to_owned(), reason: reason.clone() });
+                self.mark(name, PhaseState::Failed, reason.clone(), error.hint())?;
+                self.failure = Some((name.to_owned(), reason, error.hint()));
+                Ok(None)
+            }
+        }
+    }
+
+    fn mark(&mut self, name: &str, state: PhaseState, outcome: String, hint: Option<String>) -> Result<(), RunError> {
+        self.file.phases.insert(name.to_owned(), PhaseEntry { state, outcome, hint });
+        Ok(self.file.write(&self.request.run)?)
+    }
+
+    fn ctx<'b>(&self, index: usize) -> PhaseCtx<'b>
+    where
+        Self: 'b,
+    {
+        PhaseCtx {
+            run: &self.request.run,
+            phase: PHASES[index],
+            calls: self.calls,
+            boxes_from_vlm: self.request.boxes_from_vlm,
+            path_tracer: self.request.path_tracer,
+            settings: &self.request.settings,
+            warnings: self.warnings,
+            progress: self.progress,
+        }
+    }
+}
+
+/// Writes the scene's files, the report and the bill, and checks that what must be there is there.
+fn finish(
+    request: &RunRequest,
+    calls: &Calls,
+    warnings: &Warnings,
+    state: SceneState,
+    lit: Option<&RgbImage>,
+    outcome: &mut RunOutcome,
+) -> Result<(), RunError> {
+    let log = calls.book().log()?;
+    let file = &mut outcome.file;
+    file.objects = state.partial.placed.len();
+    let questions = log.iter().filter(|c| c.role == Role::VisionLanguage).count();
+    file.questions_per_object = questions as f64 / (file.objects.max(1)) as f64;
+    file.bill = Bill::of(&log);
+    file.answers = calls.book().answers_digest("")?;
+    let written = outputs::write(&request.run, &state, request.photo.original_size, lit, &warnings.sorted())
+        .and_then(|scene| {
+            let mut report = outputs::report_data(&state, &scene, &log, &request.run);
+            report.title.clone_from(&request.title);
+            report.profile.clone_from(&request.profile);
+            report.phases = report_phases(file, state.partial.placed.len());
+            report.facts = vec![
+                harmony_viewer::Fact::new("program", GENERATOR),
+                harmony_viewer::Fact::new("questions for each placed object", format!("{:.2}", file.questions_per_object)),
+            ];
+            harmony_viewer::write_report(&request.run, &scene, &report)?;
+            Ok(scene)
+        });
+    match written {
+        Ok(scene) => outcome.scene = Some(scene),
+        Err(error) => {
+            let failure = ("files".to_owned(), error.to_string(), error.hint());
+            outcome.failure.get_or_insert(failure);
+        }
+    }
+    let missing: Vec<&str> =
+        REQUIRED.iter().copied().filter(|path| !request.run.join(path).is_file()).collect();
+    if !missing.is_empty() && outcome.failure.is_none() {
+        outcome.failure = Some(("files".to_owned(), format!("not written: {}", missing.join(", ")), None));
+    }
+    outcome.file.files = hash_files(&request.run);
+    Ok(())
+}
+
+fn report_phases(file: &RunFile, objects: usize) -> Vec<harmony_viewer::PhaseReport> {
+    file.phases
+        .iter()
+        .map(|(name, entry)| harmony_viewer::PhaseReport {
+            name: name.clone(),
+            status: match entry.state {
+                PhaseState::Done => harmony_viewer::PhaseStatus::Done,
+                PhaseState::Failed => harmony_viewer::PhaseStatus::Failed,
+                PhaseState::Pending => harmony_viewer::PhaseStatus::Skipped,
+                PhaseState::Running => harmony_viewer::PhaseStatus::Pending,
+            },
+            seconds: file.bill.by_phase.get(name).map_or(0.0, |line| line.latency_ms as f64 / 1000.0),
+            outcome: if name.starts_with('6') { format!("{objects} objects in the scene") } else { entry.outcome.clone() },
+        })
+        .collect()
+}
+
+/// An earlier run's outcome, when nothing it depends on has changed and all its files are as it left them.
+fn finished_before(request: &RunRequest, calls: &Calls, inputs: &str) -> Result<Option<RunOutcome>, RunError> {
+    let Some(file) = RunFile::read(&request.run) else { return Ok(None) };
+    let wanted = PHASES.iter().take(request.until + 1);
+    let done = wanted.clone().all(|p| file.phases.get(*p).is_some_and(|e| e.state == PhaseState::Done));
+    let no_more = PHASES
+        .iter()
+        .skip(request.until + 1)
+        .all(|p| file.phases.get(*p).is_none_or(|e| e.state == PhaseState::Pending));
+    let same = file.inputs == *inputs && file.answers == calls.book().answers_digest("")?;
+    if !(done && no_more && same && file.files_hold(&request.run)) {
+        return Ok(None);
+    }
+    let scene = harmony_io::read_json(&request.run.join("scene.json")).ok();
+    Ok(Some(RunOutcome { file, nothing_to_do: true, scene, failure: None }))
+}
+
+fn inputs_hash(request: &RunRequest, calls: &Calls) -> String {
+    let cards = calls.cast().cards();
+    let text = json!({
+        "generator": GENERATOR, "settings": request.settings, "cast": cards, "profile": request.profile,
+        "boxes_from_vlm": request.boxes_from_vlm, "path_tracer": request.path_tracer,
+        "further": request.further_inputs, "title": request.title,
+        "photo": blake3::hash(&request.photo.bytes).to_hex().to_string(),
+    });
+    blake3::hash(text.to_string().as_bytes()).to_hex().to_string()
+}
+
+/// The photo at the size the pipeline works with.
+fn working_photo(photo: &Photo, longest: u32) -> RgbImage {
+    let size = ImageSize::new(photo.image.width(), photo.image.height()).fit_within(longest);
+    if size.width == photo.image.width() && size.height == photo.image.height() {
+        return photo.image.clone();
+    }
+    imageops::resize(&photo.image, size.width, size.height, imageops::FilterType::CatmullRom)
+}

@@ -1,0 +1,121 @@
+//! `run.json`: what a run was, and how it ended.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use harmony_calls::Bill;
+use harmony_io::{FileError, read_bounded};
+use harmony_roles::{PlayerCard, Role};
+use serde::{Deserialize, Serialize};
+
+use crate::Settings;
+
+/// How a phase ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PhaseState {
+    /// Not run (left out with `--until`, or an earlier phase failed).
+    #[default]
+    Pending,
+    /// Begun and not ended: the program was killed, or is at it.
+    Running,
+    /// Done, its files are there.
+    Done,
+    /// It did not do what it should.
+    Failed,
+}
+
+/// A phase's marker.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct PhaseEntry {
+    /// How it ended.
+    pub state: PhaseState,
+    /// One line about the outcome, or why it failed.
+    pub outcome: String,
+    /// What a person can do about a failure.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hint: Option<String>,
+}
+
+/// `run.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunFile {
+    /// What made it.
+    pub generator: String,
+    /// Profile.
+    pub profile: String,
+    /// Hash of everything the run depends on beside answers: photo, settings, cast, program version.
+    pub inputs: String,
+    /// Digest of all recorded answers.
+    pub answers: String,
+    /// Phases in order.
+    pub phases: BTreeMap<String, PhaseEntry>,
+    /// Who played.
+    pub cast: Vec<(Role, PlayerCard)>,
+    /// Settings as they were resolved.
+    pub settings: Settings,
+    /// Objects placed.
+    pub objects: usize,
+    /// Questions to the VLM for each placed object.
+    pub questions_per_object: f64,
+    /// Calls, tokens, cost and time spent in calls, from their records.
+    pub bill: Bill,
+    /// Every file of the run but this one and the calls: path and hash.
+    pub files: BTreeMap<String, String>,
+}
+
+impl RunFile {
+    /// Reads `run.json`; `None` when it is absent or cannot be read as such (it is then made anew).
+    pub fn read(run: &Path) -> Option<Self> {
+        let bytes = read_bounded(&run.join("run.json"), 64 << 20).ok()?;
+        serde_json::from_slice(&bytes).ok()
+    }
+
+    /// Writes `run.json`.
+    ///
+    /// # Errors
+    /// An unwritable folder.
+    pub fn write(&self, run: &Path) -> Result<(), FileError> {
+        harmony_io::write_json(&run.join("run.json"), self)
+    }
+
+    /// Whether all phases are done.
+    pub fn complete(&self) -> bool {
+        !self.phases.is_empty() && self.phases.values().all(|p| p.state == PhaseState::Done)
+    }
+
+    /// Whether every listed file is there and unchanged.
+    pub fn files_hold(&self, run: &Path) -> bool {
+        !self.files.is_empty()
+            && self.files.iter().all(|(path, hash)| file_hash(&run.join(path)).is_some_and(|found| found == *hash))
+    }
+}
+
+/// Hash of a file's content.
+fn file_hash(path: &Path) -> Option<String> {
+    std::fs::read(path).ok().map(|bytes| blake3::hash(&bytes).to_hex().to_string())
+}
+
+/// Hashes of all files of a run folder but `run.json`, the calls and what is unfinished.
+pub fn hash_files(run: &Path) -> BTreeMap<String, String> {
+    let mut files = BTreeMap::new();
+    let mut folders = vec![run.to_owned()];
+    while let Some(folder) = folders.pop() {
+        let Ok(entries) = std::fs::read_dir(&folder) else { continue };
+        for entry in entries.flatten() {
+            let path = entry.path();
+            let Ok(relative) = path.strip_prefix(run) else { continue };
+            let name = relative.to_string_lossy().replace('\\', "/");
+            let skip = name == "run.json" || name == "calls" || name == "questions" || name.contains(".tmp");
+            if skip {
+                continue;
+            }
+            if path.is_dir() {
+                folders.push(path);
+            } else if let Some(hash) = file_hash(&path) {
+                files.insert(name, hash);
+            }
+        }
+    }
+    files
+}

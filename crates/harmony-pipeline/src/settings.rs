@@ -1,0 +1,115 @@
+//! What can be set. `Default` is the paper's value wherever the paper gives one.
+
+use harmony_placement::PlacementSettings;
+use harmony_roles::MeshSettings;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Everything a run depends on beside the photo, the cast and the answers. Kept whole in `run.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// Longest side of the photo, masks and renders the pipeline works with, pixels (256 to 2048).
+    pub working_px: u32,
+    /// Closed-form calibration from the point map; off: the layout answer's camera stands ("w/o camera calibration").
+    pub camera_calibration: bool,
+    /// Review after each level ("w/o feedback loop" when 0): rounds at most.
+    pub review_rounds: usize,
+    /// Detection filters.
+    pub filters: FilterSettings,
+    /// Image-to-3D settings.
+    pub mesh: MeshSettings,
+    /// Placement switches.
+    pub placement: PlacementSettings,
+    /// Lighting.
+    pub lighting: LightingSettings,
+    /// Texture resolution of room surfaces, pixels a metre.
+    pub surface_px_per_m: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            working_px: 1024,
+            camera_calibration: true,
+            review_rounds: 1,
+            filters: FilterSettings::default(),
+            mesh: MeshSettings::default(),
+            placement: PlacementSettings::default(),
+            lighting: LightingSettings::default(),
+            surface_px_per_m: 160.0,
+        }
+    }
+}
+
+/// Detection filters (paper App. C, "Containment and fragment removal").
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FilterSettings {
+    /// Share of a box that another of equal or higher score must cover to drop it.
+    pub box_containment: f64,
+    /// IoU at which two masks of one type are one object.
+    pub mask_iou: f64,
+    /// Share of a mask inside another of its type at which it is a fragment of it.
+    pub mask_containment: f64,
+    /// Smallest mask kept, share of the image.
+    pub min_area: f64,
+    /// Most candidates of one level.
+    pub max_candidates: usize,
+}
+
+impl Default for FilterSettings {
+    fn default() -> Self {
+        Self { box_containment: 0.85, mask_iou: 0.7, mask_containment: 0.9, min_area: 0.00005, max_candidates: 60 }
+    }
+}
+
+/// Relighting.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LightingSettings {
+    /// Rounds of the reflective loop at most.
+    pub rounds: usize,
+    /// Longest side of previews, pixels.
+    pub preview_px: u32,
+    /// Samples a pixel of previews.
+    pub preview_samples: u32,
+    /// Longest side of the final render, pixels.
+    pub final_px: u32,
+    /// Samples a pixel of the final render.
+    pub final_samples: u32,
+}
+
+impl Default for LightingSettings {
+    fn default() -> Self {
+        Self { rounds: 2, preview_px: 320, preview_samples: 16, final_px: 960, final_samples: 64 }
+    }
+}
+
+impl Settings {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// A sentence that names the field, its value and the allowed range.
+    pub fn check(&self) -> Result<(), String> {
+        let range = |name: &str, value: f64, low: f64, high: f64| {
+            if value.is_finite() && (low..=high).contains(&value) {
+                Ok(())
+            } else {
+                Err(format!("{name} is {value}; allowed is {low} to {high}"))
+            }
+        };
+        range("working_px", self.working_px.into(), 256.0, 2048.0)?;
+        range("review_rounds", self.review_rounds as f64, 0.0, 5.0)?;
+        range("surface_px_per_m", self.surface_px_per_m, 10.0, 1000.0)?;
+        range("lighting.rounds", self.lighting.rounds as f64, 0.0, 6.0)?;
+        range("lighting.preview_px", self.lighting.preview_px.into(), 64.0, 2048.0)?;
+        range("lighting.final_px", self.lighting.final_px.into(), 64.0, 4096.0)?;
+        range("lighting.preview_samples", self.lighting.preview_samples.into(), 1.0, 4096.0)?;
+        range("lighting.final_samples", self.lighting.final_samples.into(), 1.0, 16384.0)?;
+        range("filters.box_containment", self.filters.box_containment, 0.3, 1.0)?;
+        range("filters.mask_iou", self.filters.mask_iou, 0.1, 1.0)?;
+        range("filters.mask_containment", self.filters.mask_containment, 0.3, 1.0)?;
+        range("filters.max_candidates", self.filters.max_candidates as f64, 1.0, 200.0)
+    }
+}

@@ -1,0 +1,150 @@
+//! What grows from phase to phase.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use harmony_mesh::{Mesh, PartModel};
+use harmony_placement::PartialScene;
+use harmony_prompts::{InspectedObject, LayoutAnswer};
+use harmony_roles::Detection;
+use harmony_scene::{
+    Camera, Level, Lighting, Mask, ObjectId, PointMap, Similarity, Surface, SurfaceMaterial,
+};
+use image::{RgbImage, RgbaImage};
+use serde_json::Value;
+
+/// An object that was found, before it has a mesh.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// Id, given by label and position in the photo.
+    pub id: ObjectId,
+    /// Level it was looked for on.
+    pub level: Level,
+    /// Detection it comes from.
+    pub detection: Detection,
+    /// Visible pixels at working size.
+    pub mask: Mask,
+    /// Segmenter's own score.
+    pub mask_score: Option<f64>,
+    /// Host that the list named, for decorations.
+    pub host_hint: Option<ObjectId>,
+}
+
+/// A candidate with everything placement needs.
+#[derive(Debug, Clone)]
+pub struct Prepared {
+    /// The candidate.
+    pub candidate: Candidate,
+    /// What was said about it.
+    pub inspected: InspectedObject,
+    /// Canonical mesh; part models in metres of their expected size.
+    pub mesh: Arc<Mesh>,
+    /// Hull points of its convex parts.
+    pub hulls: Vec<Vec<glam::DVec3>>,
+    /// Part model it was built from.
+    pub part_model: Option<PartModel>,
+    /// Who made the mesh, in words.
+    pub mesh_source: String,
+    /// Material.
+    pub material: SurfaceMaterial,
+    /// Value in the id image and in `segmentation.png`.
+    pub index: u32,
+}
+
+/// Room, camera and what they were found by.
+#[derive(Debug, Clone)]
+pub struct Layout {
+    /// Layout answer (the offline player's when the VLM had none).
+    pub answer: LayoutAnswer,
+    /// Camera at working size.
+    pub camera: Camera,
+    /// Dense point map and its way into the room, when there is one.
+    pub points: Option<(Arc<PointMap>, Similarity)>,
+    /// How room and camera were found: method, residuals, fallbacks, for `camera.json` and the report.
+    pub evidence: Value,
+    /// Method in words.
+    pub method: String,
+    /// 0 to 1.
+    pub confidence: f64,
+    /// What speaks for and against it, in words.
+    pub because: String,
+}
+
+/// Everything a phase hands to the next.
+#[derive(Debug, Clone)]
+pub struct SceneState {
+    /// The photo at working size.
+    pub photo: Arc<RgbImage>,
+    /// Layout and camera.
+    pub layout: Layout,
+    /// Room, camera, points and placed objects.
+    pub partial: PartialScene,
+    /// All prepared objects by id, placed or not.
+    pub prepared: BTreeMap<ObjectId, Prepared>,
+    /// Textured meshes of placed objects, canonical frame.
+    pub textured: BTreeMap<ObjectId, Arc<Mesh>>,
+    /// Textures of the room's faces.
+    pub surfaces: BTreeMap<Surface, Arc<RgbaImage>>,
+    /// Candidates that are not in the scene: label, phase, reason.
+    pub dropped: Vec<(String, String, String)>,
+    /// Sentences about the scene, one a level.
+    pub summaries: Vec<String>,
+    /// Light, after phase 6.
+    pub lighting: Option<Lighting>,
+    /// Next free object index.
+    pub next_index: u32,
+}
+
+impl SceneState {
+    /// Pixels of an object that nothing nearer hides in the photo: its mask without the masks of what lies on it.
+    ///
+    /// Masks of one segmenter call don't overlap; those of different levels may (a sofa's mask holds its cushions).
+    /// The smaller of two overlapping masks is the nearer one, unless it is a rug.
+    pub fn visible_mask(&self, id: &ObjectId) -> Option<Mask> {
+        let own = self.prepared.get(id)?;
+        let mut mask = own.candidate.mask.clone();
+        let area = mask.count();
+        for (other, prepared) in &self.prepared {
+            if other == id || self.partial.find(other).is_none() {
+                continue;
+            }
+            let later = prepared.candidate.level > own.candidate.level;
+            let smaller = prepared.candidate.mask.count() < area;
+            let flat = is_flat(&prepared.inspected.kind);
+            if (later || smaller) && !flat && !is_flat_and_larger(own, prepared) {
+                mask = mask.minus(&prepared.candidate.mask);
+            }
+        }
+        Some(mask)
+    }
+
+    /// The mesh to draw for a placed object.
+    pub fn mesh_of(&self, id: &ObjectId) -> Option<&Arc<Mesh>> {
+        self.textured.get(id).or_else(|| self.prepared.get(id).map(|p| &p.mesh))
+    }
+
+    /// Union of all objects' masks, placed or dropped: everything that is not bare room.
+    pub fn all_objects(&self) -> Mask {
+        let mut all = Mask::empty(self.partial.camera.size);
+        for prepared in self.prepared.values() {
+            all = all.or(&prepared.candidate.mask);
+        }
+        all
+    }
+
+    /// A crop of a candidate for sheets and files: transparent where it is not the object.
+    pub fn crop(&self, id: &ObjectId) -> Option<RgbaImage> {
+        let prepared = self.prepared.get(id)?;
+        harmony_imaging::sheet::crop_rgba(&self.photo, &prepared.candidate.mask, 0.08).map(|(image, _)| image)
+    }
+}
+
+fn is_flat_and_larger(own: &Prepared, other: &Prepared) -> bool {
+    // Never subtract what encloses us: a window seen through curtains, a rug under a table.
+    other.candidate.mask.count() > own.candidate.mask.count() && is_flat(&other.inspected.kind)
+}
+
+/// Rugs and mats: they lie under everything.
+pub fn is_flat(label: &str) -> bool {
+    harmony_mesh::template_name(label) == Some("rug")
+}

@@ -1,0 +1,235 @@
+//! List -> boxes -> filter -> masks -> filter: the candidates of a level. Paper Sec. 3.2 "Object Detection".
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use harmony_imaging::sheet::{LabelledBox, draw_boxes, grid_overlay, palette};
+use harmony_prompts::{ListAnswer, ListVars, list};
+use harmony_roles::{DetectRequest, Detection, PhraseRequest, Picture, SegmentPrompt, SegmentRequest};
+use harmony_scene::{ImageSize, Level, ObjectId, PixelBox, WarningKind};
+use image::RgbImage;
+use serde_json::json;
+
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::filter::{Dropped, filter_boxes, filter_masks};
+use crate::state::{Candidate, SceneState};
+
+/// Finds the candidates of a level.
+///
+/// # Errors
+/// Fatal role errors only; a player that fails is replaced.
+pub async fn candidates(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &mut SceneState,
+) -> Result<Vec<Candidate>, PhaseError> {
+    let with_boxes = ctx.boxes_from_vlm;
+    let wanted = ask_list(ctx, level, state, with_boxes).await?;
+    let size = state.partial.camera.size;
+    let (found, hosts) =
+        if with_boxes { listed_boxes(&wanted, size) } else { (detect(ctx, level, state, &wanted).await?, BTreeMap::new()) };
+    let (found, mut dropped) = filter_boxes(found, &ctx.settings.filters);
+
+    let prompts: Vec<SegmentPrompt> = found
+        .iter()
+        .enumerate()
+        .map(|(i, d)| SegmentPrompt {
+            key: format!("{i:03}"),
+            label: d.label.clone(),
+            bounds: d.bounds,
+            outline: d.outline.clone(),
+        })
+        .collect();
+    let masks = if prompts.is_empty() {
+        Vec::new()
+    } else {
+        let request =
+            SegmentRequest { name: ctx.call("segment"), image: state.photo.clone(), prompts };
+        ctx.calls.segment(&request).await?
+    };
+    let pairs: Vec<_> = found.into_iter().zip(masks).map(|(d, m)| ((d, m.mask), m.score)).collect();
+    let (pairs, scores): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
+    let verdicts = filter_masks(&pairs, &ctx.settings.filters);
+
+    let mut kept: Vec<((Detection, harmony_scene::Mask), Option<f64>)> = Vec::new();
+    for ((pair, score), verdict) in pairs.into_iter().zip(scores).zip(verdicts) {
+        match verdict {
+            None => kept.push((pair, score)),
+            Some(reason) => dropped.push(Dropped { label: pair.0.label, bounds: pair.0.bounds, reason }),
+        }
+    }
+    for d in &dropped {
+        state.dropped.push((d.label.clone(), ctx.phase.to_owned(), d.reason.clone()));
+    }
+    // Ids count from left to right, so that they are the same whatever order the detector gives.
+    kept.sort_by(|a, b| {
+        let key = |d: &Detection| (d.bounds.x0, d.bounds.y0);
+        key(&a.0.0).partial_cmp(&key(&b.0.0)).unwrap_or(std::cmp::Ordering::Equal)
+    });
+    let mut counters: BTreeMap<String, usize> =
+        state.prepared.keys().map(|id| (stem(id.as_str()), 0)).collect();
+    for id in state.prepared.keys() {
+        *counters.entry(stem(id.as_str())).or_default() += 1;
+    }
+    let mut candidates = Vec::new();
+    for ((detection, mask), mask_score) in kept {
+        let first = ObjectId::numbered(&detection.label, 1);
+        let number = counters.entry(stem(first.as_str())).or_default();
+        *number += 1;
+        let id = ObjectId::numbered(&detection.label, *number);
+        let host_hint = hosts.get(&host_key(&detection)).cloned().and_then(|h: String| ObjectId::new(&h).ok());
+        candidates.push(Candidate { id, level, detection, mask, mask_score, host_hint });
+    }
+    write_files(ctx, &candidates, &dropped)?;
+    Ok(candidates)
+}
+
+fn stem(id: &str) -> String {
+    id.rsplit_once('_').map_or(id, |(stem, _)| stem).to_owned()
+}
+
+/// The pictures that go with a list question.
+fn list_pictures(level: Level, state: &SceneState) -> Vec<Picture> {
+    let photo = state.photo.clone();
+    let grid = Arc::new(grid_overlay(&photo, 50).picture);
+    if level != Level::Decoration {
+        return vec![
+            Picture { caption: "IMAGE 1: the photo".into(), image: photo },
+            Picture { caption: "IMAGE 2: the photo with a coordinate grid (thousandths)".into(), image: grid },
+        ];
+    }
+    let boxes: Vec<LabelledBox> = state
+        .partial
+        .placed
+        .iter()
+        .enumerate()
+        .filter_map(|(i, p)| {
+            let bounds = p.item.mask.bounds()?;
+            Some(LabelledBox { bounds, label: p.item.id.to_string(), color: palette(i) })
+        })
+        .collect();
+    vec![
+        Picture {
+            caption: "IMAGE 1: the photo with the furniture placed so far".into(),
+            image: Arc::new(draw_boxes(&photo, &boxes)),
+        },
+        Picture { caption: "IMAGE 2: the photo with a coordinate grid (thousandths)".into(), image: grid },
+        Picture { caption: "IMAGE 3: the furniture-only reconstruction".into(), image: crate::views::flat(state) },
+    ]
+}
+
+async fn ask_list(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &SceneState,
+    with_boxes: bool,
+) -> Result<ListAnswer, PhaseError> {
+    let placed: Vec<String> = if level == Level::Decoration {
+        state.partial.placed.iter().filter(|p| p.item.level != Level::Ceiling).map(crate::views::line).collect()
+    } else {
+        Vec::new()
+    };
+    let question =
+        list(&ListVars { level, room_type: state.layout.answer.room.room_type.clone(), with_boxes, placed });
+    let facts = json!({ "level": level, "with_boxes": with_boxes });
+    let pictures = list_pictures(level, state);
+    let answer: ListAnswer =
+        ctx.ask("list", question, pictures, facts, |answer: &ListAnswer| answer.check()).await?;
+    Ok(answer)
+}
+
+/// Boxes given with the list, in working pixels, and the hosts named with them.
+fn listed_boxes(wanted: &ListAnswer, size: ImageSize) -> (Vec<Detection>, BTreeMap<[i64; 4], String>) {
+    let (kx, ky) = (f64::from(size.width) / 1000.0, f64::from(size.height) / 1000.0);
+    let mut found = Vec::new();
+    let mut hosts = BTreeMap::new();
+    for item in &wanted.items {
+        for instance in &item.instances {
+            let [x0, y0, x1, y1] = instance.bounds;
+            let bounds =
+                PixelBox { x0: x0 * kx, y0: y0 * ky, x1: x1 * kx, y1: y1 * ky }.clamped(size);
+            let outline = (instance.outline.len() >= 3)
+                .then(|| instance.outline.iter().map(|p| [p[0] * kx, p[1] * ky]).collect());
+            let detection = Detection {
+                label: item.kind.trim().to_lowercase(),
+                phrase: item.gdino.clone(),
+                bounds,
+                score: None,
+                outline,
+            };
+            if let Some(host) = &instance.host {
+                hosts.insert(host_key(&detection), host.clone());
+            }
+            found.push(detection);
+        }
+    }
+    (found, hosts)
+}
+
+fn host_key(d: &Detection) -> [i64; 4] {
+    [d.bounds.x0, d.bounds.y0, d.bounds.x1, d.bounds.y1].map(|v| (v * 16.0).round() as i64)
+}
+
+async fn detect(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &SceneState,
+    wanted: &ListAnswer,
+) -> Result<Vec<Detection>, PhaseError> {
+    let request = DetectRequest {
+        name: ctx.call("detect"),
+        image: state.photo.clone(),
+        level,
+        phrases: wanted
+            .items
+            .iter()
+            .map(|item| PhraseRequest {
+                label: item.kind.trim().to_lowercase(),
+                phrase: item.gdino.clone(),
+                count: item.count as usize,
+            })
+            .collect(),
+    };
+    let size = state.partial.camera.size;
+    let mut found = ctx.calls.detect(&request).await?.detections;
+    found.retain_mut(|d| {
+        let sound = [d.bounds.x0, d.bounds.y0, d.bounds.x1, d.bounds.y1].iter().all(|v| v.is_finite());
+        d.bounds = d.bounds.clamped(size);
+        let keep = sound && d.bounds.area() >= 4.0;
+        if !keep {
+            ctx.warn(WarningKind::AnswerRepaired, None, format!("an unusable box for {} was dropped", d.label));
+        }
+        keep
+    });
+    Ok(found)
+}
+
+fn write_files(ctx: &PhaseCtx<'_>, candidates: &[Candidate], dropped: &[Dropped]) -> Result<(), PhaseError> {
+    let rows: Vec<_> = candidates
+        .iter()
+        .map(|c| {
+            json!({
+                "id": c.id, "label": c.detection.label, "phrase": c.detection.phrase, "box": c.detection.bounds,
+                "score": c.detection.score, "mask": format!("masks/{}.png", c.id), "mask_score": c.mask_score,
+                "mask_pixels": c.mask.count(),
+            })
+        })
+        .collect();
+    ctx.write_json("detections.json", &json!({ "kept": rows, "dropped": dropped }))?;
+    for c in candidates {
+        harmony_io::save_mask(&ctx.file(&format!("masks/{}.png", c.id))?, &c.mask)?;
+    }
+    Ok(())
+}
+
+/// The photo with boxes and ids of candidates, for the inspect question.
+pub fn boxed(photo: &RgbImage, candidates: &[Candidate]) -> RgbImage {
+    let boxes: Vec<LabelledBox> = candidates
+        .iter()
+        .enumerate()
+        .filter_map(|(i, c)| {
+            Some(LabelledBox { bounds: c.mask.bounds()?, label: c.id.to_string(), color: palette(i) })
+        })
+        .collect();
+    draw_boxes(photo, &boxes)
+}

@@ -1,0 +1,145 @@
+//! Verify, describe and relate all candidates of a level with one question (a few for crowded levels).
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
+use harmony_mesh::catalogue;
+use harmony_prompts::{InspectAnswer, InspectVars, InspectedObject, InspectedSize, inspect};
+use harmony_roles::Picture;
+use harmony_scene::{Level, ObjectId, Size, WarningKind};
+use image::RgbaImage;
+use serde_json::json;
+
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::state::{Candidate, SceneState};
+use crate::views;
+
+/// Candidates on one question at most; more make several questions.
+const CANDIDATES_PER_QUESTION: usize = 24;
+/// Crops on one contact sheet.
+const CROPS_PER_SHEET: usize = 12;
+
+/// What was said about a level.
+#[derive(Debug, Clone, Default)]
+pub struct Inspection {
+    /// By candidate.
+    pub objects: BTreeMap<ObjectId, InspectedObject>,
+    /// Placement order as reasoned.
+    pub order: Vec<ObjectId>,
+    /// In words.
+    pub summary: String,
+}
+
+/// Asks about all candidates.
+///
+/// # Errors
+/// Fatal role errors only.
+pub async fn all(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &SceneState,
+    candidates: &[Candidate],
+) -> Result<Inspection, PhaseError> {
+    let mut inspection = Inspection::default();
+    for (part, chunk) in candidates.chunks(CANDIDATES_PER_QUESTION).enumerate() {
+        let name = if part == 0 { "inspect".to_owned() } else { format!("inspect_{}", part + 1) };
+        let answer = ask(ctx, level, state, chunk, &name).await?;
+        for object in answer.objects {
+            if let Ok(id) = ObjectId::new(&object.id) {
+                inspection.objects.insert(id, sensible(ctx, object));
+            }
+        }
+        inspection.order.extend(answer.placement_order.iter().filter_map(|id| ObjectId::new(id).ok()));
+        if !answer.scene_summary.is_empty() {
+            inspection.summary = answer.scene_summary;
+        }
+    }
+    Ok(inspection)
+}
+
+async fn ask(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &SceneState,
+    candidates: &[Candidate],
+    name: &str,
+) -> Result<InspectAnswer, PhaseError> {
+    let ids: Vec<String> = candidates.iter().map(|c| c.id.to_string()).collect();
+    let size = state.partial.camera.size;
+    let question = inspect(&InspectVars {
+        level,
+        room_type: state.layout.answer.room.room_type.clone(),
+        room: views::room_line(state),
+        candidates: candidates
+            .iter()
+            .map(|c| {
+                let b = c.detection.bounds;
+                let (kx, ky) = (1000.0 / f64::from(size.width), 1000.0 / f64::from(size.height));
+                let host = c.host_hint.as_ref().map_or(String::new(), |h| format!(", listed on {h}"));
+                format!(
+                    "- {}: {} (\"{}\"), box [{:.0}, {:.0}, {:.0}, {:.0}]{host}",
+                    c.id, c.detection.label, c.detection.phrase, b.x0 * kx, b.y0 * ky, b.x1 * kx, b.y1 * ky
+                )
+            })
+            .collect(),
+        placed: state.partial.placed.iter().map(views::line).collect(),
+        templates: catalogue::CATEGORIES.iter().map(|c| c.name.to_owned()).collect(),
+        with_models: ctx.calls.cast().mesh_generator.card().offline,
+    });
+    let crops: Vec<(String, RgbaImage)> = candidates
+        .iter()
+        .filter_map(|c| crop_rgba(&state.photo, &c.mask, 0.1).map(|(image, _)| (c.id.to_string(), image)))
+        .collect();
+    let mut pictures = vec![
+        Picture {
+            caption: "IMAGE 1: the photo with all candidates".into(),
+            image: Arc::new(super::detect::boxed(&state.photo, candidates)),
+        },
+        Picture { caption: "IMAGE 2: the empty room".into(), image: views::empty_room(state) },
+    ];
+    for (i, sheet) in crops.chunks(CROPS_PER_SHEET).enumerate() {
+        let cells: Vec<Cell<'_>> = sheet.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
+        let columns = (cells.len() as u32).min(4);
+        pictures.push(Picture {
+            caption: format!("IMAGE {}: crops", i + 3),
+            image: Arc::new(contact_sheet(&cells, columns, 300)),
+        });
+    }
+    let facts = json!({
+        "level": level,
+        "room": state.partial.room.extents,
+        "candidates": candidates.iter().map(|c| json!({
+            "id": c.id, "label": c.detection.label, "box": c.detection.bounds, "image": size,
+            "estimated_size_m": views::apparent_size(state, c),
+            "host": c.host_hint,
+        })).collect::<Vec<_>>(),
+        "placed": state.partial.placed.iter().map(|p| json!({
+            "id": p.item.id, "label": p.item.label, "level": p.item.level, "box": p.item.mask.bounds(),
+            "position": p.pose.position.to_array(), "size": p.size(),
+        })).collect::<Vec<_>>(),
+    });
+    let asked = ids.clone();
+    ctx.ask(name, question, pictures, facts, move |answer: &InspectAnswer| answer.check(&asked)).await
+}
+
+/// Sizes far outside what the category can be are pulled back, with a warning.
+fn sensible(ctx: &PhaseCtx<'_>, mut object: InspectedObject) -> InspectedObject {
+    let (low, high) = catalogue::size_range(&object.kind);
+    let given = Size { width: object.size_m.width, height: object.size_m.height, depth: object.size_m.depth };
+    let clamped = given.as_vec().max(low.as_vec() * 0.7).min(high.as_vec() * 1.4);
+    if (clamped - given.as_vec()).abs().max_element() > 1e-9 {
+        let id = ObjectId::new(&object.id).ok();
+        ctx.warn(
+            WarningKind::AnswerRepaired,
+            id,
+            format!(
+                "size {:.2} x {:.2} x {:.2} m is not plausible for a {}; taken as {:.2} x {:.2} x {:.2} m",
+                given.width, given.height, given.depth, object.kind, clamped.x, clamped.y, clamped.z
+            ),
+        );
+        object.size_m = InspectedSize { width: clamped.x, height: clamped.y, depth: clamped.z };
+    }
+    object.kind = object.kind.trim().to_lowercase();
+    object
+}

@@ -1,0 +1,9 @@
+//! Steps that the object phases share; the level is data.
+
+pub mod detect;
+pub mod inspect;
+pub mod place;
+pub mod prepare;
+pub mod review;
+pub mod surfaces;
+pub mod texture;

@@ -1,0 +1,214 @@
+//! Placement of a level: items for the placement crate, its report, and the decorations' orientation question.
+
+use std::sync::Arc;
+
+use harmony_imaging::sheet::{Cell, contact_sheet};
+use harmony_mesh::catalogue;
+use harmony_placement::{Item, LevelReport, Shape, Traits, YawHint, place_level};
+use harmony_prompts::{FrontPanel, FrontsAnswer, FrontsVars, Occlusion, orient};
+use harmony_roles::Picture;
+use harmony_scene::{Level, ObjectId, Placement, Relations, Size, Support, WallAffinity, WarningKind};
+use image::RgbaImage;
+use serde_json::{Value, json};
+
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::state::{Prepared, SceneState, is_flat};
+use crate::views;
+
+/// Places the prepared objects of a level.
+///
+/// # Errors
+/// None of its own; the type is that of the steps.
+pub async fn in_order(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &mut SceneState,
+    prepared: Vec<ObjectId>,
+    order: &[ObjectId],
+) -> Result<LevelReport, PhaseError> {
+    let items: Vec<Item> =
+        prepared.iter().filter_map(|id| state.prepared.get(id)).map(|p| item(level, state, p)).collect();
+    let mut partial = state.partial.clone();
+    let settings = ctx.settings.placement.clone();
+    let order = order.to_vec();
+    let (partial, report) = tokio::task::spawn_blocking(move || {
+        let report = place_level(&mut partial, items, Some(&order), &settings);
+        (partial, report)
+    })
+    .await
+    .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
+    state.partial = partial;
+    for warning in &report.warnings {
+        ctx.warn(warning.kind, warning.object.clone(), warning.message.clone());
+    }
+    for (id, error) in &report.dropped {
+        ctx.warn(WarningKind::ObjectDropped, Some(id.clone()), error.to_string());
+        state.dropped.push((id.to_string(), ctx.phase.to_owned(), error.to_string()));
+    }
+    for u in &report.unresolved {
+        let other = u.b.as_ref().map_or("a wall or the floor".to_owned(), ToString::to_string);
+        ctx.warn(
+            WarningKind::LowConfidence,
+            Some(u.a.clone()),
+            format!("stays {:.0} mm inside {other}", u.penetration * 1000.0),
+        );
+    }
+    Ok(report)
+}
+
+/// What placement needs to know about a prepared object.
+fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
+    let o = &p.inspected;
+    let label = o.kind.clone();
+    let planar = catalogue::is_planar(&label);
+    let known = |id: &Option<String>| id.as_deref().and_then(|id| ObjectId::new(id).ok());
+    let wall_affinity = match (level, o.wall) {
+        (Level::Wall, Some(wall)) => affinity(wall),
+        _ => o.wall_affinity,
+    };
+    let on_top_of = known(&o.on_top_of).or_else(|| p.candidate.host_hint.clone());
+    let relations = Relations {
+        wall_affinity,
+        on_top_of: (level == Level::Decoration || o.on_top_of.is_some()).then_some(on_top_of).flatten(),
+        in_front_of: known(&o.in_front_of),
+        behind: known(&o.behind),
+        facing_toward: known(&o.facing_toward),
+        group: o.group.clone(),
+        matched_set: o.matched_set.clone(),
+    };
+    let has_front = catalogue::has_front(&label) || o.faces_room;
+    let yaw = match o.front_deg {
+        Some(deg) if has_front => YawHint::About(deg.to_radians()),
+        _ => YawHint::Unknown,
+    };
+    let soft = matches!(harmony_mesh::template_name(&label), Some("cushion" | "blanket" | "teddy_bear"));
+    let mean = harmony_imaging::color::median_color(&state.photo, &p.candidate.mask)
+        .map(harmony_imaging::color::linear_from_rgb8);
+    let hosts = if level == Level::Decoration {
+        state
+            .partial
+            .placed
+            .iter()
+            .filter(|q| q.item.level != Level::Ceiling && !is_flat(&q.item.label))
+            .map(|q| q.item.id.clone())
+            .collect()
+    } else {
+        Vec::new()
+    };
+    Item {
+        id: p.candidate.id.clone(),
+        index: p.index,
+        level,
+        shape: Arc::new(Shape::new(p.mesh.clone(), p.hulls.clone())),
+        size: Size { width: o.size_m.width, height: o.size_m.height, depth: o.size_m.depth },
+        mask: p.candidate.mask.clone(),
+        occluders: None,
+        relations,
+        placement: Placement {
+            placement_type: o.placement_type,
+            surface_position: o.surface_position,
+            depth_position: o.depth_position,
+            faces_room: o.faces_room,
+        },
+        host_candidates: hosts,
+        traits: Traits {
+            flat: is_flat(&label),
+            soft,
+            planar,
+            hangs: level == Level::Ceiling || harmony_mesh::template_name(&label) == Some("curtain"),
+            may_stretch: p.part_model.is_some(),
+            heavily_occluded: o.occlusion == Occlusion::Heavily,
+            has_front,
+        },
+        yaw,
+        mean_color: mean,
+        detection: p.candidate.detection.score,
+        label,
+    }
+}
+
+fn affinity(wall: harmony_scene::Wall) -> WallAffinity {
+    match wall {
+        harmony_scene::Wall::Back => WallAffinity::Back,
+        harmony_scene::Wall::Left => WallAffinity::Left,
+        harmony_scene::Wall::Right => WallAffinity::Right,
+        harmony_scene::Wall::Front => WallAffinity::Front,
+    }
+}
+
+/// Orientation correction of decorations (paper App. C): four yaws of each on one sheet, one question.
+///
+/// # Errors
+/// Fatal role errors only.
+pub async fn orient_decorations(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
+    if ctx.calls.cast().vision_language.card().offline {
+        return Ok(());
+    }
+    let turning: Vec<usize> = (0..state.partial.placed.len())
+        .filter(|i| {
+            let p = &state.partial.placed[*i];
+            p.item.level == Level::Decoration && p.item.traits.has_front && !p.item.traits.soft
+        })
+        .collect();
+    if turning.is_empty() {
+        return Ok(());
+    }
+    let mut pictures: Vec<(String, RgbaImage)> = Vec::new();
+    let mut ids = Vec::new();
+    for i in &turning {
+        let id = state.partial.placed[*i].item.id.clone();
+        let Some(window) = views::window_around(state, *i) else { continue };
+        pictures.push((format!("{id} photo"), views::photo_window(state, window)));
+        for (k, letter) in ["A", "B", "C", "D"].iter().enumerate() {
+            let turn = FrontPanel::ALL[k].yaw();
+            pictures.push((format!("{id} {letter}"), views::turned(state, *i, turn, window)));
+        }
+        ids.push(id.to_string());
+    }
+    let cells: Vec<Cell<'_>> = pictures.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
+    let question = orient(&FrontsVars {
+        objects: turning
+            .iter()
+            .map(|i| format!("- {}: {}", state.partial.placed[*i].item.id, state.partial.placed[*i].item.label))
+            .collect(),
+    });
+    let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(contact_sheet(&cells, 5, 240)) };
+    let asked = ids.clone();
+    let answer: FrontsAnswer = ctx
+        .ask("orient", question, vec![sheet], json!({ "objects": ids }), move |a: &FrontsAnswer| a.check(&asked))
+        .await?;
+    for i in turning {
+        let id = state.partial.placed[i].item.id.to_string();
+        let Some(panel) = answer.objects.iter().find(|o| o.id == id).map(|o| o.front_panel) else { continue };
+        if panel != FrontPanel::A {
+            state.partial.placed[i].pose.yaw += panel.yaw();
+        }
+    }
+    Ok(())
+}
+
+/// Writes `placements.json` and the level's renders.
+///
+/// # Errors
+/// Unwritable files.
+pub fn write_files(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState, outcome: &Value) -> Result<(), PhaseError> {
+    let rows: Vec<Value> = state
+        .partial
+        .placed
+        .iter()
+        .filter(|p| p.item.level == level)
+        .map(|p| {
+            json!({
+                "id": p.item.id, "label": p.item.label, "pose": p.pose, "size": p.size(), "support": support(&p.support),
+                "evidence": p.evidence, "confidence": p.confidence(), "relations": p.item.relations,
+            })
+        })
+        .collect();
+    ctx.write_json("placements.json", &json!({ "outcome": outcome, "objects": rows }))?;
+    ctx.write_picture("render_flat.png", &views::flat(state))?;
+    ctx.write_picture("render_blend.png", &views::blend(state))
+}
+
+fn support(s: &Support) -> Value {
+    json!(s)
+}

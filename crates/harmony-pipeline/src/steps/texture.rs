@@ -1,0 +1,75 @@
+//! Textures from the photo: part models get their colours from the object's own pixels (DESIGN section 7).
+
+use std::sync::Arc;
+
+use harmony_mesh::TextureMode;
+use harmony_render::{BakeOptions, bake_texture};
+use harmony_scene::{Level, ObjectId, WarningKind};
+
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::state::SceneState;
+
+/// Textures the objects of one level that have none yet.
+///
+/// # Errors
+/// None of its own; the type is that of the steps.
+pub async fn level(ctx: &PhaseCtx<'_>, state: &mut SceneState, level: Level) -> Result<(), PhaseError> {
+    let ids: Vec<ObjectId> = state
+        .partial
+        .placed
+        .iter()
+        .filter(|p| p.item.level == level && !state.textured.contains_key(&p.item.id))
+        .map(|p| p.item.id.clone())
+        .collect();
+    bake(ctx, state, ids).await
+}
+
+/// Textures every object anew: masks of later levels have taken pixels away from earlier ones.
+///
+/// # Errors
+/// None of its own; the type is that of the steps.
+pub async fn everything(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
+    let ids = state.partial.placed.iter().map(|p| p.item.id.clone()).collect();
+    bake(ctx, state, ids).await
+}
+
+async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) -> Result<(), PhaseError> {
+    let camera = state.partial.camera;
+    let mut jobs = Vec::new();
+    for id in ids {
+        let (Some(placed), Some(prepared), Some(visible)) =
+            (state.partial.find(&id), state.prepared.get(&id), state.visible_mask(&id))
+        else {
+            continue;
+        };
+        let Some(model) = &prepared.part_model else { continue };
+        let options = BakeOptions {
+            plain_slots: model.slots.iter().filter(|s| s.texture == TextureMode::Plain).map(|s| s.name.clone()).collect(),
+            ..BakeOptions::default()
+        };
+        jobs.push((id, prepared.mesh.clone(), placed.pose, visible, options));
+    }
+    let photo = state.photo.clone();
+    let baked = tokio::task::spawn_blocking(move || {
+        use rayon::prelude::*;
+        jobs.into_par_iter()
+            .map(|(id, mesh, pose, visible, options)| {
+                let baked = bake_texture(&mesh, &pose, &camera, &photo, &visible, &options);
+                (id, baked)
+            })
+            .collect::<Vec<_>>()
+    })
+    .await
+    .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
+    for (id, baked) in baked {
+        if baked.observed < 0.02 {
+            ctx.warn(
+                WarningKind::LowConfidence,
+                Some(id.clone()),
+                "hardly any of its surface is seen: the texture is mostly made up".to_owned(),
+            );
+        }
+        state.textured.insert(id, Arc::new(baked.mesh));
+    }
+    Ok(())
+}
