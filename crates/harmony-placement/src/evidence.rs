@@ -29,3 +29,14 @@ impl Evidence {
         }
     }
 }
+
+/// Evidence of a freshly solved object; contact and penetration come from the collision check.
+pub(crate) fn of_solution(solution: &crate::solve::Solution) -> Evidence {
+    Evidence {
+        silhouette_iou: Some(solution.seen.strict_iou),
+        depth_residual_m: solution.seen.depth_residual,
+        contact_gap_m: 0.0,
+        penetration_m: 0.0,
+        size_log_ratio: crate::cost::size_log_ratio(solution.frame.item, &solution.pose),
+    }
+}

@@ -1,8 +1,12 @@
 //! One level, from items to placed objects.
 
-use harmony_scene::{ObjectId, Warning};
+use std::sync::Arc;
 
-use crate::{Evidence, Item, OrderReport, PartialScene, PlacementSettings};
+use harmony_scene::{Level, Mask, ObjectId, Support, Warning};
+
+use crate::solve::solve;
+use crate::view::{Neighbour, View};
+use crate::{Evidence, Item, OrderReport, PartialScene, Placed, PlacementSettings};
 
 /// Two objects that no move separated.
 #[derive(Debug, Clone, PartialEq)]
@@ -90,6 +94,115 @@ pub fn place_level(
     given_order: Option<&[ObjectId]>,
     settings: &PlacementSettings,
 ) -> LevelReport {
-    let order = crate::placement_order(scene, &items, given_order, settings);
-    LevelReport { order, ..LevelReport::default() }
+    let mut report = LevelReport::default();
+    let items: Vec<Arc<Item>> = items.into_iter().map(Arc::new).filter(|i| usable(scene, i, &mut report)).collect();
+    report.order = crate::placement_order(scene, &items, given_order, settings);
+    let mut waiting: Vec<Arc<Item>> = report.order.entries.iter().map(|e| Arc::clone(&items[e.item])).collect();
+    waiting.reverse();
+    while let Some(item) = waiting.pop() {
+        place_one(scene, &item, &waiting, settings, &mut report);
+    }
+    report
+}
+
+/// Whether an item can be placed at all; if not, it is reported as dropped.
+fn usable(scene: &PartialScene, item: &Item, report: &mut LevelReport) -> bool {
+    let (mask, camera) = (item.mask.size(), scene.camera.size);
+    let extent = item.shape.bounds().size();
+    let error = if mask != camera {
+        PlacementError::MaskSize {
+            width: mask.width,
+            height: mask.height,
+            camera_width: camera.width,
+            camera_height: camera.height,
+        }
+    } else if item.mask.bounds().is_none() {
+        PlacementError::EmptyMask
+    } else if !(extent.is_finite() && extent.max_element() > 1e-6) {
+        PlacementError::Mesh { width: extent.x, height: extent.y, depth: extent.z }
+    } else {
+        return true;
+    };
+    report.dropped.push((item.id.clone(), error));
+    false
+}
+
+/// Solves one object against what is placed, and appends it.
+fn place_one(
+    scene: &mut PartialScene,
+    item: &Arc<Item>,
+    waiting: &[Arc<Item>],
+    settings: &PlacementSettings,
+    report: &mut LevelReport,
+) {
+    let neighbours = neighbours(scene, item, waiting, None);
+    let Some(view) = View::new(scene, None, &item.mask, &neighbours, settings.window_px) else {
+        report.dropped.push((item.id.clone(), PlacementError::EmptyMask));
+        return;
+    };
+    let solution = solve(scene, item, &view, settings);
+    let support = solution.support();
+    let given = item.relations.on_top_of.as_ref();
+    let rehosted_to = match &support {
+        Support::Object { id } if given.is_some_and(|g| g != id) => Some(id.clone()),
+        _ => None,
+    };
+    let evidence = crate::evidence::of_solution(&solution);
+    report.objects.push(ObjectReport {
+        id: item.id.clone(),
+        evidence,
+        first_iou: Some(solution.first_iou),
+        rounds: solution.rounds,
+        renders: solution.renders,
+        moved_by_collision: 0.0,
+        rehosted_to,
+    });
+    let pose = solution.pose;
+    scene.placed.push(Placed { item: Arc::clone(item), pose, support, evidence });
+}
+
+/// Masks of all other objects, with whether they may hide this one.
+pub(crate) fn neighbours<'a>(
+    scene: &'a PartialScene,
+    item: &'a Item,
+    waiting: &'a [Arc<Item>],
+    skip: Option<usize>,
+) -> Vec<Neighbour<'a>> {
+    let bottom = |mask: &Mask| mask.bounds().map_or(0.0, |b| b.y1);
+    let own_bottom = bottom(&item.mask);
+    let slack = 0.02 * f64::from(scene.camera.size.height);
+    let may_hide = |level: Level, flat: bool, hangs: bool, mask: &Mask| {
+        if item.occluders.is_some() || flat {
+            return false;
+        }
+        match (item.level, level) {
+            // What stands lower in the image stands nearer.
+            (Level::Furniture, Level::Furniture) => item.traits.flat || bottom(mask) >= own_bottom - slack,
+            (Level::Wall, Level::Wall) => hangs,
+            (Level::Decoration, Level::Decoration) => bottom(mask) >= own_bottom - slack,
+            (_, Level::Wall) => false,
+            _ => true,
+        }
+    };
+    let mut out: Vec<Neighbour<'a>> = Vec::new();
+    for (i, p) in scene.placed.iter().enumerate() {
+        if Some(i) != skip {
+            out.push(Neighbour { mask: &p.item.mask, may_hide: false });
+        }
+    }
+    for other in waiting.iter().filter(|o| o.id != item.id) {
+        let hides = may_hide(other.level, other.traits.flat, other.traits.hangs, &other.mask);
+        out.push(Neighbour { mask: &other.mask, may_hide: hides });
+    }
+    for other in scene.upcoming.iter().filter(|o| o.mask.size() == scene.camera.size && o.id != item.id) {
+        // An upcoming object may have become an item or a placed one by now.
+        let known = scene.position(&other.id).is_some() || waiting.iter().any(|w| w.id == other.id);
+        if !known {
+            out.push(Neighbour { mask: &other.mask, may_hide: may_hide(other.level, other.flat, false, &other.mask) });
+        }
+    }
+    if let Some(mask) = item.occluders.as_ref().filter(|m| m.size() == scene.camera.size) {
+        out.push(Neighbour { mask, may_hide: true });
+    }
+    out
 }

@@ -8,20 +8,35 @@
 //! Frames and units are those of `docs/conventions.md`: room frame (metres, +Y up), OpenCV camera, yaw about +Y.
 //! Masks, and the camera of [`PartialScene`], are at one working resolution (longest side about 1024 pixels).
 
+mod anchoring;
+mod cost;
 mod evidence;
+mod first_on_host;
+mod first_on_wall;
+mod first_pose;
+mod formulas;
 mod item;
 mod level;
+mod optimise;
 mod order;
+mod raster;
 mod review;
 mod scene;
 mod settings;
 mod shape;
+mod solve;
+mod steps;
+mod support;
+#[cfg(test)]
+mod testing;
+mod view;
 
 pub use evidence::Evidence;
+pub use formulas::{angular_size, corrected_depth, front_surface_mean, lateral_shift, metric_scale};
 pub use item::{Item, Traits, YawHint};
 pub use level::{LevelReport, ObjectReport, PlacementError, Unresolved, place_level};
 pub use order::{OrderEntry, OrderReport, placement_order};
 pub use review::{ActionError, ReviewAction, ReviewOutcome, Verdict, apply, judge};
-pub use scene::{PartialScene, Placed, RoomPoints};
+pub use scene::{PartialScene, Placed, RoomPoints, Upcoming};
 pub use settings::PlacementSettings;
 pub use shape::Shape;

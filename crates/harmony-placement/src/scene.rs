@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use harmony_scene::{
-    Camera, Confidence, ImageSize, ObjectId, PointMap, PointMapKind, Pose, Room, Similarity, Size, Support, Vec3,
+    Camera, Confidence, ImageSize, Level, Mask, ObjectId, PointMap, PointMapKind, Pose, Room, Similarity, Size,
+    Support, Vec3,
 };
 
 use crate::{Evidence, Item};
@@ -76,6 +77,21 @@ pub struct PartialScene {
     pub anchor: Vec3,
     /// Objects in placement order.
     pub placed: Vec<Placed>,
+    /// Masks of objects of later levels, as far as they are known already: they may hide what is placed now.
+    pub upcoming: Vec<Upcoming>,
+}
+
+/// An object that is seen but belongs to a later level.
+#[derive(Debug, Clone)]
+pub struct Upcoming {
+    /// Its id.
+    pub id: ObjectId,
+    /// Its level.
+    pub level: Level,
+    /// Where it is seen.
+    pub mask: Mask,
+    /// Whether it lies flat (a rug): such things hide nothing.
+    pub flat: bool,
 }
 
 impl PartialScene {
@@ -86,7 +102,7 @@ impl PartialScene {
             .into_iter()
             .max_by(|a, b| camera.depth(*a).total_cmp(&camera.depth(*b)))
             .unwrap_or(Vec3::ZERO);
-        Self { room, camera, points, anchor: anchor.unwrap_or(deepest), placed: Vec::new() }
+        Self { room, camera, points, anchor: anchor.unwrap_or(deepest), placed: Vec::new(), upcoming: Vec::new() }
     }
 
     /// The placed object with this id.

@@ -1,0 +1,251 @@
+//! The ways in which an object can be held, and its pose as the few numbers that stay free.
+//!
+//! The paper projects a refined pose back onto its support (Sec. 3.3, App. C). Here the support is built into the
+//! parameters, so that every step and every trial of the optimiser is on the support already.
+
+use harmony_scene::{Pose, Size, Support, Vec3, Wall};
+
+use crate::support::{self, SurfaceQuery};
+use crate::{Item, PartialScene};
+
+/// Gap that furniture along a wall most often keeps (skirting board), metres.
+pub(crate) const USUAL_GAP: f64 = 0.02;
+
+/// Largest gap of an object that is said to touch a wall, metres.
+const LARGEST_GAP: f64 = 0.15;
+
+/// How an object is held.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Anchoring {
+    /// Anywhere on the floor.
+    Floor,
+    /// On the floor, its back to a wall.
+    AgainstWall(Wall),
+    /// Fixed flush to a wall.
+    OnWall(Wall),
+    /// Hung so that its top touches the ceiling.
+    Ceiling,
+    /// On a surface of a placed object.
+    OnHost {
+        /// Index into the placed objects.
+        host: usize,
+        /// Height of the surface, metres.
+        level: f64,
+    },
+}
+
+/// What may be said about the yaw while an object is refined.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum YawRule {
+    /// Given by the wall or by the caller.
+    Fixed(f64),
+    /// Near this; the deviation has a price.
+    About {
+        /// Radians.
+        yaw: f64,
+        /// One sigma, radians.
+        sigma: f64,
+    },
+    /// Only the image tells.
+    Free(f64),
+}
+
+impl YawRule {
+    /// Where the search starts.
+    pub(crate) fn start(self) -> f64 {
+        match self {
+            Self::Fixed(yaw) | Self::About { yaw, .. } | Self::Free(yaw) => yaw,
+        }
+    }
+}
+
+/// Free numbers of a pose: two for the place, yaw, log scale, log stretch.
+pub(crate) type Parameters = [f64; 7];
+
+/// A scene, an object and how it is held: turns numbers into poses.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Frame<'a> {
+    pub(crate) scene: &'a PartialScene,
+    pub(crate) item: &'a Item,
+    pub(crate) anchoring: Anchoring,
+    pub(crate) yaw: YawRule,
+    pub(crate) wall_gap: f64,
+}
+
+/// Smallest and largest room coordinates of an object's hulls relative to its position, for a pose.
+pub(crate) fn reach(item: &Item, pose: &Pose) -> (Vec3, Vec3) {
+    let linear = pose.linear();
+    let (mut low, mut high) = (Vec3::MAX, Vec3::MIN);
+    for p in item.shape.hulls().iter().flatten() {
+        let q = linear * *p;
+        low = low.min(q);
+        high = high.max(q);
+    }
+    (low, high)
+}
+
+/// Size of an object in a pose, unrotated, metres.
+pub(crate) fn size_of(item: &Item, pose: &Pose) -> Vec3 {
+    item.shape.extent() * pose.scale * pose.stretch
+}
+
+/// Scale and stretch that give an object its prior size: one factor, or one a side where it may be stretched.
+pub(crate) fn prior_scale(item: &Item, size: Size) -> (f64, Vec3) {
+    let wanted = size.as_vec();
+    let extent = item.shape.extent();
+    let ratio = Vec3::from_array(std::array::from_fn(|i| {
+        let r = wanted[i] / extent[i];
+        if r.is_finite() && r > 0.0 { r } else { 0.0 }
+    }));
+    // Sides that are thin in the mesh or in the answer say little about the size.
+    let longest = extent.max_element();
+    let (mut log, mut weight) = (0.0, 0.0);
+    for i in 0..3 {
+        if ratio[i] > 0.0 {
+            let w = (extent[i] / longest).clamp(0.05, 1.0);
+            log += w * ratio[i].ln();
+            weight += w;
+        }
+    }
+    let scale = if weight > 0.0 { (log / weight).exp() } else { 1.0 };
+    if !(item.traits.may_stretch || item.traits.planar) {
+        return (scale, Vec3::ONE);
+    }
+    let stretch =
+        Vec3::from_array(std::array::from_fn(
+            |i| if ratio[i] > 0.0 { (ratio[i] / scale).clamp(0.2, 5.0) } else { 1.0 },
+        ));
+    (scale, stretch)
+}
+
+impl Frame<'_> {
+    /// The nearest pose that is held as it should be.
+    pub(crate) fn settle(&self, pose: &Pose) -> Pose {
+        self.pose(&self.parameters(pose))
+    }
+
+    /// The numbers of a pose (what its holding fixes is dropped).
+    pub(crate) fn parameters(&self, pose: &Pose) -> Parameters {
+        let e = &self.scene.room.extents;
+        let p = pose.position;
+        let (a, b) = match self.anchoring {
+            Anchoring::Floor | Anchoring::Ceiling | Anchoring::OnHost { .. } => (p.x, p.z),
+            Anchoring::AgainstWall(wall) => {
+                (wall.coordinates(p).x, wall.distance(e, p) - size_of(self.item, pose).z / 2.0)
+            }
+            Anchoring::OnWall(wall) => (wall.coordinates(p).x, p.y),
+        };
+        let s = pose.stretch;
+        [a, b, pose.yaw, pose.scale.max(1e-9).ln(), s.x.ln(), s.y.ln(), s.z.ln()]
+    }
+
+    /// The pose of some numbers: on its support, inside the room.
+    pub(crate) fn pose(&self, numbers: &Parameters) -> Pose {
+        let e = self.scene.room.extents;
+        let yaw = match (self.anchoring, self.yaw) {
+            (_, YawRule::Fixed(yaw)) => yaw,
+            (Anchoring::OnWall(wall) | Anchoring::AgainstWall(wall), _) => wall.yaw(),
+            _ => numbers[2],
+        };
+        let mut pose = Pose {
+            position: Vec3::new(numbers[0], 0.0, numbers[1]),
+            yaw,
+            scale: numbers[3].exp(),
+            stretch: Vec3::new(numbers[4].exp(), numbers[5].exp(), numbers[6].exp()),
+        };
+        let size = size_of(self.item, &pose);
+        match self.anchoring {
+            Anchoring::AgainstWall(wall) => {
+                let gap = numbers[1].clamp(self.wall_gap, LARGEST_GAP);
+                pose.position = wall.point(&e, numbers[0], 0.0) + wall.normal() * (gap + size.z / 2.0);
+            }
+            Anchoring::OnWall(wall) => {
+                let y = numbers[1].clamp(0.0, (e.height - size.y).max(0.0));
+                pose.position = wall.point(&e, numbers[0], y) + wall.normal() * (self.wall_gap + size.z / 2.0);
+            }
+            Anchoring::Ceiling => pose.position.y = e.height - size.y,
+            Anchoring::Floor | Anchoring::OnHost { .. } => {}
+        }
+        let (low, high) = reach(self.item, &pose);
+        let axis_clamp = |v: f64, lo: f64, hi: f64, length: f64| {
+            let (from, to) = (-lo + self.wall_gap, length - hi - self.wall_gap);
+            if from <= to { v.clamp(from, to) } else { (from + to) / 2.0 }
+        };
+        // Wall-held objects keep their distance to the wall; the clamp along the other axis still applies.
+        let fixed_axis = match self.anchoring {
+            Anchoring::AgainstWall(w) | Anchoring::OnWall(w) => Some(w.normal().x.abs() > 0.5),
+            _ => None,
+        };
+        if fixed_axis != Some(true) {
+            pose.position.x = axis_clamp(pose.position.x, low.x, high.x, e.width);
+        }
+        if fixed_axis != Some(false) {
+            pose.position.z = axis_clamp(pose.position.z, low.z, high.z, e.depth);
+        }
+        if let Anchoring::OnHost { host, level } = self.anchoring {
+            pose.position.y = self.surface(host, level, &pose).map_or(level, |s| s.height);
+        }
+        pose
+    }
+
+    fn surface(&self, host: usize, level: f64, pose: &Pose) -> Option<support::Surface> {
+        let query = SurfaceQuery { level, object_height: size_of(self.item, pose).y, soft: self.item.traits.soft };
+        support::surface_under(self.scene.placed.get(host)?, self.item, pose, &query)
+    }
+
+    /// Share of an object's footprint that has its host's surface under it; 1 for objects without host.
+    pub(crate) fn supported_share(&self, pose: &Pose) -> f64 {
+        match self.anchoring {
+            Anchoring::OnHost { host, level } => self.surface(host, level, pose).map_or(0.0, |s| s.share),
+            _ => 1.0,
+        }
+    }
+
+    /// Gap between an object's back and its wall, when it is held by one on the floor.
+    pub(crate) fn gap(&self, pose: &Pose) -> Option<f64> {
+        match self.anchoring {
+            Anchoring::AgainstWall(wall) => {
+                Some(wall.distance(&self.scene.room.extents, pose.position) - size_of(self.item, pose).z / 2.0)
+            }
+            _ => None,
+        }
+    }
+
+    /// What carries the object, in the scene's words.
+    pub(crate) fn support(&self) -> Support {
+        match self.anchoring {
+            Anchoring::Floor | Anchoring::AgainstWall(_) => Support::Floor,
+            Anchoring::OnWall(wall) => Support::Wall { wall },
+            Anchoring::Ceiling => Support::Ceiling,
+            Anchoring::OnHost { host, .. } => match self.scene.placed.get(host) {
+                Some(p) => Support::Object { id: p.item.id.clone() },
+                None => Support::Floor,
+            },
+        }
+    }
+
+    /// Which numbers the optimiser may change, with their first steps.
+    pub(crate) fn free_numbers(&self, pose: &Pose) -> Vec<(usize, f64)> {
+        let size = size_of(self.item, pose);
+        let reach = size.max_element().clamp(0.05, 1.0);
+        let mut out = Vec::with_capacity(7);
+        match self.anchoring {
+            Anchoring::AgainstWall(_) => out.extend([(0, 0.08 * reach), (1, 0.02)]),
+            Anchoring::OnWall(_) => out.extend([(0, 0.06 * reach), (1, 0.06 * reach)]),
+            _ => out.extend([(0, 0.1 * reach), (1, 0.1 * reach)]),
+        }
+        let turns = !matches!(self.anchoring, Anchoring::AgainstWall(_) | Anchoring::OnWall(_));
+        if turns && !matches!(self.yaw, YawRule::Fixed(_)) {
+            out.push((2, 8.0_f64.to_radians()));
+        }
+        if self.item.traits.may_stretch || self.item.traits.planar {
+            out.extend([(4, 0.06), (5, 0.06)]);
+            if !matches!(self.anchoring, Anchoring::OnWall(_)) {
+                out.push((6, 0.06));
+            }
+        } else {
+            out.push((3, 0.06));
+        }
+        out
+    }
+}

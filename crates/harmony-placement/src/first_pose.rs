@@ -1,0 +1,258 @@
+//! First poses: from relations, prior size and the mask's rays to one or several hypotheses. Paper Sec. 3.3, App. C.
+//!
+//! Where the paper takes one first pose from the VLM, several are made here and measured; what the relations say
+//! comes first and what contradicts them has a price.
+
+use harmony_scene::{Level, PlacementType, Pose, Vec2, Vec3};
+
+use crate::anchoring::{Anchoring, Frame, YawRule, prior_scale, size_of};
+use crate::formulas::median;
+use crate::view::View;
+use crate::{Item, PartialScene, PlacementSettings, YawHint, first_on_host, first_on_wall, steps};
+
+/// Price of standing free although a wall was said to be behind, or of standing on the floor for want of a host.
+pub(crate) const AGAINST_RELATION: f64 = 0.12;
+
+/// Expected error of a yaw that follows from what an object faces, radians.
+const FACING_SIGMA: f64 = 0.35;
+
+/// Expected error of a given coarse yaw, radians.
+const HINT_SIGMA: f64 = 0.25;
+
+/// Expected error of a rug's alignment with the room, radians.
+const RUG_SIGMA: f64 = 0.09;
+
+/// A pose to start from.
+#[derive(Debug, Clone)]
+pub(crate) struct Hypothesis<'a> {
+    /// How the object is held in it.
+    pub(crate) frame: Frame<'a>,
+    /// The pose, settled.
+    pub(crate) pose: Pose,
+    /// Cost on top of what is measured, for contradicting the relations.
+    pub(crate) price: f64,
+}
+
+/// What all hypotheses of one object are made from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Starter<'a, 'v> {
+    pub(crate) scene: &'a PartialScene,
+    pub(crate) item: &'a Item,
+    pub(crate) view: &'v View,
+    pub(crate) settings: &'a PlacementSettings,
+}
+
+impl<'a> Starter<'a, '_> {
+    pub(crate) fn frame(&self, anchoring: Anchoring, yaw: YawRule) -> Frame<'a> {
+        Frame { scene: self.scene, item: self.item, anchoring, yaw, wall_gap: self.settings.wall_gap }
+    }
+
+    /// The object in its prior size at a place.
+    pub(crate) fn sized(&self, position: Vec3, yaw: f64) -> Pose {
+        let (scale, stretch) = prior_scale(self.item, self.item.size);
+        Pose { position, yaw, scale, stretch }
+    }
+
+    pub(crate) fn settled(&self, frame: Frame<'a>, position: Vec3, price: f64) -> Hypothesis<'a> {
+        Hypothesis { frame, pose: frame.settle(&self.sized(position, frame.yaw.start())), price }
+    }
+
+    fn dense(&self) -> bool {
+        self.settings.point_map && self.scene.points.as_ref().is_some_and(crate::RoomPoints::is_dense)
+    }
+
+    /// All hypotheses of the object, never none.
+    pub(crate) fn all(&self) -> Vec<Hypothesis<'a>> {
+        let on_floor = self.item.placement.placement_type == PlacementType::OnFloor;
+        let mut out = match self.item.level {
+            Level::Wall => first_on_wall::hypotheses(self),
+            Level::Ceiling => self.under_ceiling(),
+            Level::Decoration if !on_floor => first_on_host::hypotheses(self),
+            Level::Furniture if self.settings.relations && self.item.relations.on_top_of.is_some() => {
+                first_on_host::hypotheses(self)
+            }
+            Level::Furniture | Level::Decoration => Vec::new(),
+        };
+        if out.is_empty() {
+            let expects_host = self.item.level == Level::Decoration && !on_floor;
+            out = self.on_floor(if expects_host { AGAINST_RELATION } else { 0.0 });
+        }
+        out
+    }
+
+    /// Yaws to try for an object that stands at a place.
+    pub(crate) fn yaws(&self, position: Vec3, base: f64) -> Vec<YawRule> {
+        match self.item.yaw {
+            YawHint::Fixed(yaw) if yaw.is_finite() => return vec![YawRule::Fixed(yaw)],
+            YawHint::About(yaw) if yaw.is_finite() => return vec![YawRule::About { yaw, sigma: HINT_SIGMA }],
+            _ => {}
+        }
+        if self.settings.relations {
+            let target = self.item.relations.facing_toward.as_ref().and_then(|id| self.scene.find(id));
+            if let Some(yaw) = target.and_then(|t| facing(position, t)) {
+                return vec![YawRule::About { yaw, sigma: FACING_SIGMA }];
+            }
+        }
+        let quarter = std::f64::consts::FRAC_PI_2;
+        if self.item.traits.flat {
+            return vec![
+                YawRule::About { yaw: base, sigma: RUG_SIGMA },
+                YawRule::About { yaw: base + quarter, sigma: RUG_SIGMA },
+            ];
+        }
+        // The 90 degree grid first, the diagonals after it.
+        [0.0, 1.0, 2.0, 3.0, 0.5, 1.5, 2.5, 3.5].map(|k| YawRule::Free(base + k * quarter)).to_vec()
+    }
+
+    fn on_floor(&self, price: f64) -> Vec<Hypothesis<'a>> {
+        let mut out = Vec::new();
+        let wall = if self.settings.relations { self.item.relations.wall_affinity.wall() } else { None };
+        if let Some(wall) = wall {
+            let frame = self.frame(Anchoring::AgainstWall(wall), YawRule::Fixed(wall.yaw()));
+            for position in self.wall_positions(&frame, wall) {
+                out.push(self.settled(frame, position, price));
+            }
+            let about = YawRule::About { yaw: wall.yaw(), sigma: HINT_SIGMA };
+            let frame = self.frame(Anchoring::Floor, about);
+            for position in self.floor_positions(&frame) {
+                out.push(self.settled(frame, position, price + AGAINST_RELATION));
+            }
+            return out;
+        }
+        let rough = self.frame(Anchoring::Floor, YawRule::Fixed(0.0));
+        let around = self.floor_positions(&rough).first().copied().unwrap_or(Vec3::ZERO);
+        for yaw in self.yaws(around, 0.0) {
+            let frame = self.frame(Anchoring::Floor, yaw);
+            out.extend(self.floor_positions(&frame).into_iter().map(|p| self.settled(frame, p, price)));
+        }
+        out
+    }
+
+    /// Places along a wall: where the mask's centre is seen at the object's own distance to the wall.
+    fn wall_positions(&self, frame: &Frame, wall: harmony_scene::Wall) -> Vec<Vec3> {
+        let e = &self.scene.room.extents;
+        let size = size_of(self.item, &self.sized(Vec3::ZERO, wall.yaw()));
+        let away = size.z / 2.0 + self.settings.wall_gap;
+        let ray = self.scene.camera.ray(self.view.mask_box.centre());
+        let towards = -ray.direction.dot(wall.normal());
+        let mut out = Vec::new();
+        if towards > 0.05 {
+            let k = (wall.distance(e, ray.origin) - away) / towards;
+            if k.is_finite() && k > 0.0 {
+                out.push(ray.at(k));
+            }
+        }
+        out.extend(self.floor_positions(frame));
+        out
+    }
+
+    /// Places on the floor for the base centre, by contact, by points, by apparent size.
+    fn floor_positions(&self, frame: &Frame) -> Vec<Vec3> {
+        let mut out = Vec::new();
+        let pose = self.sized(Vec3::ZERO, frame.yaw.start());
+        out.extend(self.by_points(&pose));
+        out.extend(self.by_contact(frame, &pose, 0.0, 3));
+        out.extend(self.by_size(&pose));
+        if out.is_empty() {
+            let e = &self.scene.room.extents;
+            out.push(Vec3::new(e.width / 2.0, 0.0, e.depth / 2.0));
+        }
+        out
+    }
+
+    /// Half of an object's extent along a horizontal direction.
+    fn half_along(&self, pose: &Pose, direction: Vec3) -> f64 {
+        let size = size_of(self.item, pose);
+        let turned = Pose { position: Vec3::ZERO, scale: 1.0, stretch: Vec3::ONE, ..*pose }.linear();
+        (turned * Vec3::X).dot(direction).abs() * size.x / 2.0 + (turned * Vec3::Z).dot(direction).abs() * size.z / 2.0
+    }
+
+    /// Base centre behind the contact of the mask's lowest (edge 3) or highest (edge 1) row with a level plane.
+    pub(crate) fn by_contact(&self, frame: &Frame, pose: &Pose, height: f64, edge: usize) -> Option<Vec3> {
+        if !self.view.free[edge] {
+            return None;
+        }
+        let b = &self.view.mask_box;
+        let pixel = Vec2::new(b.centre().x, if edge == 3 { b.y1 } else { b.y0 });
+        let hit = steps::plane_hit(frame, pixel, height)?;
+        let away = level_direction(hit - self.scene.camera.centre())?;
+        Some(hit + away * self.half_along(pose, away))
+    }
+
+    /// Centre of the masked points, pushed back by what is hidden behind the front.
+    pub(crate) fn by_points(&self, pose: &Pose) -> Option<Vec3> {
+        if !self.dense() {
+            return None;
+        }
+        let points = self.view.masked_points();
+        if points.len() < 8 {
+            return None;
+        }
+        let of = |i: usize| median(&mut points.iter().map(|p| p[i]).collect::<Vec<_>>());
+        let centre = Vec3::new(of(0), of(1), of(2));
+        let away = level_direction(centre - self.scene.camera.centre())?;
+        Some(centre + away * self.half_along(pose, away) * 0.5)
+    }
+
+    /// Where the object has its prior size in the mask.
+    pub(crate) fn by_size(&self, pose: &Pose) -> Option<Vec3> {
+        let camera = &self.scene.camera;
+        let (b, free, k) = (&self.view.mask_box, self.view.free, camera.intrinsics);
+        let size = size_of(self.item, pose);
+        let right = level_direction(camera.right())?;
+        let depth = if free[1] && free[3] && !self.item.traits.flat && b.height() > 1.0 {
+            k.fy * size.y / b.height()
+        } else if free[0] && free[2] && b.width() > 1.0 {
+            k.fx * 2.0 * self.half_along(pose, right) / b.width()
+        } else {
+            return None;
+        };
+        let point = camera.unproject(b.centre(), depth.clamp(0.3, 30.0));
+        Some(point - Vec3::Y * size.y / 2.0)
+    }
+
+    /// Under the ceiling: by the ray to the ceiling, by points, by size; the room's centre as the last resort.
+    fn under_ceiling(&self) -> Vec<Hypothesis<'a>> {
+        let e = self.scene.room.extents;
+        let rules = match self.item.yaw {
+            YawHint::Fixed(yaw) if yaw.is_finite() => vec![YawRule::Fixed(yaw)],
+            YawHint::About(yaw) if yaw.is_finite() => vec![YawRule::About { yaw, sigma: HINT_SIGMA }],
+            _ => vec![YawRule::Free(0.0)],
+        };
+        let mut out = Vec::new();
+        for rule in rules {
+            let frame = self.frame(Anchoring::Ceiling, rule);
+            let pose = self.sized(Vec3::ZERO, rule.start());
+            let positions = [
+                self.by_points(&pose),
+                self.by_contact(&frame, &pose, e.height, 1),
+                self.by_size(&pose),
+                Some(Vec3::new(e.width / 2.0, 0.0, e.depth / 2.0)),
+            ];
+            out.extend(positions.into_iter().flatten().map(|p| self.settled(frame, p, 0.0)));
+        }
+        out
+    }
+}
+
+/// The horizontal unit vector along a direction.
+pub(crate) fn level_direction(v: Vec3) -> Option<Vec3> {
+    Vec3::new(v.x, 0.0, v.z).try_normalize()
+}
+
+/// Yaw with which an object at a place faces a placed one: towards the nearest point of its footprint's box.
+///
+/// A chair beside a long table looks straight at the edge, not at the table's centre.
+pub(crate) fn facing(from: Vec3, target: &crate::Placed) -> Option<f64> {
+    let half = target.size().as_vec() / 2.0;
+    let (sin, cos) = target.pose.yaw.sin_cos();
+    let d = from - target.pose.position;
+    let local = Vec3::new(d.x * cos - d.z * sin, 0.0, d.x * sin + d.z * cos);
+    let nearest = Vec3::new(local.x.clamp(-half.x, half.x), 0.0, local.z.clamp(-half.z, half.z));
+    let outside = nearest - local;
+    // Inside the footprint (a tucked chair that is still misplaced) the centre has to do.
+    let towards = if outside.length() > 0.02 { outside } else { -local };
+    let room = Vec3::new(towards.x * cos + towards.z * sin, 0.0, -towards.x * sin + towards.z * cos);
+    let room = level_direction(room)?;
+    Some(room.x.atan2(room.z))
+}

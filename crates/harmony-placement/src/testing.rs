@@ -1,0 +1,77 @@
+//! A small room and boxes for the tests of this crate.
+
+use std::sync::Arc;
+
+use harmony_mesh::{Group, Material, Mesh};
+use harmony_scene::{
+    Camera, Extents, ImageSize, Intrinsics, Level, Mask, ObjectId, Placement, Pose, Relations, Room, Size, Vec3,
+};
+
+use crate::{Item, PartialScene, Shape, Traits, YawHint};
+
+/// A closed box: bottom at y = 0, centred in x and z.
+pub(crate) fn box_mesh(size: Vec3) -> Mesh {
+    let h = (size / 2.0).as_vec3();
+    let mut mesh = Mesh { materials: vec![Material::plain("box", [0.5; 3])], ..Mesh::default() };
+    for i in 0..8_u32 {
+        let pick = |bit: u32, v: f32| if i & bit == 0 { -v } else { v };
+        mesh.positions.push(glam::Vec3::new(pick(1, h.x), pick(2, h.y) + h.y, pick(4, h.z)));
+        mesh.uvs.push(glam::Vec2::ZERO);
+    }
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles = quads.iter().flat_map(|q: &[u32; 4]| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
+    mesh.groups.push(Group { material: 0, triangles });
+    mesh.recompute_normals();
+    mesh
+}
+
+/// A room of 4 x 2.5 x 5 metres, seen from its front.
+pub(crate) fn empty_room() -> PartialScene {
+    let size = ImageSize::new(640, 480);
+    let camera = Camera::looking(
+        size,
+        Intrinsics::from_horizontal_fov(size, 1.25),
+        Vec3::new(2.2, 1.5, 4.8),
+        Vec3::new(-0.05, -0.2, -1.0),
+    );
+    let room = Room {
+        room_type: "test".to_owned(),
+        extents: Extents { width: 4.0, height: 2.5, depth: 5.0 },
+        seen: Vec::new(),
+        openings: Vec::new(),
+        floor_texture: None,
+        wall_texture: None,
+    };
+    PartialScene::new(room, camera, None, None)
+}
+
+/// A box as an item: seen at a pose, alone.
+pub(crate) fn boxed(scene: &PartialScene, size: Vec3, position: Vec3, yaw: f64) -> Item {
+    let shape = Arc::new(Shape::new(Arc::new(box_mesh(size)), Vec::new()));
+    let mask = seen(scene, &shape, &Pose::new(position, yaw, 1.0));
+    Item {
+        id: ObjectId::numbered("box", 1),
+        index: 10,
+        level: Level::Furniture,
+        label: "box".to_owned(),
+        shape,
+        size: Size::from_vec(size),
+        mask,
+        occluders: None,
+        relations: Relations::default(),
+        placement: Placement::default(),
+        host_candidates: Vec::new(),
+        traits: Traits::default(),
+        yaw: YawHint::Unknown,
+        mean_color: None,
+        detection: None,
+    }
+}
+
+/// The mask of a shape at a pose, alone in the image.
+pub(crate) fn seen(scene: &PartialScene, shape: &Shape, pose: &Pose) -> Mask {
+    let mut depth = vec![0.0; scene.camera.size.pixels()];
+    crate::raster::rasterise(&scene.camera, shape.proxy(), pose, &mut depth);
+    let width = scene.camera.size.width;
+    Mask::from_fn(scene.camera.size, |x, y| depth[(y * width + x) as usize] > 0.0)
+}

@@ -1,0 +1,398 @@
+//! The window in which one object is compared with its mask and the point map.
+
+use harmony_mesh::Mesh;
+use harmony_scene::{Camera, ImageSize, Intrinsics, Mask, PixelBox, Pose, Vec2, Vec3};
+
+use crate::raster::rasterise;
+use crate::{PartialScene, RoomPoints};
+
+/// Two surfaces closer than this along the view hide neither each other, metres.
+const HIDING_TOLERANCE: f32 = 0.03;
+
+/// Depth differences beyond this count little more, metres: another surface was hit.
+const DEPTH_SOFT_LIMIT: f64 = 0.4;
+
+/// Mask margin around the mask's box, fraction of its size on each side.
+const WINDOW_PADDING: f64 = 0.6;
+
+/// Whether the pixel of another object could hide this one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Other {
+    /// No other object is seen here, or one that cannot hide this one.
+    None,
+    /// An object that may be nearer and is not placed yet.
+    MayHide,
+    /// Another object: the point map decides, if there is one.
+    AskDepth,
+}
+
+/// An object's mask seen through a crop of the camera, with everything that decides what could be visible.
+#[derive(Debug, Clone)]
+pub(crate) struct View {
+    /// The crop, scaled so that the window has the wanted number of pixels.
+    camera: Camera,
+    /// The part of the image it shows, image pixels.
+    region: PixelBox,
+    /// Window pixels per image pixel.
+    zoom: f64,
+    mask: Vec<bool>,
+    mask_count: f64,
+    others: Vec<Other>,
+    /// Planar depth of the point map, NaN where there is none.
+    reference: Vec<f32>,
+    /// Planar depth of what is placed, 0 where nothing is.
+    scene: Vec<f32>,
+    /// Robust box of the mask, image pixels.
+    pub(crate) mask_box: PixelBox,
+    /// Free edges of the mask: left, top, right, bottom.
+    pub(crate) free: [bool; 4],
+    size: ImageSize,
+}
+
+/// How a pose agrees with mask and point map.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Match {
+    /// IoU where both could be visible.
+    pub(crate) iou: f64,
+    /// IoU of mask and what would be visible in the partial scene, nothing excused but unplaced neighbours.
+    pub(crate) strict_iou: f64,
+    /// Box of the whole (unoccluded) projection, image pixels; `None` when it is not in view.
+    pub(crate) outline: Option<PixelBox>,
+    /// Mean soft depth difference over mask and silhouette, metres; `None` without depth there.
+    pub(crate) soft_depth: Option<f64>,
+    /// Median absolute depth difference, metres.
+    pub(crate) depth_residual: Option<f64>,
+    /// Share of the mask that has depth to compare with.
+    pub(crate) depth_share: f64,
+    /// Share of the silhouette that the mask shows.
+    pub(crate) visible_share: f64,
+}
+
+/// The mask of another object.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Neighbour<'a> {
+    /// Where it is seen.
+    pub(crate) mask: &'a Mask,
+    /// Whether it is not placed yet and may be nearer than the object in question.
+    pub(crate) may_hide: bool,
+}
+
+/// Whether any neighbour that may hide the object is seen at a pixel.
+fn hiding(neighbours: &[Neighbour], x: i64, y: i64) -> bool {
+    neighbours.iter().any(|n| n.may_hide && n.mask.get(x, y))
+}
+
+impl View {
+    /// Prepares the window of a mask. `mask_box` must be the mask's box, not empty.
+    pub(crate) fn new(
+        scene: &PartialScene,
+        skip: Option<usize>,
+        mask: &Mask,
+        neighbours: &[Neighbour],
+        window_px: u32,
+    ) -> Option<Self> {
+        let image = scene.camera.size;
+        let cleaned = clean_box(mask)?;
+        let region = padded(&cleaned, image);
+        let zoom = (f64::from(window_px) / region.width().max(region.height())).min(4.0);
+        let size = ImageSize::new(
+            ((region.width() * zoom).round() as u32).max(1),
+            ((region.height() * zoom).round() as u32).max(1),
+        );
+        let k = scene.camera.intrinsics;
+        let camera = Camera {
+            size,
+            intrinsics: Intrinsics {
+                fx: k.fx * zoom,
+                fy: k.fy * zoom,
+                cx: (k.cx - region.x0) * zoom,
+                cy: (k.cy - region.y0) * zoom,
+            },
+            ..scene.camera
+        };
+        let n = size.pixels();
+        let mut view = Self {
+            camera,
+            region,
+            zoom,
+            mask: Vec::with_capacity(n),
+            mask_count: 0.0,
+            others: Vec::with_capacity(n),
+            reference: Vec::with_capacity(n),
+            scene: vec![0.0; n],
+            mask_box: cleaned,
+            free: free_edges(mask, &cleaned, neighbours),
+            size,
+        };
+        for y in 0..size.height {
+            for x in 0..size.width {
+                let px = region.x0 + (f64::from(x) + 0.5) / zoom;
+                let py = region.y0 + (f64::from(y) + 0.5) / zoom;
+                let (ix, iy) = (px as i64, py as i64);
+                let on = mask.get(ix, iy);
+                view.mask.push(on);
+                view.mask_count += f64::from(u8::from(on));
+                view.others.push(if hiding(neighbours, ix, iy) {
+                    Other::MayHide
+                } else if neighbours.iter().any(|n| n.mask.get(ix, iy)) {
+                    Other::AskDepth
+                } else {
+                    Other::None
+                });
+                view.reference.push(scene.points.as_ref().map_or(f32::NAN, |p| reference_depth(p, scene, px, py)));
+            }
+        }
+        if view.mask_count < 1.0 {
+            return None;
+        }
+        let mut depth = std::mem::take(&mut view.scene);
+        for (i, placed) in scene.placed.iter().enumerate() {
+            if Some(i) != skip {
+                rasterise(&view.camera, placed.item.shape.proxy(), &placed.pose, &mut depth);
+            }
+        }
+        view.scene = depth;
+        Some(view)
+    }
+
+    /// Planar depth of an object alone in the window, 0 where it isn't.
+    fn draw(&self, mesh: &Mesh, pose: &Pose) -> Vec<f32> {
+        let mut depth = vec![0.0; self.size.pixels()];
+        rasterise(&self.camera, mesh, pose, &mut depth);
+        depth
+    }
+
+    /// Compares a pose with mask and point map.
+    pub(crate) fn compare(&self, mesh: &Mesh, pose: &Pose) -> Match {
+        let depth = self.draw(mesh, pose);
+        let (mut both, mut union, mut strict_both, mut strict_union) = (0.0, self.mask_count, 0.0, self.mask_count);
+        let mut drawn = 0.0;
+        let mut differences: Vec<f32> = Vec::new();
+        for (i, z) in depth.iter().copied().enumerate() {
+            if z <= 0.0 {
+                continue;
+            }
+            drawn += 1.0;
+            let s = self.scene[i];
+            let behind = s > 0.0 && z > s + HIDING_TOLERANCE;
+            if self.mask[i] {
+                both += 1.0;
+                strict_both += f64::from(u8::from(!behind));
+                let r = self.reference[i];
+                if r.is_finite() {
+                    differences.push(z - r);
+                }
+                continue;
+            }
+            // Not seen in the photo: excused where something nearer may stand before it.
+            let nearly_behind = s > 0.0 && z > s - HIDING_TOLERANCE;
+            let hidden = nearly_behind
+                || match self.others[i] {
+                    Other::None => false,
+                    Other::MayHide => {
+                        let r = self.reference[i];
+                        !r.is_finite() || r < z - HIDING_TOLERANCE
+                    }
+                    Other::AskDepth => self.reference[i] < z - HIDING_TOLERANCE,
+                };
+            if !hidden {
+                union += 1.0;
+                strict_union += 1.0;
+            }
+        }
+        let mut out = Match {
+            iou: both / union,
+            strict_iou: strict_both / strict_union,
+            outline: self.outline(mesh, pose),
+            depth_share: differences.len() as f64 / self.mask_count,
+            visible_share: if drawn > 0.0 { both / drawn } else { 0.0 },
+            ..Match::default()
+        };
+        if differences.len() >= 4 {
+            let n = differences.len() as f64;
+            let soft = differences.iter().map(|d| {
+                let a = f64::from(d.abs());
+                a / (1.0 + a / DEPTH_SOFT_LIMIT)
+            });
+            out.soft_depth = Some(soft.sum::<f64>() / n);
+            let mut absolute: Vec<f32> = differences.iter().map(|d| d.abs()).collect();
+            let middle = absolute.len() / 2;
+            let (_, median, _) = absolute.select_nth_unstable_by(middle, f32::total_cmp);
+            out.depth_residual = Some(f64::from(*median));
+        }
+        out
+    }
+
+    /// Depths along the view of the reference and of the rendered front surface, where both are seen: the points
+    /// of the paper's `c_ref` and `c_ren`.
+    pub(crate) fn front_depths(&self, mesh: &Mesh, pose: &Pose) -> (Vec<f64>, Vec<f64>) {
+        let depth = self.draw(mesh, pose);
+        let reference = self.masked_reference();
+        let rendered = depth
+            .iter()
+            .enumerate()
+            .filter(|(i, z)| **z > 0.0 && !(self.scene[*i] > 0.0 && **z > self.scene[*i] + HIDING_TOLERANCE))
+            .map(|(_, z)| f64::from(*z))
+            .collect();
+        (reference, rendered)
+    }
+
+    /// Reference depths within the mask.
+    pub(crate) fn masked_reference(&self) -> Vec<f64> {
+        self.mask
+            .iter()
+            .zip(&self.reference)
+            .filter(|(on, z)| **on && z.is_finite())
+            .map(|(_, z)| f64::from(*z))
+            .collect()
+    }
+
+    /// Positions (image pixels) of the window's samples within the mask.
+    pub(crate) fn masked_pixels(&self) -> Vec<Vec2> {
+        let w = self.size.width;
+        let at = |i: usize| Vec2::new(f64::from(i as u32 % w) + 0.5, f64::from(i as u32 / w) + 0.5);
+        let corner = Vec2::new(self.region.x0, self.region.y0);
+        (0..self.mask.len()).filter(|i| self.mask[*i]).map(|i| corner + at(i) / self.zoom).collect()
+    }
+
+    /// Reference points (room frame) within the mask.
+    pub(crate) fn masked_points(&self) -> Vec<Vec3> {
+        let w = self.size.width;
+        (0..self.mask.len())
+            .filter(|i| self.mask[*i] && self.reference[*i].is_finite())
+            .map(|i| {
+                let pixel = Vec2::new(f64::from(i as u32 % w) + 0.5, f64::from(i as u32 / w) + 0.5);
+                self.camera.unproject(pixel, f64::from(self.reference[i]))
+            })
+            .collect()
+    }
+
+    /// Box of the whole projection in image pixels.
+    fn outline(&self, mesh: &Mesh, pose: &Pose) -> Option<PixelBox> {
+        let linear = self.camera.rotation * pose.linear();
+        let offset = self.camera.to_camera(pose.position);
+        let k = self.camera.intrinsics;
+        let (mut x0, mut y0, mut x1, mut y1) = (f64::MAX, f64::MAX, f64::MIN, f64::MIN);
+        let mut front = 0_usize;
+        for p in &mesh.positions {
+            let c = linear * p.as_dvec3() + offset;
+            if c.z < crate::raster::NEAR {
+                continue;
+            }
+            front += 1;
+            let (x, y) = (k.fx * c.x / c.z, k.fy * c.y / c.z);
+            x0 = x0.min(x);
+            x1 = x1.max(x);
+            y0 = y0.min(y);
+            y1 = y1.max(y);
+        }
+        if front == 0 {
+            return None;
+        }
+        let (left, top) = (self.region.x0, self.region.y0);
+        Some(PixelBox {
+            x0: left + (x0 + k.cx) / self.zoom,
+            y0: top + (y0 + k.cy) / self.zoom,
+            x1: left + (x1 + k.cx) / self.zoom,
+            y1: top + (y1 + k.cy) / self.zoom,
+        })
+    }
+}
+
+/// Planar depth of the point map at an image position, NaN where it has none.
+fn reference_depth(points: &RoomPoints, scene: &PartialScene, px: f64, py: f64) -> f32 {
+    if !points.is_dense() {
+        return f32::NAN;
+    }
+    let image = scene.camera.size;
+    let x = (px * f64::from(points.size.width) / f64::from(image.width)) as usize;
+    let y = (py * f64::from(points.size.height) / f64::from(image.height)) as usize;
+    let (x, y) = (x.min(points.size.width as usize - 1), y.min(points.size.height as usize - 1));
+    let i = y * points.size.width as usize + x;
+    match (points.xyz.get(i), points.confidence.get(i)) {
+        (Some(p), Some(c)) if *c > 0.0 && p.is_finite() => {
+            let z = scene.camera.depth(*p) as f32;
+            if z > 0.0 { z } else { f32::NAN }
+        }
+        _ => f32::NAN,
+    }
+}
+
+/// The mask's box without stray specks: the tightest box of rows and columns that hold all but 0.2 % of it.
+pub(crate) fn clean_box(mask: &Mask) -> Option<PixelBox> {
+    let size = mask.size();
+    let (w, h) = (size.width as usize, size.height as usize);
+    let (mut columns, mut rows) = (vec![0_usize; w], vec![0_usize; h]);
+    let mut count = 0;
+    for (i, _) in mask.bits().iter().enumerate().filter(|(_, on)| **on) {
+        columns[i % w] += 1;
+        rows[i / w] += 1;
+        count += 1;
+    }
+    let range = |counts: &[usize]| {
+        let limit = count / 1000;
+        let end = |it: &mut dyn Iterator<Item = (usize, &usize)>| {
+            let mut sum = 0;
+            for (i, c) in it {
+                sum += c;
+                if sum > limit {
+                    return Some(i);
+                }
+            }
+            None
+        };
+        Some((end(&mut counts.iter().enumerate())?, end(&mut counts.iter().enumerate().rev())? + 1))
+    };
+    let ((x0, x1), (y0, y1)) = (range(&columns)?, range(&rows)?);
+    Some(PixelBox { x0: x0 as f64, y0: y0 as f64, x1: x1 as f64, y1: y1 as f64 })
+}
+
+/// A box grown for the window: a fraction of its size, at least a few pixels, cut to the image.
+fn padded(b: &PixelBox, image: ImageSize) -> PixelBox {
+    let margin = WINDOW_PADDING * b.width().max(b.height()) * 0.6 + 6.0;
+    let (dx, dy) = (margin.max(WINDOW_PADDING * b.width() * 0.5), margin.max(WINDOW_PADDING * b.height() * 0.5));
+    let g =
+        PixelBox { x0: (b.x0 - dx).floor(), y0: (b.y0 - dy).floor(), x1: (b.x1 + dx).ceil(), y1: (b.y1 + dy).ceil() };
+    g.clamped(image)
+}
+
+/// Which edges of the mask's box are the object's own: not cut by the image border, nor by what may hide it.
+fn free_edges(mask: &Mask, b: &PixelBox, neighbours: &[Neighbour]) -> [bool; 4] {
+    const BORDER: f64 = 2.0;
+    let image = mask.size();
+    let mut free =
+        [b.x0 > BORDER, b.y0 > BORDER, b.x1 < f64::from(image.width) - BORDER, b.y1 < f64::from(image.height) - BORDER];
+    if !neighbours.iter().any(|n| n.may_hide) {
+        return free;
+    }
+    // Of the mask's pixels within this band of an edge, the share with a hiding neighbour just outside decides.
+    let band = |extent: f64| (extent * 0.02).clamp(1.0, 6.0) as i64;
+    for (edge, free) in free.iter_mut().enumerate() {
+        if !*free {
+            continue;
+        }
+        let horizontal = edge % 2 == 0;
+        let depth = band(if horizontal { b.width() } else { b.height() });
+        let (dx, dy) = [(-1, 0), (0, -1), (1, 0), (0, 1)][edge];
+        let (mut seen, mut cut) = (0, 0);
+        let (x0, x1, y0, y1) = (b.x0 as i64, b.x1 as i64, b.y0 as i64, b.y1 as i64);
+        let (xs, ys) = match edge {
+            0 => (x0..(x0 + depth).min(x1), y0..y1),
+            1 => (x0..x1, y0..(y0 + depth).min(y1)),
+            2 => ((x1 - depth).max(x0)..x1, y0..y1),
+            _ => (x0..x1, (y1 - depth).max(y0)..y1),
+        };
+        for y in ys {
+            for x in xs.clone() {
+                // Boundary pixels on that side only.
+                if mask.get(x, y) && !mask.get(x + dx, y + dy) {
+                    seen += 1;
+                    let touches = (1..=4).any(|k| hiding(neighbours, x + k * dx, y + k * dy));
+                    cut += i32::from(touches);
+                }
+            }
+        }
+        *free = seen > 0 && cut * 5 < seen * 2;
+    }
+    free
+}

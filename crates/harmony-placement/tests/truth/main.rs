@@ -1,0 +1,145 @@
+//! Placement of rooms with known truth: masks, meshes, camera and relations are given, sizes are off by up to 15 %.
+//!
+//! The table is printed with `--nocapture`. `HARMONY_ROOM` picks one room, `HARMONY_DETAIL=1` lists every object.
+
+mod room;
+
+use std::time::Instant;
+
+use harmony_placement::{LevelReport, PlacementSettings, place_level};
+use harmony_scene::{Level, PointMapKind};
+use room::{GtRoom, Noise};
+
+/// What was measured on the objects of several rooms.
+#[derive(Debug, Default)]
+struct Errors {
+    position: Vec<f64>,
+    size: Vec<f64>,
+    yaw_deg: Vec<f64>,
+    iou: Vec<f64>,
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut v = values.to_vec();
+    v.sort_by(f64::total_cmp);
+    v.get(v.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+fn share_above(values: &[f64], limit: f64) -> f64 {
+    values.iter().filter(|v| **v > limit).count() as f64 / values.len().max(1) as f64
+}
+
+impl Errors {
+    fn print(&self, name: &str, seconds: f64) {
+        let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
+        println!(
+            "{name:<28} n {:>3}  position median {:.3} mean {:.3} >0.2: {:>4.1} %  size median {:.3}  yaw median {:>5.2} mean {:>5.1} >30: {:>4.1} %  IoU {:.3}  {seconds:.1} s",
+            self.position.len(),
+            median(&self.position),
+            mean(&self.position),
+            100.0 * share_above(&self.position, 0.2),
+            median(&self.size),
+            median(&self.yaw_deg),
+            mean(&self.yaw_deg),
+            100.0 * share_above(&self.yaw_deg, 30.0),
+            median(&self.iou),
+        );
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.position.extend(&other.position);
+        self.size.extend(&other.size);
+        self.yaw_deg.extend(&other.yaw_deg);
+        self.iou.extend(&other.iou);
+    }
+}
+
+/// Places one room and compares with the truth.
+fn place_room(name: &str, kind: Option<PointMapKind>, settings: &PlacementSettings) -> Option<Errors> {
+    let gt = GtRoom::load(name)?;
+    let mut scene = gt.scene(kind);
+    let mut errors = Errors::default();
+    let detail = std::env::var_os("HARMONY_DETAIL").is_some();
+    for level in Level::ALL {
+        let items = gt.items(level, &Noise { size: 0.15, seed: 7 });
+        scene.upcoming = gt.upcoming(level);
+        let count = items.len();
+        let report: LevelReport = place_level(&mut scene, items, None, settings);
+        assert_eq!(report.objects.len() + report.dropped.len(), count, "every item is placed or dropped");
+        if detail {
+            for u in &report.unresolved {
+                println!("    unresolved {} {:?} {:.3}", u.a, u.b, u.penetration);
+            }
+            for d in &report.dropped {
+                println!("    dropped {} {}", d.0, d.1);
+            }
+        }
+    }
+    for placed in &scene.placed {
+        let Some(truth) = gt.truth(placed.item.id.as_str()) else { continue };
+        let e = truth.compare(placed);
+        if detail {
+            println!(
+                "    {:<20} pos {:.3} ({:+.3} {:+.3} {:+.3})  size {:.3}  yaw {:>6.1}{}  IoU {:.3}  depth {:?}  pen {:.3} conf {:.2} on {:?}",
+                placed.item.id.as_str(),
+                e.offset.length(),
+                e.offset.x,
+                e.offset.y,
+                e.offset.z,
+                e.size,
+                e.yaw_deg,
+                if truth.yaw_counts { " " } else { "*" },
+                placed.evidence.silhouette_iou.unwrap_or(f64::NAN),
+                placed.evidence.depth_residual_m.map(|d| (d * 1e4).round() / 1e4),
+                placed.evidence.penetration_m,
+                placed.confidence().overall,
+                placed.support,
+            );
+        }
+        errors.position.push(e.offset.length());
+        errors.size.push(e.size);
+        if truth.yaw_counts {
+            errors.yaw_deg.push(e.yaw_deg);
+        }
+        errors.iou.push(placed.evidence.silhouette_iou.unwrap_or(0.0));
+    }
+    Some(errors)
+}
+
+fn measure(title: &str, kind: Option<PointMapKind>, settings: &PlacementSettings) -> Option<Errors> {
+    let mut all = Errors::default();
+    let only = std::env::var("HARMONY_ROOM").ok();
+    let begun = Instant::now();
+    for name in room::names()? {
+        if only.as_ref().is_some_and(|o| *o != name) {
+            continue;
+        }
+        let begun = Instant::now();
+        let errors = place_room(&name, kind, settings)?;
+        errors.print(&format!("  {name}"), begun.elapsed().as_secs_f64());
+        all.add(&errors);
+    }
+    all.print(title, begun.elapsed().as_secs_f64());
+    Some(all)
+}
+
+#[test]
+fn rooms_with_a_depth_map_come_out_where_they_are() {
+    let Some(e) = measure("metric depth", Some(PointMapKind::Metric), &PlacementSettings::default()) else {
+        println!("skipped: no rooms with truth found; set HARMONY_SHARED");
+        return;
+    };
+    assert!(median(&e.position) < 0.1, "median position error {}", median(&e.position));
+    assert!(median(&e.size) < 0.08, "median size error {}", median(&e.size));
+    assert!(median(&e.yaw_deg) < 5.0, "median yaw error {}", median(&e.yaw_deg));
+}
+
+#[test]
+fn rooms_without_depth_come_out_near_where_they_are() {
+    let Some(e) = measure("room box, no depth", Some(PointMapKind::RoomBox), &PlacementSettings::default()) else {
+        println!("skipped: no rooms with truth found; set HARMONY_SHARED");
+        return;
+    };
+    assert!(median(&e.position) < 0.1, "median position error {}", median(&e.position));
+    assert!(median(&e.size) < 0.08, "median size error {}", median(&e.size));
+}
