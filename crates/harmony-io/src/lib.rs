@@ -9,12 +9,14 @@
 //! | [`picture`] | PNG and JPEG, encoded and decoded within limits |
 //! | [`photo`] | the photo: upright sRGB, EXIF focal length, what was unusual about it |
 //! | [`points`] | point maps (`.npz`) and depth images (PNG, PGM) |
+//! | [`npz`] | NumPy arrays in and out |
 //! | [`masks`] | instance masks of others, our own one-bit masks, `segmentation.png` |
 //! | [`glb`] | the scene as a GLB file, and GLB files of others as meshes |
 
 pub mod atomic;
 pub mod glb;
 pub mod masks;
+pub mod npz;
 pub mod photo;
 pub mod picture;
 pub mod points;
