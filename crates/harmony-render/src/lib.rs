@@ -21,10 +21,17 @@
 //! assert!((frame.depth[24 * 64 + 32] - 4.0).abs() < 1e-5);
 //! ```
 
+mod assemble;
 mod bake;
 mod cameras;
 mod frame;
+mod mips;
+mod prepare;
+mod raster;
 mod renderer;
+mod resolve;
+mod shade;
+mod srgb;
 
 pub use bake::{BakeOptions, BakedMesh, SlotColour, bake_texture, slot_colors};
 pub use cameras::{RoomView, canonical_camera, mesh_view_camera, orbit_cameras};

@@ -1,15 +1,33 @@
 //! The rasteriser's front door.
 
+use std::fmt;
+use std::sync::{Mutex, PoisonError};
+
 use harmony_scene::{Camera, PixelBox};
 use image::RgbaImage;
+use rayon::prelude::*;
 
+use crate::assemble::{Layout, Piece, Projected, assemble, project};
+use crate::mips::MipCache;
+use crate::prepare::Draw;
+use crate::raster::Band;
+use crate::resolve;
 use crate::{DepthFrame, Frame, Instance, RenderOptions, Window, WindowFrame};
 
 /// Draws frames, and keeps the texture pyramids and buffers that the next frame needs again.
 ///
 /// One value can be shared by threads. Textures are recognised by their `Arc`; drop the renderer to free them.
-#[derive(Debug, Default)]
-pub struct Renderer {}
+#[derive(Default)]
+pub struct Renderer {
+    textures: MipCache,
+    scratch: Mutex<Vec<Scratch>>,
+}
+
+impl fmt::Debug for Renderer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Renderer").field("textures", &self.textures).finish_non_exhaustive()
+    }
+}
 
 impl Renderer {
     /// With nothing cached.
@@ -50,21 +68,107 @@ impl Renderer {
         self.draw_depth(camera, instances, options, Window::covering(camera.size, &window))
     }
 
-    fn draw(&self, _camera: &Camera, _instances: &[Instance], options: &RenderOptions, window: Window) -> Frame {
+    fn draw(&self, camera: &Camera, instances: &[Instance], options: &RenderOptions, window: Window) -> Frame {
+        let draw = Draw::new(camera, instances, options.near, window, &self.textures);
+        // Pyramids are made here, in parallel, so that no band waits for another band's texture.
+        draw.runs.par_iter().filter_map(|r| r.texture.as_ref()).for_each(|t| t.build());
         let n = window.size.pixels();
-        let color = RgbaImage::from_pixel(window.size.width, window.size.height, image::Rgba(options.background));
-        Frame { size: window.size, color, depth: vec![0.0; n], ids: vec![0; n] }
+        let (mut depth, mut ids) = (vec![0.0; n], vec![0; n]);
+        let mut color = options.background.repeat(n);
+        self.pass(&draw, &mut depth, &mut ids, Some((&mut color, options)));
+        drop(draw);
+        self.textures.sweep();
+        let color = RgbaImage::from_raw(window.size.width, window.size.height, color)
+            .expect("the buffer was made with four bytes a pixel of this size");
+        Frame { size: window.size, color, depth, ids }
     }
 
     fn draw_depth(
         &self,
-        _camera: &Camera,
-        _instances: &[Instance],
-        _options: &RenderOptions,
+        camera: &Camera,
+        instances: &[Instance],
+        options: &RenderOptions,
         window: Window,
     ) -> DepthFrame {
+        let draw = Draw::new(camera, instances, options.near, window, &self.textures);
         let n = window.size.pixels();
-        DepthFrame { window, depth: vec![0.0; n], ids: vec![0; n] }
+        let (mut depth, mut ids) = (vec![0.0; n], vec![0; n]);
+        self.pass(&draw, &mut depth, &mut ids, None);
+        drop(draw);
+        self.textures.sweep();
+        DepthFrame { window, depth, ids }
+    }
+
+    /// Assembles all triangles into bands of rows, then draws and shades each band by itself.
+    ///
+    /// `depth` and `ids` hold reciprocal depth and triangle number until their band is finished.
+    fn pass(&self, draw: &Draw, depth: &mut [f32], ids: &mut [u32], color: Option<(&mut Vec<u8>, &RenderOptions)>) {
+        if draw.triangles == 0 || depth.is_empty() {
+            return;
+        }
+        let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
+        let options = color.as_ref().map(|(_, o)| **o);
+        let multisample = options.is_some_and(|o| o.multisample);
+        let layout = scratch.assemble(draw, multisample);
+        let window = draw.view.window;
+        let width = window.size.width as usize;
+        let band_pixels = layout.band_rows as usize * width;
+        let mut empty = Vec::new();
+        let color = color.map_or(&mut empty, |(c, _)| c);
+        let colors: Vec<&mut [u8]> = if options.is_some() {
+            color.chunks_mut(band_pixels * 4).collect()
+        } else {
+            (0..layout.bands).map(|_| Default::default()).collect()
+        };
+        let pieces = &scratch.pieces;
+        depth.par_chunks_mut(band_pixels).zip(ids.par_chunks_mut(band_pixels)).zip(colors).enumerate().for_each(
+            |(i, ((depth, ids), color))| {
+                let mine = || pieces.iter().skip(i).step_by(layout.bands).map(Vec::as_slice);
+                let (x0, y0) = (window.x0 as i32, window.y0 as i32 + (i * layout.band_rows as usize) as i32);
+                let mut band = Band { x0, y0, width, offset: [0, 0], inverse_depth: depth, triangle: ids };
+                band.clear();
+                mine().for_each(|p| band.draw(draw, p));
+                if let Some(options) = &options {
+                    if multisample {
+                        resolve::multisampled(draw, options, x0, y0, width, mine(), color);
+                    } else {
+                        resolve::single(draw, options, &band, color);
+                    }
+                }
+                resolve::finish(draw, &mut band);
+            },
+        );
+        self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
+    }
+}
+
+/// Buffers that are kept between passes.
+#[derive(Default)]
+struct Scratch {
+    projected: Vec<Projected>,
+    /// Pieces by task and band, bands fastest.
+    pieces: Vec<Vec<Piece>>,
+}
+
+impl Scratch {
+    fn assemble(&mut self, draw: &Draw, multisample: bool) -> Layout {
+        project(draw, &mut self.projected);
+        // How the work is cut does not change the result, only the time.
+        let threads = rayon::current_num_threads() as u32;
+        let rows = draw.view.window.size.height;
+        let band_rows = (rows / (8 * threads)).clamp(8, 64);
+        let bands = rows.div_ceil(band_rows) as usize;
+        let layout = Layout { band_rows, bands, spread: if multisample { resolve::SPREAD } else { 0 } };
+        let share = (draw.triangles / (4 * threads)).clamp(4096, 65_536);
+        let tasks = draw.triangles.div_ceil(share) as usize;
+        self.pieces.resize_with(tasks * bands, Vec::new);
+        let projected = &self.projected;
+        self.pieces.par_chunks_mut(bands).enumerate().for_each(|(task, bands)| {
+            bands.iter_mut().for_each(Vec::clear);
+            let from = task as u32 * share;
+            assemble(draw, projected, from, from.saturating_add(share).min(draw.triangles), layout, bands);
+        });
+        layout
     }
 }
 

@@ -1,0 +1,135 @@
+//! Colour of the visible triangle at a sample: perspective-correct texture lookup and lighting.
+
+use glam::{Vec2, Vec3};
+
+use crate::Lighting;
+use crate::prepare::Draw;
+
+/// A visible triangle in the camera's frame, ready to be met by pixel rays.
+///
+/// With corner `p0` and edges `e1`, `e2`, the ray `k d` meets it at the barycentric coordinates
+/// `u = d.a / d.c`, `v = d.b / d.c`, where `a = e2 x t`, `b = t x e1`, `c = e2 x e1`, `t = -p0`
+/// (Moller and Trumbore, "Fast, minimum storage ray/triangle intersection", 1997, with `d` factored out).
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Facet {
+    corners: [usize; 3],
+    a: Vec3,
+    b: Vec3,
+    c: Vec3,
+    uv: [Vec2; 3],
+    /// Pixel to ray: `d = ((x - cx) / fx, (y - cy) / fy, 1)`.
+    step: Vec2,
+    centre: Vec2,
+}
+
+/// Where a ray meets a facet.
+#[derive(Debug, Clone, Copy)]
+struct Meeting {
+    /// Barycentric weights of the corners, none negative.
+    weights: [f32; 3],
+    uv: Vec2,
+    /// Change of `uv` a pixel along x and y.
+    uv_dx: Vec2,
+    uv_dy: Vec2,
+}
+
+impl Facet {
+    pub(crate) fn new(draw: &Draw, triangle: u32, run: usize) -> Self {
+        let (corners, positions) = draw.corners(triangle, run);
+        let placed = &draw.placed[draw.runs[run].placed];
+        let m = placed.linear_f32;
+        let p0 = m * positions[0] + placed.translation_f32;
+        let (e1, e2) = (m * (positions[1] - positions[0]), m * (positions[2] - positions[0]));
+        let t = -p0;
+        let uvs = &placed.mesh.uvs;
+        Self {
+            corners,
+            a: e2.cross(t),
+            b: t.cross(e1),
+            c: e2.cross(e1),
+            uv: corners.map(|i| uvs.get(i).copied().unwrap_or(Vec2::ZERO)),
+            step: Vec2::new(1.0 / draw.view.fx as f32, 1.0 / draw.view.fy as f32),
+            centre: Vec2::new(draw.view.cx as f32, draw.view.cy as f32),
+        }
+    }
+
+    fn meet(&self, x: f32, y: f32) -> Meeting {
+        let d = ((Vec2::new(x, y) - self.centre) * self.step).extend(1.0);
+        let inverse = 1.0 / d.dot(self.c);
+        let (u, v) = (d.dot(self.a) * inverse, d.dot(self.b) * inverse);
+        // Snapping lets a sample lie a little outside: hold it on the triangle, and thereby on its texture island.
+        let (mut w1, mut w2) = (u.max(0.0), v.max(0.0));
+        let sum = w1 + w2;
+        if sum > 1.0 {
+            w1 /= sum;
+            w2 /= sum;
+        }
+        let [t0, t1, t2] = self.uv;
+        let (along1, along2) = (t1 - t0, t2 - t0);
+        // Quotient rule on u = d.a / d.c.
+        let slope = |axis: usize| {
+            let k = self.step[axis] * inverse;
+            along1 * ((self.a[axis] - u * self.c[axis]) * k) + along2 * ((self.b[axis] - v * self.c[axis]) * k)
+        };
+        Meeting {
+            weights: [1.0 - w1 - w2, w1, w2],
+            uv: t0 + along1 * w1 + along2 * w2,
+            uv_dx: slope(0),
+            uv_dy: slope(1),
+        }
+    }
+
+    /// Alpha of the material at a raster position.
+    pub(crate) fn alpha(&self, draw: &Draw, run: usize, x: f32, y: f32) -> f32 {
+        let run = &draw.runs[run];
+        run.texture.as_ref().map_or(1.0, |t| self.meet(x, y).sample(t)[3]) * run.base_color[3]
+    }
+
+    /// Linear colour at a raster position.
+    pub(crate) fn color(&self, draw: &Draw, run: usize, lighting: Lighting, x: f32, y: f32) -> [f32; 3] {
+        let run = &draw.runs[run];
+        let [r, g, b, _] = run.base_color;
+        let mut color = [r, g, b];
+        let lit = lighting == Lighting::HeadLight;
+        if run.texture.is_some() || lit {
+            let meeting = self.meet(x, y);
+            if let Some(texture) = &run.texture {
+                let t = meeting.sample(texture);
+                color = [r * t[0], g * t[1], b * t[2]];
+            }
+            if lit {
+                let k = self.head_light(draw, run.placed, &meeting, x, y);
+                color = color.map(|c| c * k);
+            }
+        }
+        std::array::from_fn(|i| color[i] + run.emissive[i])
+    }
+
+    /// Light that comes back from a matt surface lit from the camera, with some ambient light.
+    fn head_light(&self, draw: &Draw, placed: usize, meeting: &Meeting, x: f32, y: f32) -> f32 {
+        const AMBIENT: f32 = 0.15;
+        let placed = &draw.placed[placed];
+        let normals = &placed.mesh.normals;
+        let smooth: Vec3 = self
+            .corners
+            .iter()
+            .zip(meeting.weights)
+            .map(|(i, w)| normals.get(*i).copied().unwrap_or(Vec3::ZERO) * w)
+            .sum();
+        let n = (placed.normal * smooth).try_normalize().or_else(|| self.c.try_normalize());
+        let d = ((Vec2::new(x, y) - self.centre) * self.step).extend(1.0).normalize_or(Vec3::Z);
+        // The absolute value lights back faces of double-sided materials, and bad normals, as their fronts.
+        let cosine = n.map_or(1.0, |n| n.dot(d).abs());
+        AMBIENT + (1.0 - AMBIENT) * cosine
+    }
+}
+
+impl Meeting {
+    #[inline]
+    fn sample(&self, texture: &crate::mips::Pyramid) -> [f32; 4] {
+        let (w, h) = texture.size();
+        let size = Vec2::new(w, h);
+        let longest = (self.uv_dx * size).length_squared().max((self.uv_dy * size).length_squared());
+        texture.sample(self.uv.x, self.uv.y, longest)
+    }
+}
