@@ -17,6 +17,7 @@
 
 mod components;
 mod distance;
+mod noise;
 mod polygon;
 mod resample;
 

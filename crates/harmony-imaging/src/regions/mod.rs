@@ -1,7 +1,9 @@
 //! Finds object-like regions without any model: what differs from the colours of floor, walls and ceiling.
 
+use glam::DVec2;
 use harmony_scene::{Camera, Extents, Mask, PixelBox, Surface};
 use image::RgbImage;
+use rayon::prelude::*;
 
 /// Label of a pixel that shows no known surface.
 pub const UNKNOWN_SURFACE: u8 = 255;
@@ -22,8 +24,17 @@ pub fn surface_id(surface: Surface) -> u8 {
 ///
 /// All [`UNKNOWN_SURFACE`] when the camera is outside the box.
 pub fn surface_labels(camera: &Camera, extents: &Extents) -> Vec<u8> {
-    let _ = extents;
-    vec![UNKNOWN_SURFACE; camera.size.pixels()]
+    if !extents.contains(camera.centre(), 1e-6) {
+        return vec![UNKNOWN_SURFACE; camera.size.pixels()];
+    }
+    let width = camera.size.width.max(1) as usize;
+    (0..camera.size.pixels())
+        .into_par_iter()
+        .map(|i| {
+            let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+            extents.exit(&camera.ray(pixel)).map_or(UNKNOWN_SURFACE, |(surface, _)| surface_id(surface))
+        })
+        .collect()
 }
 
 /// Parameters of the search.
