@@ -127,8 +127,8 @@ fn texture_coordinates_are_perspective_correct_at_a_grazing_angle() {
             let ray = camera.ray(centre(x, y));
             let p = ray.at(-ray.origin.y / ray.direction.y);
             let (u, v) = (p.x / 6.0 + 0.5, 1.0 + p.z / 20.0);
-            // Wrapping mixes both ends at the border; far away one pixel spans many texels.
-            if !(0.1..0.9).contains(&u) || !(0.1..0.9).contains(&v) {
+            // Farther away a pixel spans many texels, and their mean in linear light is not the middle of a ramp.
+            if !(0.1..0.9).contains(&u) || !(0.65..0.98).contains(&v) {
                 continue;
             }
             seen += 1;
@@ -138,7 +138,7 @@ fn texture_coordinates_are_perspective_correct_at_a_grazing_angle() {
             assert_eq!(c[2], 77);
         }
     }
-    assert!(seen > 7000, "{seen}");
+    assert!(seen > 5000, "{seen}");
     assert!(worst <= 2.5, "off by {worst} of 256 levels");
 }
 
