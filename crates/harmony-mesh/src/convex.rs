@@ -1,11 +1,17 @@
 //! Convex pieces for collision.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
+use parry3d::math::Vector;
+use parry3d::transformation::vhacd::{VHACD, VHACDParameters};
 
 use crate::Mesh;
 
 /// Most points of a piece.
 pub const MAX_HULL_POINTS: usize = 32;
+/// Most pieces of a foreign mesh.
+const MAX_PIECES: usize = 24;
+/// Voxels along the longest side for the decomposition.
+const RESOLUTION: u32 = 64;
 
 /// The convex hull of a few points, in the frame of its mesh.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -16,13 +22,80 @@ pub struct ConvexPart {
 
 /// Convex pieces of any mesh: an approximate convex decomposition, or one hull, or the box.
 pub fn convex_parts(mesh: &Mesh) -> Vec<ConvexPart> {
-    let Some(b) = mesh.bounds() else { return Vec::new() };
-    let (lo, hi) = (b.min.as_vec3(), b.max.as_vec3());
-    let points = (0..8)
-        .map(|i| {
-            let pick = |bit: i32, l: f32, h: f32| if i & bit == 0 { l } else { h };
-            Vec3::new(pick(1, lo.x, hi.x), pick(2, lo.y, hi.y), pick(4, lo.z, hi.z))
+    let count = mesh.positions.len() as u32;
+    let triangles: Vec<[u32; 3]> = mesh.triangles().filter(|t| t.iter().all(|i| *i < count)).collect();
+    let used: Vec<DVec3> =
+        triangles.iter().flatten().map(|i| mesh.positions[*i as usize].as_dvec3()).filter(|p| p.is_finite()).collect();
+    if used.is_empty() {
+        return Vec::new();
+    }
+    let lo = used.iter().fold(DVec3::INFINITY, |a, p| a.min(*p));
+    let hi = used.iter().fold(DVec3::NEG_INFINITY, |a, p| a.max(*p));
+    let flat = (hi - lo).min_element() < 1e-3 * (hi - lo).max_element();
+    if !flat && triangles.len() >= 4 && mesh.positions.iter().all(|p| p.is_finite()) {
+        let parts = decompose(mesh, &triangles);
+        if !parts.is_empty() {
+            return parts;
+        }
+    }
+    let whole = hull_points(&used);
+    if whole.len() >= 4 && !flat { vec![ConvexPart { points: whole }] } else { vec![box_part(lo, hi)] }
+}
+
+/// Approximate convex decomposition (Mamou and Ghorbel 2009, as in parry).
+fn decompose(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<ConvexPart> {
+    let points: Vec<Vector> = mesh.positions.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
+    let parameters = VHACDParameters { resolution: RESOLUTION, concavity: 0.03, ..VHACDParameters::default() };
+    let decomposition = VHACD::decompose(&parameters, &points, triangles, true);
+    decomposition
+        .compute_exact_convex_hulls(&points, triangles)
+        .into_iter()
+        .map(|(hull, _)| {
+            let hull: Vec<DVec3> = hull.iter().map(|p| DVec3::new(p.x.into(), p.y.into(), p.z.into())).collect();
+            ConvexPart { points: hull_points(&hull) }
         })
-        .collect();
-    vec![ConvexPart { points }]
+        .filter(|part| part.points.len() >= 4)
+        .take(MAX_PIECES)
+        .collect()
+}
+
+fn box_part(lo: DVec3, hi: DVec3) -> ConvexPart {
+    let points = (0..8).map(|i| {
+        let pick = |bit: i32, l: f64, h: f64| if i & bit == 0 { l } else { h };
+        DVec3::new(pick(1, lo.x, hi.x), pick(2, lo.y, hi.y), pick(4, lo.z, hi.z)).as_vec3()
+    });
+    ConvexPart { points: points.collect() }
+}
+
+/// At most [`MAX_HULL_POINTS`] points of a set that are farthest in evenly spread directions: the hull's corners when
+/// there are few, an inner approximation of it otherwise.
+pub(crate) fn hull_points(points: &[DVec3]) -> Vec<Vec3> {
+    let mut out: Vec<usize> = Vec::new();
+    for x in -1..=1 {
+        for y in -1..=1 {
+            for z in -1..=1 {
+                // the odd factors decide ties between corners of boxes
+                let d = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
+                if d != DVec3::ZERO {
+                    farthest(points, d + DVec3::new(1e-3, 1.7e-3, 2.3e-3), &mut out);
+                }
+            }
+        }
+    }
+    for d in [(2, 1, 0), (-2, 1, 0), (0, 1, 2), (0, 1, -2), (1, 0, 2), (-1, 0, -2)] {
+        if out.len() < MAX_HULL_POINTS {
+            farthest(points, DVec3::new(d.0.into(), d.1.into(), d.2.into()), &mut out);
+        }
+    }
+    out.sort_unstable();
+    out.iter().map(|i| points[*i].as_vec3()).collect()
+}
+
+fn farthest(points: &[DVec3], direction: DVec3, out: &mut Vec<usize>) {
+    let best = (0..points.len()).max_by(|a, b| points[*a].dot(direction).total_cmp(&points[*b].dot(direction)));
+    if let Some(i) = best
+        && !out.iter().any(|j| points[*j].distance_squared(points[i]) < 1e-16)
+    {
+        out.push(i);
+    }
 }
