@@ -13,6 +13,8 @@ pub mod align;
 mod calibration;
 mod homography;
 mod image;
+mod least_squares;
+mod lines;
 pub mod manhattan;
 mod pca;
 pub mod planes;
@@ -28,11 +30,11 @@ pub use calibration::{
 };
 pub use homography::{Homography, homography_from_quad};
 pub use image::{GrayImage, ImageError};
+pub use lines::{LineSegment, detect_segments};
 pub use pca::{Axes, detilt, pca};
 pub use prior::{CameraHints, LayoutPins, LayoutPrior, PinnedCorner, PinnedEdge, RoomCorner, RoomEdge, WallSide};
 pub use room_box::{RoomBox, RoomBoxEvidence, RoomBoxMethod, SolveError, estimate_room_box, solve_from_pins};
 pub use stats::{front_surface_mean, median, median_absolute_deviation, percentile, robust_mean, robust_mean_scalar};
 pub use vanishing::{
-    FocalPrior, FocalSource, LineSegment, ViewEstimate, camera_rotation, detect_segments, estimate_view,
-    estimate_view_from_segments,
+    FocalPrior, FocalSource, ViewEstimate, camera_rotation, estimate_view, estimate_view_from_segments,
 };

@@ -29,6 +29,8 @@ const LEAST_SHARE: f64 = 0.008;
 const MOST_BEYOND: f64 = 0.06;
 /// ... unless it holds this many times as many (open doors, windows, mirrors).
 const BEYOND_FACTOR: f64 = 2.0;
+/// A wall with more than this times its own weight on other faces behind it is furniture.
+const MOST_BEHIND: f64 = 0.35;
 /// Slack for "beyond", share of the median depth.
 const BEYOND_SLACK: f64 = 0.035;
 /// Inliers of a face are at most this far off in angle.
@@ -53,7 +55,9 @@ pub struct FacePlane {
     pub share: f64,
     /// Share of the weight of all points beyond it.
     pub beyond: f64,
-    /// Whether it is a face of the room, by share and beyond.
+    /// Share of the weight of all points on other faces beyond it (side and back walls).
+    pub behind: f64,
+    /// Whether it is a face of the room.
     pub measured: bool,
 }
 
@@ -74,7 +78,36 @@ pub fn axis_of(surface: Surface) -> (usize, f64) {
 /// `axes` are oriented; a face without a single facing point is `None`.
 pub fn fit_faces(surfels: &Surfels, axes: &ManhattanAxes, settings: &CalibrationSettings) -> [Option<FacePlane>; 6] {
     let all: f64 = surfels.cells.iter().map(|s| s.weight).sum();
-    Surface::ALL.map(|surface| fit_face(surfels, axes, settings, surface, all))
+    let mut faces = Surface::ALL.map(|surface| fit_face(surfels, axes, settings, surface, all));
+    vet_side_walls(surfels, axes, &mut faces);
+    faces
+}
+
+/// The flank of a cupboard looks like a wall until the back wall, the floor or the ceiling goes on behind it.
+///
+/// A side wall stays measured only if the weight of other faces' points beyond it is small against its own.
+fn vet_side_walls(surfels: &Surfels, axes: &ManhattanAxes, faces: &mut [Option<FacePlane>; 6]) {
+    let slack = BEYOND_SLACK * surfels.median_depth;
+    let on_face = |s: &Surfel, face: &FacePlane| {
+        let (index, sign) = axis_of(face.surface);
+        let axis = [axes.width, axes.vertical, axes.depth][index];
+        s.normal.dot(axis) * sign > INLIER_COS && (axis.dot(s.point) - face.offset).abs() < 0.5 * slack
+    };
+    let all: f64 = surfels.cells.iter().map(|s| s.weight).sum();
+    for side in [Surface::Left, Surface::Right, Surface::Back] {
+        let others: Vec<FacePlane> =
+            faces.iter().flatten().filter(|f| f.measured && axis_of(f.surface).0 != axis_of(side).0).copied().collect();
+        let Some(face) = faces.iter_mut().flatten().find(|f| f.surface == side && f.measured) else { continue };
+        let (index, sign) = axis_of(side);
+        let axis = [axes.width, axes.vertical, axes.depth][index];
+        let beyond: f64 = surfels
+            .oriented()
+            .filter(|s| (axis.dot(s.point) - face.offset) * sign < -slack && others.iter().any(|o| on_face(s, o)))
+            .map(|s| s.weight)
+            .sum();
+        face.behind = beyond / all;
+        face.measured = face.behind <= MOST_BEHIND * face.share;
+    }
 }
 
 fn fit_face(
@@ -143,6 +176,7 @@ fn fit_face(
         rms,
         share,
         beyond,
+        behind: 0.0,
         measured,
     })
 }

@@ -91,7 +91,10 @@ fn relative_maps_are_calibrated_from_the_room_height() {
             room.name, found.extents, room.extents, found.seen, found.evidence.anchor_kind, found.evidence.fallbacks
         );
         for p in &found.evidence.planes {
-            println!("      {p:?}");
+            println!(
+                "      {:?} {} at {:.3} m rms {:.4} share {:.3}",
+                p.surface, p.measured, p.distance_m, p.rms_m, p.share
+            );
         }
         assert!(rotation <= 1.0, "{}: rotation off by {rotation:.2} degrees", room.name);
         assert!(centre <= 0.1, "{}: centre off by {centre:.3} m", room.name);
