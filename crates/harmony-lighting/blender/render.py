@@ -1,1 +1,662 @@
-# placeholder, replaced below
+"""Renders one HARMONY scene with Blender Cycles.
+
+Fed with a JSON job file (last argument) and the GLB it names, nothing else; writes the images and a result file next to
+the job. Runs in `python` with the bpy module or in `blender --background --python`. Written for bpy 4.2 to 5.0.
+
+Frames: the job speaks room coordinates (x right, y up, z to the viewer) and an OpenCV camera; Blender is Z up, so that
+room (x, y, z) is Blender (x, -z, y), which is also what the glTF importer does.
+"""
+
+import ctypes
+import json
+import math
+import os
+import resource
+import sys
+import time
+
+try:
+    # Linux: end with the program that started this, however that ends (PR_SET_PDEATHSIG, SIGKILL).
+    ctypes.CDLL(None).prctl(1, 9)
+except (OSError, AttributeError):
+    pass
+
+STARTED = time.time()
+with open(sys.argv[-1], encoding="utf-8") as handle:
+    JOB = json.load(handle)
+if JOB["memory_limit_mb"]:
+    LIMIT = JOB["memory_limit_mb"] << 20
+    resource.setrlimit(resource.RLIMIT_AS, (LIMIT, LIMIT))
+
+import bpy  # noqa: E402  (the memory limit comes first)
+import numpy as np  # noqa: E402
+from mathutils import Matrix, Vector  # noqa: E402
+
+NOTES = []
+EMITTER_WORDS = ("shade", "bulb", "globe", "diffuser", "emit", "glow", "flame")
+PANE_WORDS = ("glass", "pane", "glazing", "view")
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
+# A base colour never reflects more than this: multiple bounces would not end.
+MAX_ALBEDO = 0.9
+
+
+def to_blender(v):
+    return Vector((v[0], -v[2], v[1]))
+
+
+# ---------------------------------------------------------------- scene and nodes
+
+
+def load_scene():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.import_scene.gltf(filepath=JOB["glb"])
+    for obj in list(bpy.data.objects):
+        if obj.type in {"LIGHT", "CAMERA"}:
+            bpy.data.objects.remove(obj, do_unlink=True)
+    return bpy.context.scene
+
+
+def meshes_below(name):
+    """Mesh objects of a named node and its descendants."""
+    root = bpy.data.objects.get(name)
+    if root is None:
+        return []
+    return [o for o in [root, *root.children_recursive] if o.type == "MESH"]
+
+
+def all_meshes():
+    return [o for o in bpy.data.objects if o.type == "MESH"]
+
+
+def hide_from_camera():
+    for name in JOB["hidden_nodes"]:
+        found = meshes_below(name)
+        if not found:
+            NOTES.append(f"no node {name} to hide")
+        for obj in found:
+            obj.visible_camera = False
+
+
+# ---------------------------------------------------------------- camera
+
+
+def set_camera(scene):
+    """OpenCV K, R, t to a Blender camera; the centre of the top-left pixel is (0.5, 0.5) on both sides."""
+    camera = JOB["camera"]
+    width, height = camera["width"], camera["height"]
+    fx, fy, cx, cy = (camera[k] for k in ("fx", "fy", "cx", "cy"))
+    right, down, forward = (to_blender(row) for row in camera["rotation"])
+    pose = Matrix((right, -down, -forward)).transposed().to_4x4()
+    pose.translation = to_blender(camera["centre"])
+    data = bpy.data.cameras.new("photo")
+    data.sensor_fit = "HORIZONTAL"
+    data.sensor_width = 36.0
+    data.lens = fx * data.sensor_width / width
+    data.clip_start, data.clip_end = 0.02, 1000.0
+    scene.render.pixel_aspect_x = max(fy / fx, 1.0)
+    scene.render.pixel_aspect_y = max(fx / fy, 1.0)
+    data.shift_x = (width / 2 - cx) / width
+    data.shift_y = (cy - height / 2) / width * fx / fy
+    obj = bpy.data.objects.new("photo", data)
+    obj.matrix_world = pose
+    scene.collection.objects.link(obj)
+    scene.camera = obj
+    scene.render.resolution_x, scene.render.resolution_y = width, height
+    scene.render.resolution_percentage = 100
+
+
+# ---------------------------------------------------------------- view transform
+
+
+def sample_response(scene):
+    """Display values of grey light, read back from a ramp saved through the view transform."""
+    light = np.exp2(np.linspace(-11.0, 7.0, 361)).astype(np.float32)
+    light[0] = 0.0
+    ramp = bpy.data.images.new("ramp", len(light), 1, float_buffer=True)
+    pixels = np.ones((len(light), 4), dtype=np.float32)
+    pixels[:, :3] = light[:, None]
+    ramp.pixels.foreach_set(pixels.ravel())
+    path = os.path.join(JOB["folder"], "ramp.png")
+    exposure, scene.view_settings.exposure = scene.view_settings.exposure, 0.0
+    settings = scene.render.image_settings
+    settings.file_format, settings.color_mode, settings.color_depth = "PNG", "RGB", "16"
+    ramp.save_render(path, scene=scene)
+    settings.color_depth = "8"
+    scene.view_settings.exposure = exposure
+    saved = bpy.data.images.load(path)
+    saved.colorspace_settings.name = "Non-Color"
+    back = np.empty(len(light) * 4, dtype=np.float32)
+    saved.pixels.foreach_get(back)
+    display = np.maximum.accumulate(back.reshape(-1, 4)[:, 1])
+    bpy.data.images.remove(saved)
+    bpy.data.images.remove(ramp)
+    return light, display
+
+
+def light_of(response, display):
+    """Scene-linear light, before exposure, that shows as a display value."""
+    light, shown = response
+    return float(np.interp(display, shown, light)) / 2.0 ** JOB["lighting"]["exposure"]
+
+
+# ---------------------------------------------------------------- materials
+
+
+def principled(material):
+    if not material or not material.node_tree:
+        return None
+    return next((n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
+
+
+def base_image(shader):
+    """The image behind a Principled node's base colour, and its node."""
+    seen, queue = set(), [link.from_node for link in shader.inputs["Base Color"].links]
+    while queue:
+        node = queue.pop(0)
+        if node in seen:
+            continue
+        seen.add(node)
+        if node.type == "TEX_IMAGE" and node.image:
+            return node
+        queue += [link.from_node for socket in node.inputs for link in socket.links]
+    return None
+
+
+def own_materials(objects):
+    """Gives objects materials (and meshes) of their own, and returns them."""
+    found = {}
+    for obj in objects:
+        if obj.data.users > 1:
+            obj.data = obj.data.copy()
+        for slot in obj.material_slots:
+            if slot.material:
+                if slot.material.name not in found:
+                    found[slot.material.name] = slot.material.copy()
+                slot.material = found[slot.material.name]
+    return list(found.items())
+
+
+def surface_socket(material):
+    """The shader socket that feeds the surface output, and the output's input."""
+    output = next((n for n in material.node_tree.nodes if n.type == "OUTPUT_MATERIAL" and n.is_active_output), None)
+    if output is None or not output.inputs["Surface"].links:
+        return None, None
+    return output.inputs["Surface"].links[0].from_socket, output.inputs["Surface"]
+
+
+def let_shadow_rays_through(material, colour=(1.0, 1.0, 1.0, 1.0)):
+    tree = material.node_tree
+    shader, surface = surface_socket(material)
+    if shader is None:
+        return
+    path = tree.nodes.new("ShaderNodeLightPath")
+    clear = tree.nodes.new("ShaderNodeBsdfTransparent")
+    clear.inputs["Color"].default_value = colour
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    tree.links.new(path.outputs["Is Shadow Ray"], mix.inputs["Fac"])
+    tree.links.new(shader, mix.inputs[1])
+    tree.links.new(clear.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], surface)
+
+
+def show_emission(material, colour, strength, image_node=None, replace=False, centre=None, radius=0.0):
+    """Makes a surface look luminous to the camera without lighting the room (the lamp beside it does that)."""
+    tree = material.node_tree
+    shader, surface = surface_socket(material)
+    if shader is None:
+        return
+    emission = tree.nodes.new("ShaderNodeEmission")
+    emission.inputs["Color"].default_value = (*colour, 1.0)
+    if image_node is not None:
+        tree.links.new(image_node.outputs["Color"], emission.inputs["Color"])
+    path = tree.nodes.new("ShaderNodeLightPath")
+    level = tree.nodes.new("ShaderNodeMath")
+    level.operation = "MULTIPLY"
+    level.inputs[1].default_value = strength
+    tree.links.new(path.outputs["Is Camera Ray"], level.inputs[0])
+    if centre is not None:
+        # A lamp that is one piece glows around its bulb only.
+        geometry = tree.nodes.new("ShaderNodeNewGeometry")
+        distance = tree.nodes.new("ShaderNodeVectorMath")
+        distance.operation = "DISTANCE"
+        distance.inputs[1].default_value = centre
+        fade = tree.nodes.new("ShaderNodeMapRange")
+        fade.interpolation_type = "SMOOTHSTEP"
+        for name, value in (("From Min", 0.4 * radius), ("From Max", radius), ("To Min", strength), ("To Max", 0.0)):
+            fade.inputs[name].default_value = value
+        tree.links.new(geometry.outputs["Position"], distance.inputs[0])
+        tree.links.new(distance.outputs["Value"], fade.inputs["Value"])
+        tree.links.new(fade.outputs["Result"], level.inputs[1])
+    tree.links.new(level.outputs[0], emission.inputs["Strength"])
+    if replace:
+        join = tree.nodes.new("ShaderNodeMixShader")
+        tree.links.new(path.outputs["Is Camera Ray"], join.inputs["Fac"])
+        tree.links.new(shader, join.inputs[1])
+        tree.links.new(emission.outputs[0], join.inputs[2])
+    else:
+        join = tree.nodes.new("ShaderNodeAddShader")
+        tree.links.new(shader, join.inputs[0])
+        tree.links.new(emission.outputs[0], join.inputs[1])
+    tree.links.new(join.outputs[0], surface)
+
+
+def clear_glass():
+    """Light goes straight through glass: real refraction would need caustics, which a path tracer hardly finds."""
+    for material in list(bpy.data.materials):
+        shader = principled(material)
+        if shader and shader.inputs["Transmission Weight"].default_value >= 0.4:
+            colour = shader.inputs["Base Color"].default_value[:]
+            let_shadow_rays_through(material, colour)
+
+
+# ---------------------------------------------------------------- baked light in textures
+
+
+def decode(v):
+    return np.where(v <= 0.04045, v / 12.92, ((np.maximum(v, 0.0) + 0.055) / 1.055) ** 2.4)
+
+
+def encode(v):
+    return np.where(v <= 0.0031308, v * 12.92, 1.055 * np.maximum(v, 0.0) ** (1 / 2.4) - 0.055)
+
+
+def cells(values, count):
+    """Block means of a 2-D array on at most count x count cells."""
+    rows = np.array_split(np.arange(values.shape[0]), min(count, values.shape[0]))
+    columns = np.array_split(np.arange(values.shape[1]), min(count, values.shape[1]))
+    starts = [r[0] for r in rows], [c[0] for c in columns]
+    sums = np.add.reduceat(np.add.reduceat(values, starts[0], axis=0), starts[1], axis=1)
+    return sums / (np.array([len(r) for r in rows])[:, None] * np.array([len(c) for c in columns])[None, :])
+
+
+def stretch(small, shape):
+    """Bilinear enlargement with clamped borders."""
+    def axis(n, m):
+        at = np.clip((np.arange(m) + 0.5) * n / m - 0.5, 0, n - 1)
+        low = np.floor(at).astype(int)
+        return low, np.minimum(low + 1, n - 1), (at - low).astype(np.float32)
+
+    r0, r1, rk = axis(small.shape[0], shape[0])
+    c0, c1, ck = axis(small.shape[1], shape[1])
+    wide = small[:, c0] * (1 - ck) + small[:, c1] * ck
+    return wide[r0] * (1 - rk)[:, None] + wide[r1] * rk[:, None]
+
+
+def material_areas():
+    """Surface area in the room by material name."""
+    areas = {}
+    for obj in all_meshes():
+        mesh = obj.data
+        count = len(mesh.polygons)
+        if count == 0 or not obj.material_slots:
+            continue
+        area, index = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.int32)
+        mesh.polygons.foreach_get("area", area)
+        mesh.polygons.foreach_get("material_index", index)
+        scale = abs(obj.matrix_world.to_3x3().determinant()) ** (2 / 3)
+        for i, slot in enumerate(obj.material_slots):
+            if slot.material:
+                areas[slot.material.name] = areas.get(slot.material.name, 0.0) + float(area[index == i].sum()) * scale
+    return areas
+
+
+def delight(options, spared):
+    """Flattens textures, then one gain for all base colours; returns the gain. `spared`: images left alone."""
+    areas = material_areas()
+    images, plain, samples, weights = {}, [], [], []
+    for material in bpy.data.materials:
+        shader, area = principled(material), areas.get(material.name, 0.0)
+        if shader is None or area <= 0.0:
+            continue
+        node = base_image(shader)
+        if node is None:
+            socket = shader.inputs["Base Color"]
+            if not socket.links:
+                plain.append(socket)
+                samples.append(np.array([np.dot(np.array(socket.default_value[:3]), LUMINANCE)]))
+                weights.append(np.array([area]))
+            continue
+        if node.image.name in spared:
+            continue
+        images.setdefault(node.image.name, [node.image, 0.0])[1] += area
+    loaded = []
+    for image, area in images.values():
+        width, height = image.size
+        if width == 0 or height == 0:
+            continue
+        pixels = np.empty(width * height * 4, dtype=np.float32)
+        image.pixels.foreach_get(pixels)
+        pixels = pixels.reshape(height, width, 4)
+        rgb = decode(pixels[..., :3]).astype(np.float32)
+        # Unused texture space (alpha 0 or pure black) says nothing about light.
+        used = ((pixels[..., 3] > 0.5) & (rgb.max(axis=2) > 1e-4)).astype(np.float32)
+        lum = rgb @ LUMINANCE
+        share = cells(used, 6)
+        smooth = cells(lum * used, 6) / np.maximum(share, 1e-3)
+        total = float(used.sum())
+        if total < 1:
+            continue
+        mean = float((lum * used).sum()) / total
+        smooth = np.where(share > 0.05, smooth, mean)
+        ratio = np.clip(mean / np.maximum(smooth, 1e-3), 0.25, 4.0) ** options["flatten"]
+        rgb *= stretch(ratio.astype(np.float32), lum.shape)[..., None]
+        loaded.append((image, pixels, rgb))
+        values = (rgb @ LUMINANCE)[used > 0.5]
+        values = values[:: max(1, len(values) // 4096)]
+        samples.append(values)
+        weights.append(np.full(len(values), area / max(1, len(values))))
+    if not samples:
+        return 1.0
+    samples, weights = np.concatenate(samples), np.concatenate(weights)
+    order = np.argsort(samples, kind="stable")
+    share = np.cumsum(weights[order]) / weights.sum()
+    bright = float(samples[order][min(np.searchsorted(share, 0.95), len(order) - 1)])
+    gain = float(np.clip(options["bright_albedo"] / max(bright, 1e-3), 1 / options["max_gain"], options["max_gain"]))
+    for image, pixels, rgb in loaded:
+        pixels[..., :3] = encode(np.minimum(rgb * gain, MAX_ALBEDO))
+        image.pixels.foreach_set(pixels.ravel())
+        image.update()
+    for socket in plain:
+        value = np.array(socket.default_value[:3]) * gain
+        socket.default_value = (*(value * min(1.0, MAX_ALBEDO / max(value.max(), 1e-6))), 1.0)
+    return gain
+
+
+# ---------------------------------------------------------------- lights
+
+
+def add_light(scene, name, kind, position, energy, colour, group):
+    data = bpy.data.lights.new(name, kind)
+    data.energy = energy
+    data.color = colour
+    obj = bpy.data.objects.new(name, data)
+    obj.location = to_blender(position)
+    obj.visible_camera = False
+    obj.lightgroup = group
+    scene.collection.objects.link(obj)
+    return obj
+
+
+def aim(obj, direction):
+    """Turns a light's -Z along a room direction, its Y as far up as that allows."""
+    back = -to_blender(direction).normalized()
+    if abs(back.z) > 0.999:
+        across = Vector((1.0, 0.0, 0.0))
+    else:
+        across = Vector((0.0, 0.0, 1.0)).cross(back).normalized()
+    obj.rotation_euler = Matrix((across, back.cross(across), back)).transposed().to_euler()
+
+
+def add_rectangle(scene, name, position, direction, size, energy, colour, group):
+    obj = add_light(scene, name, "AREA", position, energy, colour, group)
+    obj.data.shape = "RECTANGLE"
+    obj.data.size, obj.data.size_y = size
+    aim(obj, direction)
+    return obj
+
+
+def add_ambient(scene, group):
+    """Uniform light from the six faces of the room box, unseen by camera and mirrors; the world's in no room."""
+    lighting = JOB["lighting"]
+    world = bpy.data.worlds.new("ambient")
+    scene.world = world
+    world.lightgroup = group
+    tree = nodes_of(world)
+    output = tree.nodes.new("ShaderNodeOutputWorld")
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    path = tree.nodes.new("ShaderNodeLightPath")
+    ambient, seen = tree.nodes.new("ShaderNodeBackground"), tree.nodes.new("ShaderNodeBackground")
+    colour, level = lighting["ambient_color"], lighting["ambient_intensity"]
+    ambient.inputs["Color"].default_value = (*colour, 1.0)
+    ambient.inputs["Strength"].default_value = 0.0 if JOB["room"] else level
+    seen.inputs["Color"].default_value = (*(JOB["background"] or colour), 1.0)
+    seen.inputs["Strength"].default_value = 1.0 if JOB["background"] else level
+    tree.links.new(path.outputs["Is Camera Ray"], mix.inputs["Fac"])
+    tree.links.new(ambient.outputs[0], mix.inputs[1])
+    tree.links.new(seen.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    if not JOB["room"] or level <= 0.0:
+        return
+    w, h, d = JOB["room"]
+    gap = 0.002
+    for name, position, direction, size in (
+        ("floor", (w / 2, gap, d / 2), (0, 1, 0), (w, d)),
+        ("ceiling", (w / 2, h - gap, d / 2), (0, -1, 0), (w, d)),
+        ("back", (w / 2, h / 2, gap), (0, 0, 1), (w, h)),
+        ("front", (w / 2, h / 2, d - gap), (0, 0, -1), (w, h)),
+        ("left", (gap, h / 2, d / 2), (1, 0, 0), (d, h)),
+        ("right", (w - gap, h / 2, d / 2), (-1, 0, 0), (d, h)),
+    ):
+        # A rectangle of P watts has radiance P / (pi * area).
+        watts = level * math.pi * size[0] * size[1]
+        obj = add_rectangle(scene, f"ambient_{name}", position, direction, size, watts, colour, group)
+        obj.visible_glossy = False
+
+
+def dress_window(light, objects, response):
+    """The pane shows the day; light passes it."""
+    owned = own_materials(objects)
+    panes = [
+        m for name, m in owned
+        if any(w in name.lower() for w in PANE_WORDS)
+        or (principled(m) and principled(m).inputs["Transmission Weight"].default_value >= 0.3)
+    ]
+    if not panes and len(owned) == 1:
+        panes = [owned[0][1]]
+    if not panes:
+        panes = [m for _, m in owned if principled(m) and base_image(principled(m))]
+    spared = set()
+    for material in panes:
+        node = base_image(principled(material)) if principled(material) else None
+        if node is not None:
+            # The texture is the photo's picture of the view: show it at the level at which it displays as itself.
+            spared.add(node.image.name)
+            strength = light_of(response, float(encode(np.float32(0.8)))) / 0.8
+            show_emission(material, (1, 1, 1), strength, node, replace=True)
+        elif light["on"]:
+            show_emission(material, light["color"], light_of(response, 0.95), replace=True)
+        let_shadow_rays_through(material)
+    return spared
+
+
+def dress_lamp(light, objects, response):
+    """The shade glows and lets the bulb's light out."""
+    owned = own_materials(objects)
+    shining = []
+    for name, material in owned:
+        shader = principled(material)
+        if shader is None:
+            continue
+        emits = shader.inputs["Emission Strength"].default_value > 0.0 and (
+            max(shader.inputs["Emission Color"].default_value[:3]) > 0.0 or shader.inputs["Emission Color"].links
+        )
+        if emits or any(w in name.lower() for w in EMITTER_WORDS):
+            shining.append(material)
+        # The bulb gives the light; an emissive slot would give it twice.
+        shader.inputs["Emission Strength"].default_value = 0.0
+    if not light["on"]:
+        return
+    radius = 4.0 * light.get("radius_m", 0.05) + 0.05
+    area = 4.0 * math.pi * radius * radius
+    radiance = min(0.3 * light["intensity"] / (math.pi * area), light_of(response, 0.97))
+    radiance = max(radiance, light_of(response, 0.7))
+    whole = not shining
+    for material in shining or [m for _, m in owned]:
+        shader = principled(material)
+        node = base_image(shader) if shader else None
+        centre = to_blender(light["position"]) if whole else None
+        show_emission(material, light["color"], radiance, node, centre=centre, radius=radius * 1.6)
+        let_shadow_rays_through(material)
+
+
+def add_lights(scene, response, groups):
+    spared = set()
+    for index, light in enumerate(JOB["lighting"]["lights"]):
+        objects = meshes_below(light["object"]) if light["object"] else []
+        if light["object"] and not objects:
+            NOTES.append(f"no node {light['object']} for the light {light['id']}")
+        if light["kind"] == "area":
+            spared |= dress_window(light, objects, response)
+        elif light["kind"] == "point":
+            dress_lamp(light, objects, response)
+        if not light["on"]:
+            continue
+        group = ""
+        if groups is not None:
+            group = f"light_{index}"
+            groups.append(group)
+            for obj in objects:
+                obj.lightgroup = group
+        args = light["position"], light["intensity"], light["color"], group
+        if light["kind"] == "area":
+            add_rectangle(scene, f"light_{index}", args[0], light["direction"], light["size_m"], *args[1:])
+        elif light["kind"] == "point":
+            obj = add_light(scene, f"light_{index}", "POINT", *args)
+            obj.data.shadow_soft_size = light["radius_m"]
+            # Rays that leave a surface by chance meet the shade, not the bulb: sample the bulb alone.
+            obj.data.cycles.use_multiple_importance_sampling = not objects
+        else:
+            obj = add_light(scene, f"light_{index}", "SUN", *args)
+            obj.data.angle = math.radians(0.53)
+            aim(obj, light["direction"])
+    return spared
+
+
+# ---------------------------------------------------------------- rendering
+
+
+def set_engine(scene):
+    scene.render.engine = "CYCLES"
+    scene.render.dither_intensity = 0.0
+    scene.render.film_transparent = False
+    scene.render.use_compositing = False
+    scene.render.use_sequencer = False
+    if JOB["threads"]:
+        scene.render.threads_mode, scene.render.threads = "FIXED", JOB["threads"]
+    cycles = scene.cycles
+    cycles.device = "CPU"
+    cycles.seed = JOB["seed"]
+    cycles.samples = JOB["samples"]
+    cycles.use_adaptive_sampling = JOB["mode"] == "lit"
+    cycles.adaptive_threshold = 0.02
+    cycles.use_denoising = JOB["denoise"] and JOB["mode"] == "lit"
+    if cycles.use_denoising:
+        cycles.denoiser = "OPENIMAGEDENOISE"
+        cycles.denoising_use_gpu = False
+    cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces = 8, 4, 3
+    cycles.transmission_bounces, cycles.transparent_max_bounces = 6, 12
+    cycles.caustics_reflective = cycles.caustics_refractive = False
+    cycles.sample_clamp_indirect = 10.0
+    cycles.sample_clamp_direct = 0.0
+    scene.display_settings.display_device = "sRGB"
+    scene.view_settings.view_transform = {"agx": "AgX", "standard": "Standard"}[JOB["view"]]
+    scene.view_settings.look = "None"
+    scene.view_settings.exposure = JOB["lighting"]["exposure"]
+    scene.view_settings.gamma = 1.0
+
+
+def nodes_of(owner):
+    """The empty node tree of a new material or world (`use_nodes` is on by default, and going, in newer versions)."""
+    if owner.node_tree is None:
+        owner.use_nodes = True
+    owner.node_tree.nodes.clear()
+    return owner.node_tree
+
+
+def render_ids(scene):
+    """Every object as a flat emitter of its id, one sample at the pixel centre."""
+    material = bpy.data.materials.new("ids")
+    tree = nodes_of(material)
+    info, emission = tree.nodes.new("ShaderNodeObjectInfo"), tree.nodes.new("ShaderNodeEmission")
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(info.outputs["Object Index"], emission.inputs["Strength"])
+    tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    for name, index in JOB["node_ids"].items():
+        found = meshes_below(name)
+        if not found:
+            NOTES.append(f"no node {name} to give the id {index}")
+        for obj in found:
+            obj.pass_index = index
+    scene.view_layers[0].material_override = material
+    cycles = scene.cycles
+    cycles.samples, cycles.pixel_filter_type, cycles.filter_width = 1, "BOX", 0.01
+    cycles.max_bounces = 0
+    world = bpy.data.worlds.new("nothing")
+    nodes_of(world)
+    scene.world = world
+    write_exr(scene, "ids.exr", "OPEN_EXR")
+
+
+def write_exr(scene, name, kind):
+    settings = scene.render.image_settings
+    if kind == "OPEN_EXR_MULTILAYER" and hasattr(settings, "media_type"):
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format = kind
+    settings.color_depth = "32"
+    settings.exr_codec = "ZIP"
+    if kind == "OPEN_EXR":
+        settings.color_mode = "RGB"
+    render_to(scene, name)
+
+
+def report_progress(stats, *_):
+    """Blender's own status line, such as `Mem: 12M | Sample 3/64`, for the program that waits."""
+    if isinstance(stats, str) and "Sample " in stats:
+        print("HARMONY sample " + stats.split("Sample ", 1)[1].split(" ")[0].rstrip(","), flush=True)
+
+
+def render_to(scene, name):
+    scene.render.filepath = os.path.join(JOB["folder"], name)
+    scene.render.use_file_extension = False
+    bpy.context.view_layer.update()
+    if hasattr(bpy.app.handlers, "render_stats"):
+        bpy.app.handlers.render_stats.append(report_progress)
+    bpy.ops.render.render(write_still=True)
+
+
+def main():
+    scene = load_scene()
+    set_engine(scene)
+    set_camera(scene)
+    hide_from_camera()
+    triangles = sum(max(0, len(p.vertices) - 2) for o in all_meshes() for p in o.data.polygons)
+    if triangles == 0:
+        raise SystemExit("the scene has no triangles")
+    response, gain = ([], []), 1.0
+    groups = [] if JOB["mode"] == "per_light" else None
+    if JOB["mode"] != "ids":
+        response = sample_response(scene)
+        spared = add_lights(scene, response, groups)
+        add_ambient(scene, "ambient" if groups is not None else "")
+        if JOB["delight"]:
+            gain = delight(JOB["delight"], spared)
+        clear_glass()
+    loaded = time.time()
+    if JOB["mode"] == "ids":
+        render_ids(scene)
+    elif JOB["mode"] == "per_light":
+        for group in [*groups, "ambient"]:
+            scene.view_layers[0].lightgroups.add(name=group)
+        write_exr(scene, "lights.exr", "OPEN_EXR_MULTILAYER")
+    else:
+        settings = scene.render.image_settings
+        settings.file_format, settings.color_mode, settings.color_depth = "PNG", "RGB", "8"
+        render_to(scene, "lit.png")
+    result = {
+        "version": bpy.app.version_string,
+        "load_s": loaded - STARTED,
+        "render_s": time.time() - loaded,
+        "peak_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
+        "triangles": triangles,
+        "albedo_gain": gain,
+        "response_light": [float(v) for v in response[0]],
+        "response_display": [float(v) for v in response[1]],
+        "notes": NOTES,
+    }
+    path = os.path.join(JOB["folder"], "result.json")
+    with open(path + ".part", "w", encoding="utf-8") as handle:
+        json.dump(result, handle)
+    os.replace(path + ".part", path)
+
+
+main()

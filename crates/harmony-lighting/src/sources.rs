@@ -232,3 +232,6 @@ fn lamp_light(room: &Room, object: &SceneObject, mesh: Option<&Mesh>) -> Light {
         object: Some(object.id.clone()),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,186 @@
+use glam::Vec3;
+use harmony_mesh::{Group, Material};
+use harmony_scene::{
+    Confidence, Extents, MaterialCategory, PixelBox, Pose, Relations, Size, Support, SurfaceMaterial, Wall,
+};
+
+use super::*;
+
+fn room(openings: Vec<Opening>) -> Room {
+    Room {
+        room_type: "bedroom".into(),
+        extents: Extents { width: 4.0, height: 2.6, depth: 5.0 },
+        seen: Vec::new(),
+        openings,
+        floor_texture: None,
+        wall_texture: None,
+    }
+}
+
+fn object(id: &str, label: &str, level: Level, position: DVec3, yaw: f64, size: DVec3) -> SceneObject {
+    let (material, _) = crate::material_for(label, Size::from_vec(size), None);
+    let SurfaceMaterial { category, .. } = material;
+    assert!(MaterialCategory::ALL.contains(&category));
+    SceneObject {
+        id: ObjectId::new(id).unwrap(),
+        index: 10,
+        level,
+        label: label.into(),
+        description: String::new(),
+        source_phrase: String::new(),
+        pose: Pose::new(position, yaw, 1.0),
+        size: Size::from_vec(size),
+        support: Support::Floor,
+        relations: Relations::default(),
+        material,
+        mesh: String::new(),
+        mask: None,
+        seen_box: None::<PixelBox>,
+        mesh_source: String::new(),
+        confidence: Confidence::default(),
+    }
+}
+
+/// A lamp one unit high: a foot, and a shade slot between 0.7 and 1.
+fn lamp_mesh() -> Mesh {
+    let mut mesh = Mesh {
+        materials: vec![Material::plain("body", [0.1; 3]), Material::plain("shade", [0.8; 3])],
+        ..Mesh::default()
+    };
+    for (material, low, high, half) in [(0, 0.0, 0.7, 0.05), (1, 0.7, 1.0, 0.2)] {
+        let base = mesh.positions.len() as u32;
+        for y in [low, high] {
+            for (x, z) in [(-half, -half), (half, -half), (half, half), (-half, half)] {
+                mesh.positions.push(Vec3::new(x, y, z));
+            }
+        }
+        mesh.groups
+            .push(Group { material, triangles: vec![[base, base + 1, base + 5], [base + 2, base + 3, base + 7]] });
+    }
+    mesh
+}
+
+#[test]
+fn labels_that_shine_and_labels_that_do_not() {
+    for label in [
+        "Table Lamp",
+        "floor lamp",
+        "pendant light",
+        "recessed downlight",
+        "chandelier",
+        "wall sconce",
+        "flush-mount ceiling light",
+        "ceiling fan with light",
+        "light fixture",
+        "string lights",
+        "nightlight",
+    ] {
+        assert!(is_light_source(label), "{label}");
+    }
+    for label in [
+        "light switch",
+        "lamp table",
+        "light wood cabinet",
+        "candle holder",
+        "sofa",
+        "",
+        "skylight",
+        "light gray rug",
+        "ceiling fan",
+        "lightweight chair",
+    ] {
+        assert!(!is_light_source(label), "{label}");
+    }
+}
+
+#[test]
+fn a_window_shines_into_the_room_from_just_inside_its_pane() {
+    for (wall, into) in
+        [(Wall::Back, DVec3::Z), (Wall::Left, DVec3::X), (Wall::Right, DVec3::NEG_X), (Wall::Front, DVec3::NEG_Z)]
+    {
+        let opening = Opening { kind: OpeningKind::Window, wall, u: [1.0, 2.0], y: [0.9, 2.1], object: None };
+        let door = Opening { kind: OpeningKind::Door, ..opening.clone() };
+        let room = room(vec![door, opening]);
+        let lighting = lights_from_scene(&room, &[], |_| None);
+        assert_eq!(lighting.lights.len(), 1, "doors give no light");
+        let light = &lighting.lights[0];
+        assert_eq!(light.id, "window_02");
+        let LightKind::Area { direction, size_m } = light.kind else { panic!("{light:?}") };
+        assert_eq!(DVec3::from_array(direction), into);
+        assert!((size_m[0] - 1.0).abs() <= 1e-9 && (size_m[1] - 1.2).abs() <= 1e-9);
+        let position = DVec3::from_array(light.position);
+        assert!(room.extents.contains(position, 0.0));
+        let gap = (position - wall.point(&room.extents, 1.5, 1.5)).dot(into);
+        assert!((gap - PANE_GAP_M).abs() <= 1e-9);
+        assert!((light.intensity - 1.2 * WINDOW_WATTS_PER_M2).abs() <= 1e-9);
+    }
+}
+
+#[test]
+fn a_window_objects_frame_does_not_stand_before_its_light() {
+    let id = ObjectId::new("window_01").unwrap();
+    let opening =
+        Opening { kind: OpeningKind::Window, wall: Wall::Left, u: [1.0, 2.0], y: [0.9, 2.1], object: Some(id.clone()) };
+    // Its back touches the wall and it is 8 cm thick.
+    let window = object(
+        "window_01",
+        "window",
+        Level::Wall,
+        DVec3::new(0.04, 0.9, 1.5),
+        Wall::Left.yaw(),
+        DVec3::new(1.0, 1.2, 0.08),
+    );
+    let lighting = lights_from_scene(&room(vec![opening]), &[window], |_| None);
+    assert_eq!(lighting.lights[0].object, Some(id));
+    assert!((lighting.lights[0].position[0] - 0.09).abs() <= 1e-9, "{:?}", lighting.lights[0].position);
+}
+
+#[test]
+fn a_bulb_sits_in_the_middle_of_its_shade() {
+    let mut lamp = object(
+        "floor_lamp_01",
+        "floor lamp",
+        Level::Furniture,
+        DVec3::new(3.0, 0.0, 1.0),
+        0.5,
+        DVec3::new(0.4, 1.6, 0.4),
+    );
+    lamp.pose.scale = 1.6;
+    let mesh = lamp_mesh();
+    let lighting = lights_from_scene(&room(Vec::new()), std::slice::from_ref(&lamp), |_| Some(&mesh));
+    let light = &lighting.lights[0];
+    assert!((DVec3::from_array(light.position) - DVec3::new(3.0, 0.85 * 1.6, 1.0)).length() <= 1e-6, "{light:?}");
+    assert_eq!(light.intensity, FLOOR_LAMP_WATTS);
+    let bare = lights_from_scene(&room(Vec::new()), &[lamp], |_| None);
+    assert!((bare.lights[0].position[1] - 0.88 * 1.6).abs() <= 1e-6, "by the label, without a mesh");
+}
+
+#[test]
+fn ceiling_fixtures_shine_below_the_ceiling_and_never_outside() {
+    let flush = object(
+        "ceiling_light_01",
+        "ceiling light",
+        Level::Ceiling,
+        DVec3::new(2.0, 2.5, 2.5),
+        0.0,
+        DVec3::new(0.4, 0.1, 0.4),
+    );
+    let lost =
+        object("pendant_01", "pendant", Level::Ceiling, DVec3::new(9.0, 7.0, -3.0), 0.0, DVec3::new(0.4, 0.8, 0.4));
+    let room = room(Vec::new());
+    let lighting = lights_from_scene(&room, &[flush, lost], |_| None);
+    let y = lighting.lights[0].position[1];
+    assert!((2.3..2.5).contains(&y), "{y}");
+    assert!(room.extents.contains(DVec3::from_array(lighting.lights[1].position), 0.0));
+}
+
+#[test]
+fn emissive_materials_beat_names() {
+    let mut mesh = lamp_mesh();
+    mesh.materials[0].emissive = [1.0; 3];
+    assert!(emitter_bounds(&mesh).unwrap().max.y <= 0.71);
+    mesh.materials[0].emissive = [0.0; 3];
+    assert!(emitter_bounds(&mesh).unwrap().min.y >= 0.69);
+    mesh.materials[1].name = "metal".into();
+    assert!(emitter_bounds(&mesh).is_none());
+}

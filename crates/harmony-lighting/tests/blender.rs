@@ -1,0 +1,205 @@
+//! Renders with a real Blender; each test says so and passes when there is none.
+
+mod support;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::OnceLock;
+use std::time::Duration;
+
+use harmony_lighting::{
+    CyclesJob, CyclesRenderer, FitOptions, LitError, RenderMode, ViewTransform, assess, fit_lights, relight,
+};
+use harmony_render::{Instance, RenderOptions};
+use support::{ROOM, camera, lighting, nodes, write_glb};
+
+fn renderer() -> Option<&'static CyclesRenderer> {
+    static FOUND: OnceLock<Option<CyclesRenderer>> = OnceLock::new();
+    let found = FOUND.get_or_init(|| {
+        let (found, why) = CyclesRenderer::find_saying_why();
+        if found.is_none() {
+            eprintln!("skipped: no Blender here ({})", why.join("; "));
+        }
+        found
+    });
+    found.as_ref()
+}
+
+struct Fixture {
+    _folder: tempfile::TempDir,
+    glb: PathBuf,
+}
+
+fn scene() -> Fixture {
+    let folder = tempfile::tempdir().unwrap();
+    let glb = folder.path().join("room.glb");
+    write_glb(&nodes(), &glb);
+    Fixture { _folder: folder, glb }
+}
+
+fn job(fixture: &Fixture, width: u32) -> CyclesJob {
+    CyclesJob {
+        room: Some(ROOM),
+        samples: 8,
+        denoise: false,
+        view: ViewTransform::Standard,
+        delight: None,
+        timeout: Duration::from_secs(300),
+        ..CyclesJob::lit(&fixture.glb, camera(width), lighting())
+    }
+}
+
+/// Keeps a picture for a look, when the environment names a folder.
+fn keep(name: &str, image: &image::RgbImage) {
+    if let Some(folder) = std::env::var_os("HARMONY_TEST_OUT") {
+        image.save(PathBuf::from(folder).join(name)).unwrap();
+    }
+}
+
+#[test]
+fn cycles_and_the_rasteriser_see_every_object_at_the_same_pixels() {
+    let Some(cycles) = renderer() else { return };
+    let fixture = scene();
+    let nodes = nodes();
+    let ids: BTreeMap<String, u32> = nodes.iter().map(|n| (n.name.to_owned(), n.id)).collect();
+    let output = cycles.render(&job(&fixture, 640).ids(ids)).unwrap();
+    let theirs = output.ids.unwrap();
+    let instances: Vec<Instance> = nodes.iter().map(|n| Instance::in_room(&n.mesh, n.id)).collect();
+    let ours = harmony_render::render(&camera(640), &instances, &RenderOptions::default()).ids;
+    let mut total = 0.0;
+    let mut seen = 0;
+    for node in &nodes {
+        let both = ours.iter().zip(&theirs).filter(|(a, b)| **a == node.id && **b == node.id).count();
+        let either = ours.iter().zip(&theirs).filter(|(a, b)| **a == node.id || **b == node.id).count();
+        if either > 0 {
+            let iou = both as f64 / either as f64;
+            assert!(iou > 0.97, "{}: {iou}", node.name);
+            total += iou;
+            seen += 1;
+        }
+    }
+    assert!(seen >= 9, "most objects are in view");
+    assert!(total / f64::from(seen) > 0.98, "{}", total / f64::from(seen));
+}
+
+#[test]
+fn light_adds_up_and_each_source_reaches_the_room() {
+    let Some(cycles) = renderer() else { return };
+    let fixture = scene();
+    let mut job = CyclesJob { samples: 32, ..job(&fixture, 160) };
+    // Highlights clip in the 8-bit picture: keep everything below.
+    job.lighting.exposure = -3.0;
+    let lit = cycles.render(&job).unwrap();
+    let passes = cycles.render(&CyclesJob { mode: RenderMode::PerLight, ..job.clone() }).unwrap().lights;
+    let names: Vec<Option<&str>> = passes.iter().map(|p| p.light.as_deref()).collect();
+    assert_eq!(names, [Some("window_01"), Some("lamp_01"), None]);
+    for pass in &passes {
+        let mean = pass.image.rgb.iter().map(|p| p[1]).sum::<f32>() / pass.image.rgb.len() as f32;
+        assert!(mean > 0.01, "{:?} gives {mean}", pass.light);
+    }
+    let sum = relight(&passes, &[[2f64.powi(-3); 3]; 3]);
+    let picture = lit.response.to_picture(&sum);
+    let found = assess(&lit.image.unwrap(), &picture, None);
+    assert!(found.error <= 0.1, "{found:?}");
+}
+
+#[test]
+fn a_closed_shade_lets_the_bulb_out() {
+    let Some(cycles) = renderer() else { return };
+    let fixture = scene();
+    let mut job = job(&fixture, 120);
+    job.mode = RenderMode::PerLight;
+    job.lighting.lights.remove(0);
+    job.lighting.ambient_intensity = 0.0;
+    let level = |job: &CyclesJob| {
+        let passes = cycles.render(job).unwrap().lights;
+        // Away from the lamp itself: the left half of the image.
+        let image = &passes[0].image;
+        let left = image.rgb.iter().enumerate().filter(|(i, _)| i % 120 < 60).map(|(_, p)| p[1]);
+        left.sum::<f32>() / (image.rgb.len() / 2) as f32
+    };
+    let with_shade = level(&job);
+    job.lighting.lights[0].object = None;
+    let blocked = level(&job);
+    assert!(with_shade > 0.02, "{with_shade}");
+    assert!(blocked < with_shade * 0.05, "without its object the shade is opaque: {blocked} of {with_shade}");
+}
+
+#[test]
+fn the_fit_finds_the_light_of_a_rendered_photo() {
+    let Some(cycles) = renderer() else { return };
+    let fixture = scene();
+    let mut truth = CyclesJob { samples: 48, denoise: true, view: ViewTransform::Agx, ..job(&fixture, 160) };
+    truth.lighting.lights[0].intensity *= 0.3;
+    truth.lighting.lights[1].intensity *= 2.5;
+    truth.lighting.lights[1].color = [1.0, 0.65, 0.35];
+    truth.lighting.ambient_intensity *= 0.5;
+    let rendered = cycles.render(&truth).unwrap();
+    let photo = rendered.image.unwrap();
+    keep("fit_photo.png", &photo);
+
+    let start = CyclesJob { lighting: lighting(), ..truth.clone() };
+    let output = cycles.render(&CyclesJob { mode: RenderMode::PerLight, samples: 32, ..start.clone() }).unwrap();
+    let light = output.response.to_linear(&photo);
+    let fit = fit_lights(&output.lights, &light, &[], &FitOptions::default()).unwrap();
+    let mut fitted = lighting();
+    fit.apply(&mut fitted);
+    let again = cycles.render(&CyclesJob { lighting: fitted.clone(), ..start.clone() }).unwrap().image.unwrap();
+    let before = cycles.render(&start).unwrap().image.unwrap();
+    keep("fit_before.png", &before);
+    keep("fit_after.png", &again);
+    let (before, after) = (assess(&photo, &before, None), assess(&photo, &again, None));
+    assert!(after.matches(), "{after:?}");
+    assert!(after.error < before.error * 0.35, "{} to {}", before.error, after.error);
+    for (got, want) in fitted.lights.iter().zip(&truth.lighting.lights) {
+        let ratio = got.intensity / want.intensity;
+        assert!((0.7..1.4).contains(&ratio), "{}: {} W, {} W in truth", got.id, got.intensity, want.intensity);
+    }
+    assert!(fitted.lights[1].color[2] < 0.5, "the lamp is warmer than assumed: {:?}", fitted.lights[1].color);
+}
+
+#[test]
+fn walls_can_be_hidden_and_the_same_job_gives_the_same_bytes() {
+    let Some(cycles) = renderer() else { return };
+    let fixture = scene();
+    let mut job = job(&fixture, 120);
+    // From above the room, in through the ceiling.
+    job.camera = harmony_scene::Camera::looking(
+        job.camera.size,
+        job.camera.intrinsics,
+        glam::DVec3::new(2.0, 7.0, 9.0),
+        glam::DVec3::new(0.0, -1.0, -1.1),
+    );
+    let closed = cycles.render(&job).unwrap().image.unwrap();
+    job.hidden_nodes = ["ceiling", "front", "no_such_wall"].map(str::to_owned).to_vec();
+    job.background = Some([1.0; 3]);
+    let mut steps = Vec::new();
+    let open = cycles.render_with(&job, &mut |p| steps.push(p)).unwrap();
+    assert!(open.notes.iter().any(|n| n.contains("no_such_wall")));
+    assert!(steps.last().is_some_and(|p| p.sample == 8 && p.of == 8), "{steps:?}");
+    let picture = open.image.unwrap();
+    keep("open.png", &picture);
+    assert_ne!(picture, closed);
+    assert_eq!(picture.get_pixel(0, 0).0, [255; 3], "white where nothing is");
+    assert_eq!(cycles.render(&job).unwrap().image.unwrap(), picture);
+}
+
+#[test]
+fn failures_say_what_happened() {
+    let Some(cycles) = renderer() else { return };
+    let fixture = scene();
+    let good = job(&fixture, 120);
+    let slow = CyclesJob { timeout: Duration::from_millis(300), ..good.clone() };
+    assert!(matches!(cycles.render(&slow), Err(LitError::Timeout { .. })));
+    let missing = CyclesJob { glb: "no/such/scene.glb".into(), ..good.clone() };
+    assert!(matches!(cycles.render(&missing), Err(LitError::NoScene { .. })));
+    let broken = fixture.glb.with_file_name("broken.glb");
+    std::fs::write(&broken, b"glTF nonsense").unwrap();
+    match cycles.render(&CyclesJob { glb: broken, ..good.clone() }) {
+        Err(LitError::Failed { log_tail, .. }) => assert!(log_tail.contains("Error"), "{log_tail}"),
+        other => panic!("{other:?}"),
+    }
+    let mut dark = good;
+    dark.lighting.ambient_intensity = f64::NAN;
+    assert!(matches!(cycles.render(&dark), Err(LitError::BadJob { .. })));
+}
