@@ -1,0 +1,8 @@
+//! One module a command.
+
+pub mod doctor;
+pub mod reconstruct;
+pub mod record;
+pub mod render;
+pub mod schema;
+pub mod show;

@@ -1,0 +1,193 @@
+//! `harmony reconstruct`.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use harmony_calls::{BookOptions, CallBook, CallOptions, Calls};
+use harmony_io::load_photo;
+use harmony_pipeline::{PHASES, RunOutcome, RunRequest, Warnings};
+use harmony_roles::Role;
+
+use crate::cast::{self, CastRequest};
+use crate::config::{self, Profile};
+use crate::display::{Display, hinted};
+use crate::{EXIT_INCOMPLETE, EXIT_OK};
+
+/// Arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  harmony reconstruct room.jpg --out run
+      what this program can do alone
+  harmony reconstruct room.jpg --out run --profile files
+      you (or any chat window) answer the questions that appear in run/questions
+  harmony reconstruct examples/room.jpg --out run --replay examples/recording
+      the bundled example, from a recording
+  harmony reconstruct frame.png --out run --points depth.png --intrinsics 518.0,519.0,325.5,253.5
+      with sensor depth")]
+pub struct Args {
+    /// The photo: JPEG, PNG, WebP, BMP, TIFF or PNM.
+    photo: PathBuf,
+    /// Run folder; made when absent, gone on with when there.
+    #[arg(long, short)]
+    out: PathBuf,
+    /// Who plays the roles.
+    #[arg(long)]
+    profile: Option<Profile>,
+    /// Configuration (default: harmony.toml here, if there is one).
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// Answer from a recording (or another run's folder) by name.
+    #[arg(long)]
+    replay: Option<PathBuf>,
+    /// A point map: .npz, or a 16-bit depth PNG / PGM (then give --intrinsics).
+    #[arg(long)]
+    points: Option<PathBuf>,
+    /// fx,fy,cx,cy of the depth image, pixels.
+    #[arg(long)]
+    intrinsics: Option<String>,
+    /// Depth units a metre (1000 = millimetres, 5000 = TUM).
+    #[arg(long, default_value_t = 1000.0)]
+    depth_scale: f64,
+    /// Instance masks: a colour-coded image, or a folder of masks (labels from file names or labels.json).
+    #[arg(long)]
+    masks: Option<PathBuf>,
+    /// Last phase to run: layout, wall, furniture, ceiling, decoration, lighting.
+    #[arg(long, value_parser = phase_index)]
+    until: Option<usize>,
+    /// Ask anew from this phase on (records of earlier phases are kept).
+    #[arg(long, value_parser = phase_index)]
+    from: Option<usize>,
+    /// Only this program: overrides the profile, and nothing outside is asked.
+    #[arg(long)]
+    offline_only: bool,
+    /// Leave the path-traced render out even where Blender is there.
+    #[arg(long)]
+    no_lit: bool,
+}
+
+fn phase_index(text: &str) -> Result<usize, String> {
+    PHASES
+        .iter()
+        .position(|p| *p == text || p[2..] == *text || p[..1] == *text)
+        .ok_or_else(|| format!("phases are {}", PHASES.map(|p| &p[2..]).join(", ")))
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// An input or argument that cannot be used.
+pub fn run(args: Args) -> Result<u8> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting")?;
+    runtime.block_on(reconstruct(args))
+}
+
+async fn reconstruct(args: Args) -> Result<u8> {
+    let config = config::load(args.config.as_deref())?;
+    let profile =
+        if args.offline_only { Profile::Offline } else { args.profile.or(config.profile).unwrap_or_default() };
+    let photo = load_photo(&args.photo).map_err(|e| hinted(e.to_string(), e.hint()))?;
+    std::fs::create_dir_all(&args.out).map_err(|e| {
+        hinted(format!("the run folder {} cannot be made: {e}", args.out.display()), harmony_io::atomic::io_hint(&e))
+    })?;
+    let display = Display::new();
+    let request = CastRequest {
+        profile,
+        photo_size: photo.size(),
+        points: args.points.as_deref(),
+        intrinsics: args.intrinsics.as_deref(),
+        depth_scale: args.depth_scale,
+        masks: args.masks.as_deref(),
+        questions: config.files.folder.clone().unwrap_or_else(|| args.out.join("questions")),
+        timeout_minutes: config.files.timeout_minutes,
+        path_tracer: !args.no_lit,
+        working_px: config.settings.working_px,
+        tell: display.line_sink(),
+    };
+    let casting = cast::cast(&request)?;
+    let warnings = Arc::new(Warnings::default());
+    for note in &casting.notes {
+        warnings.push(harmony_scene::Warning {
+            phase: "input".into(),
+            object: None,
+            kind: harmony_scene::WarningKind::Input,
+            message: note.clone(),
+        });
+    }
+    if let Some(from) = args.from {
+        forget(&args.out, from)?;
+    }
+    let book = CallBook::open(&args.out, BookOptions { replay: args.replay.clone(), ..BookOptions::default() })
+        .map_err(|e| hinted(e.to_string(), e.hint()))?;
+    let collected = Arc::clone(&warnings);
+    let options = CallOptions {
+        on_warning: Arc::new(move |warning| collected.push(warning)),
+        on_event: display.call_sink(),
+        ..CallOptions::default()
+    };
+    let calls = Calls::new(Arc::new(book), casting.cast, casting.offline, options);
+    let replaying = args.replay.is_some();
+    let run_request = RunRequest {
+        title: args.photo.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+        photo,
+        run: args.out.clone(),
+        profile: if replaying { format!("{} (replayed)", profile.name()) } else { profile.name().to_owned() },
+        settings: config.settings,
+        until: args.until.unwrap_or(PHASES.len() - 1),
+        boxes_from_vlm: casting.boxes_from_vlm || replaying,
+        path_tracer: casting.path_tracer,
+        further_inputs: casting.inputs,
+    };
+    let outcome = harmony_pipeline::run(&run_request, &calls, &warnings, &display.sink()).await;
+    display.finish();
+    let outcome = outcome.map_err(|e| anyhow::anyhow!(e))?;
+    Ok(report(&args, &outcome))
+}
+
+/// Removes the records of a phase and all after it.
+fn forget(run: &std::path::Path, from: usize) -> Result<()> {
+    for role in Role::ALL {
+        for phase in &PHASES[from..] {
+            let folder = run.join("calls").join(role.folder()).join(phase);
+            if folder.is_dir() {
+                std::fs::remove_dir_all(&folder).with_context(|| format!("removing {}", folder.display()))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Tells how it went; returns the exit code.
+fn report(args: &Args, outcome: &RunOutcome) -> u8 {
+    let out = args.out.display();
+    if outcome.nothing_to_do {
+        println!("{out} is finished already and nothing it depends on has changed: no call was made");
+    }
+    if let Some(scene) = &outcome.scene {
+        let e = scene.room.extents;
+        println!(
+            "{}: {:.2} x {:.2} x {:.2} m, {} objects, {} warnings",
+            scene.room.room_type, e.width, e.depth, e.height, scene.objects.len(), scene.warnings.len()
+        );
+    }
+    let bill = &outcome.file.bill.total;
+    println!(
+        "calls: {} ({} by this program, {} from a recording), {:.2} questions for each placed object, {}",
+        bill.calls,
+        bill.offline,
+        bill.recorded,
+        outcome.file.questions_per_object,
+        bill.usage.cost_usd.map_or_else(|| "no known cost".to_owned(), |c| format!("{c:.3} US$")),
+    );
+    if let Some((phase, reason, hint)) = &outcome.failure {
+        eprintln!("error: {phase}: {reason}");
+        if let Some(hint) = hint {
+            eprintln!("hint: {hint}");
+        }
+        eprintln!("what was obtained is kept in {out}; run.json tells more");
+        return EXIT_INCOMPLETE;
+    }
+    println!("look at {out}/report.html");
+    EXIT_OK
+}

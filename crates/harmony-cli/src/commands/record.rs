@@ -1,0 +1,38 @@
+//! `harmony record`.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use harmony_calls::{RecordingAbout, export_recording};
+
+use crate::EXIT_OK;
+
+/// Arguments.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Run folder.
+    run: PathBuf,
+    /// Folder of the recording; made when absent.
+    #[arg(long, short)]
+    out: PathBuf,
+    /// Short name of the recording.
+    #[arg(long)]
+    label: String,
+    /// Who or what gave the answers, in words; shown wherever the recording is used.
+    #[arg(long)]
+    made_by: String,
+    /// Licence of the answers.
+    #[arg(long, default_value = "CC0-1.0")]
+    license: String,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// A run without answers, or an unwritable folder.
+pub fn run(args: &Args) -> Result<u8> {
+    let about = RecordingAbout::texts(&args.label, &args.made_by, &args.license);
+    let count = export_recording(&args.run, &args.out, &about)?;
+    println!("{count} answers in {}", args.out.display());
+    Ok(EXIT_OK)
+}

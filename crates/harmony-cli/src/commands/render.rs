@@ -1,0 +1,102 @@
+//! `harmony render`: the scene of a run from a chosen camera, read back from its files.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use glam::{DMat3, DVec3};
+use harmony_io::{ReadLimits, load_glb, picture};
+use harmony_render::{Instance, Lighting, RenderOptions, canonical_camera, orbit_cameras, render};
+use harmony_scene::{Camera, ImageSize, Scene, Surface};
+use image::DynamicImage;
+
+use crate::EXIT_OK;
+
+/// Which view.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum View {
+    /// The photo's camera.
+    Input,
+    /// From above, near walls and ceiling removed.
+    Canonical,
+    /// All around, several pictures.
+    Orbit,
+}
+
+/// Arguments.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Run folder.
+    run: PathBuf,
+    /// Which view.
+    #[arg(long, value_enum, default_value = "canonical")]
+    camera: View,
+    /// Longest side, pixels.
+    #[arg(long, default_value_t = 1280, value_parser = clap::value_parser!(u32).range(16..=8192))]
+    size: u32,
+    /// Pictures of an orbit.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=360))]
+    views: u16,
+    /// Shade with a light at the camera instead of showing the textures as they are.
+    #[arg(long)]
+    head_light: bool,
+    /// Output PNG (orbit: a number is added); default `<run>/render_<camera>.png`.
+    #[arg(long, short)]
+    out: Option<PathBuf>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// A run without a scene, or an unwritable file.
+pub fn run(args: &Args) -> Result<u8> {
+    let scene: Scene = harmony_io::read_json(&args.run.join("scene.json")).context("this run has no scene yet")?;
+    let glb = load_glb(&args.run.join("scene_full.glb"), &ReadLimits::default())?;
+    let photo = Camera::from(&scene.camera);
+    let size = photo.size.fit_within(args.size);
+    let wide = ImageSize::new(args.size, args.size * 3 / 4);
+    let views: Vec<(Camera, Vec<Surface>, String)> = match args.camera {
+        View::Input => vec![(photo.resized(size), Vec::new(), "input".into())],
+        View::Canonical => {
+            let view = canonical_camera(&scene.room, wide, &photo);
+            vec![(view.camera, view.omit, "canonical".into())]
+        }
+        View::Orbit => orbit_cameras(&scene.room, wide, usize::from(args.views))
+            .into_iter()
+            .enumerate()
+            .map(|(i, view)| (view.camera, view.omit, format!("orbit_{i:02}")))
+            .collect(),
+    };
+    for (camera, omit, name) in views {
+        let hidden: Vec<&str> = omit.iter().map(|s| harmony_mesh::shell_material_name(*s)).collect();
+        let instances: Vec<Instance<'_>> = glb
+            .nodes
+            .iter()
+            .filter(|node| !hidden.contains(&node.name.as_str()))
+            .enumerate()
+            .map(|(i, node)| Instance {
+                mesh: &node.mesh,
+                linear: DMat3::from_cols_array(&node.transform.matrix3.to_cols_array()),
+                translation: DVec3::from_array(node.transform.translation.to_array()),
+                id: i as u32 + 1,
+            })
+            .collect();
+        let options = RenderOptions {
+            multisample: true,
+            lighting: if args.head_light { Lighting::HeadLight } else { Lighting::Unlit },
+            background: [235, 238, 242, 255],
+            ..RenderOptions::default()
+        };
+        let frame = render(&camera, &instances, &options);
+        let path = match (&args.out, args.camera) {
+            (Some(out), View::Orbit) => {
+                let stem = out.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+                out.with_file_name(format!("{stem}_{name}.png"))
+            }
+            (Some(out), _) => out.clone(),
+            (None, _) => args.run.join(format!("render_{name}.png")),
+        };
+        picture::write_rgb_png(&path, &DynamicImage::ImageRgba8(frame.color).to_rgb8())?;
+        println!("{}", path.display());
+    }
+    Ok(EXIT_OK)
+}

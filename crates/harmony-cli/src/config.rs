@@ -1,0 +1,113 @@
+//! `harmony.toml`: layers, weakest first: defaults, profile, file, environment, command line.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use harmony_pipeline::Settings;
+use serde::{Deserialize, Serialize};
+
+use crate::display::hinted;
+
+/// Who plays, in one word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Profile {
+    /// Nothing but this program: no model, no key, no network. Honest, and rough.
+    #[default]
+    Offline,
+    /// A person (or a chat window, or an agent) answers questions through a folder; this program does the rest.
+    Files,
+}
+
+impl Profile {
+    /// Name as typed.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Offline => "offline",
+            Self::Files => "files",
+        }
+    }
+}
+
+/// `harmony.toml` as a user writes it; everything may be left out.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ConfigFile {
+    /// Who plays.
+    pub profile: Option<Profile>,
+    /// Pipeline settings.
+    pub settings: Settings,
+    /// The files player.
+    pub files: FilesConfig,
+}
+
+/// The files player.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FilesConfig {
+    /// Folder of the questions; default `<run>/questions`.
+    pub folder: Option<PathBuf>,
+    /// Minutes to wait for an answer before this program answers itself; 0 = for ever.
+    pub timeout_minutes: f64,
+}
+
+impl Default for FilesConfig {
+    fn default() -> Self {
+        Self { folder: None, timeout_minutes: 0.0 }
+    }
+}
+
+/// Reads the named file, else `harmony.toml` in the working folder, else nothing.
+///
+/// # Errors
+/// A file that was named and is not there, or that does not fit.
+pub fn load(named: Option<&Path>) -> Result<ConfigFile> {
+    let path = match named {
+        Some(path) => path.to_owned(),
+        None => {
+            let usual = PathBuf::from("harmony.toml");
+            if !usual.is_file() {
+                return Ok(ConfigFile::default());
+            }
+            usual
+        }
+    };
+    let bytes = harmony_io::read_bounded(&path, 4 << 20).with_context(|| format!("reading {}", path.display()))?;
+    let text = String::from_utf8(bytes).map_err(|_| anyhow::anyhow!("{} is not text", path.display()))?;
+    parse(&text).map_err(|reason| {
+        hinted(
+            format!("{} does not fit: {reason}", path.display()),
+            Some("`harmony schema config` prints what can be set"),
+        )
+    })
+}
+
+/// Reads a configuration.
+///
+/// # Errors
+/// What does not fit, with line and column.
+pub fn parse(text: &str) -> Result<ConfigFile, String> {
+    let file: ConfigFile = toml::from_str(text).map_err(|e| e.to_string())?;
+    file.settings.check()?;
+    if !(file.files.timeout_minutes.is_finite() && file.files.timeout_minutes >= 0.0) {
+        return Err(format!("files.timeout_minutes is {}; a number from 0 is wanted", file.files.timeout_minutes));
+    }
+    Ok(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_misspelt_key_is_named() {
+        let error = parse("[settings]\nworkng_px = 800\n").unwrap_err();
+        assert!(error.contains("workng_px") && error.contains("working_px"), "{error}");
+    }
+
+    #[test]
+    fn a_value_out_of_range_is_refused_with_the_range() {
+        let error = parse("[settings]\nworking_px = 9\n").unwrap_err();
+        assert!(error.contains("256") && error.contains('9'), "{error}");
+    }
+}
