@@ -81,6 +81,8 @@ pub struct ViewEstimate {
     pub focal: FocalSource,
     /// One sigma of the focal length's logarithm.
     pub focal_sigma: f64,
+    /// What was believed of the focal length before looking.
+    pub focal_prior: FocalPrior,
     /// Share of the total segment length that points to the vanishing point of x, y, z.
     pub support: [f64; 3],
     /// Number of segments that point to the vanishing point of x, y, z.
@@ -102,6 +104,7 @@ impl ViewEstimate {
             rotation: camera_rotation(yaw, tilt, 0.0),
             focal: FocalSource::Known,
             focal_sigma: 0.01,
+            focal_prior: FocalPrior { focal_px: intrinsics.fx, sigma: 0.01 },
             support: [0.0; 3],
             counts: [0; 3],
             confidence: 0.0,
@@ -113,6 +116,13 @@ impl ViewEstimate {
     pub fn tilt_deg(&self) -> f64 {
         let forward = self.rotation.transpose() * Vec3::Z;
         -forward.y.clamp(-1.0, 1.0).asin().to_degrees()
+    }
+
+    /// Roll, radians, as in [`camera_rotation`].
+    pub fn roll(&self) -> f64 {
+        // The room's up in the camera is (sin roll, -cos roll) * cos tilt in x and y.
+        let up = self.rotation.y_axis;
+        (-up.x).atan2(-up.y)
     }
 
     /// Turn to the left (positive) from facing the back wall squarely, degrees.
@@ -176,6 +186,7 @@ pub fn estimate_view_from_segments(
         rotation,
         focal,
         focal_sigma: found.focal_sigma.min(search.focal_sigma),
+        focal_prior: FocalPrior { focal_px: search.focal_log.exp(), sigma: search.focal_sigma },
         support,
         counts,
         confidence: confidence(support, counts),
@@ -238,7 +249,7 @@ impl Candidate {
     }
 }
 
-struct Search {
+pub(crate) struct Search {
     centre: Vec2,
     shortest: f64,
     /// Image pixels to a working pixel.
@@ -250,7 +261,7 @@ struct Search {
 }
 
 impl Search {
-    fn new(size: ImageSize, segments: &[LineSegment], prior: Option<FocalPrior>) -> Self {
+    pub(crate) fn new(size: ImageSize, segments: &[LineSegment], prior: Option<FocalPrior>) -> Self {
         let (w, h) = (f64::from(size.width.max(1)), f64::from(size.height.max(1)));
         let diagonal = w.hypot(h);
         let typical = FocalPrior { focal_px: TYPICAL_FOCAL * diagonal, sigma: TYPICAL_SIGMA };
@@ -394,7 +405,9 @@ impl Search {
         Candidate { parameters: [log, yaw, tilt, roll], focal_sigma: sigmas[0], cost }
     }
 
-    fn residuals(&self, p: &[f64], out: &mut Vec<f64>) {
+    /// Pushes what four numbers (ln focal, yaw, tilt, roll) leave of the segments and of what photos are like;
+    /// each in sigmas. The number of residuals is fixed.
+    pub(crate) fn residuals(&self, p: &[f64], out: &mut Vec<f64>) {
         let log = p[0].clamp(self.log_range[0], self.log_range[1]);
         let rotation = camera_rotation(p[1], p[2], p[3]);
         let focal = log.exp();
@@ -410,5 +423,25 @@ impl Search {
         out.push((p[0] - log) / 0.01);
         out.push((p[2].to_degrees() - USUAL_TILT_DEG[0]) / USUAL_TILT_DEG[1]);
         out.push((p[3].to_degrees() - USUAL_ROLL_DEG[0]) / USUAL_ROLL_DEG[1]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn angles_come_back_from_a_rotation(
+            yaw in -0.78f64..0.78, tilt in -1.0f64..1.0, roll in -0.3f64..0.3,
+        ) {
+            let size = ImageSize::new(640, 480);
+            let mut view = ViewEstimate::from_hints(size, Intrinsics::centred(size, 500.0), &CameraHints::default());
+            view.rotation = camera_rotation(yaw, tilt, roll);
+            prop_assert!((view.yaw_deg().to_radians() - yaw).abs() <= 1e-9);
+            prop_assert!((view.tilt_deg().to_radians() - tilt).abs() <= 1e-9);
+            prop_assert!((view.roll() - roll).abs() <= 1e-9);
+        }
     }
 }

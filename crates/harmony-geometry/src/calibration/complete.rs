@@ -2,10 +2,10 @@
 
 use harmony_scene::{Mat3, Surface, Vec3};
 
-use super::scale::USUAL_CAMERA_HEIGHT;
 use super::{Measured, hint};
 use crate::LayoutPrior;
 use crate::planes::AxisBox;
+use crate::room_box::USUAL_CAMERA_HEIGHT;
 use crate::stats::percentile_in_place;
 use crate::surfels::Surfels;
 

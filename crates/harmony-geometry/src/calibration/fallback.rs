@@ -1,6 +1,6 @@
 //! When the points carry no frame: the prior's camera, refined by its pins.
 
-use harmony_scene::{PointMap, PointMapKind, Similarity, Surface, Vec3};
+use harmony_scene::{Camera, PointMap, PointMapKind, Similarity, Surface, Vec3};
 
 use super::reprojection;
 use super::types::{AnchorKind, Calibration, CalibrationEvidence, CalibrationMethod, PlaneEvidence};
@@ -25,7 +25,8 @@ pub(super) fn calibrate_by_prior(
         Ok(room) => (room, CalibrationMethod::Pins),
         Err(_) => (prior_box(&view, prior), CalibrationMethod::PriorCamera),
     };
-    let camera = room.camera.resized(points.size);
+    // The lens is the map's, with its principal point.
+    let camera = Camera { intrinsics: points.intrinsics, ..room.camera.resized(points.size) };
     let scale = match points.kind {
         PointMapKind::Metric => 1.0,
         PointMapKind::Relative | PointMapKind::RoomBox => scale_to_box(points, surfels, &room),

@@ -5,9 +5,7 @@ use harmony_scene::{PointMapKind, Surface, Vec3};
 use super::complete::PointRange;
 use super::{Measured, hint};
 use crate::LayoutPrior;
-
-/// Camera height when nobody knows: a phone held by a standing person.
-pub(super) const USUAL_CAMERA_HEIGHT: f64 = 1.5;
+use crate::room_box::USUAL_CAMERA_HEIGHT;
 
 /// One sigma of the logarithm of what a prior says.
 const SIGMA_HINTED_HEIGHT: f64 = 0.12;

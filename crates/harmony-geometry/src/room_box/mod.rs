@@ -1,9 +1,22 @@
 //! The room box of a photo without depth.
 
+mod pins;
+mod solved;
+
 use harmony_scene::{Camera, Extents, ImageSize, PointMap, PointMapKind, Surface, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
+pub use pins::solve_from_pins;
+use solved::CameraBox;
+
 use crate::{GrayImage, LayoutPrior, ViewEstimate};
+
+/// Camera height when nobody knows: a phone held by a standing person, metres.
+pub(crate) const USUAL_CAMERA_HEIGHT: f64 = 1.5;
+/// Pinned points from which the pins alone place the box.
+const ENOUGH_PINS: usize = 3;
+/// Confidence of a view below which hinted angles are better.
+const WEAK_VIEW: f64 = 0.15;
 
 /// How a room box was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,50 +96,85 @@ pub enum SolveError {
 
 /// The room box of a photo: from pins if the prior has enough of them, else from the image's lines, else the
 /// prior's own numbers. Never fails; `confidence` and `evidence.fallbacks` say what it stands on.
+///
+/// `image` and `view` may be of any size; the result speaks of `prior.photo`.
 pub fn estimate_room_box(image: &GrayImage, view: &ViewEstimate, prior: &LayoutPrior) -> RoomBox {
     let _ = image;
-    prior_box(view, prior)
-}
-
-/// Camera and box by least squares on pinned edges and corners, the view's vanishing directions and the prior.
-///
-/// # Errors
-/// [`SolveError`] when there are too few pins or they contradict each other.
-pub fn solve_from_pins(view: &ViewEstimate, prior: &LayoutPrior) -> Result<RoomBox, SolveError> {
-    let _ = view;
-    let got = prior.pins.corners.len() + prior.pins.edges.iter().map(|e| e.points.len()).sum::<usize>();
-    Err(SolveError::TooFewPins { got, min: usize::MAX })
-}
-
-pub(crate) fn prior_box(view: &ViewEstimate, prior: &LayoutPrior) -> RoomBox {
-    let e = prior.extents;
-    let height = prior.camera.height_m.unwrap_or(1.5);
-    let centre = Vec3::new(e.width / 2.0, height, prior.camera.dist_to_back_m.unwrap_or(e.depth * 0.9));
-    let camera = Camera {
-        size: view.size,
-        intrinsics: view.intrinsics,
-        rotation: view.rotation,
-        translation: -(view.rotation * centre),
-    };
-    RoomBox {
-        camera: camera.resized(prior.photo),
-        extents: e,
-        seen: vec![],
-        anchor: Vec3::ZERO,
-        anchor_px: None,
-        confidence: 0.0,
-        evidence: RoomBoxEvidence {
-            method: RoomBoxMethod::Prior,
-            pin_rms_px: 0.0,
-            pins_used: 0,
-            pins_given: 0,
-            pins_rejected: vec![],
-            edge_support: 0.0,
-            view_confidence: view.confidence,
-            iterations: 0,
-            fallbacks: vec!["prior numbers".into()],
-        },
+    let prior = &sane(prior);
+    let mut notes = Vec::new();
+    if pins::pinned_points(prior) >= ENOUGH_PINS {
+        match solve_from_pins(view, prior) {
+            Ok(room) => return room,
+            Err(e) => notes.push(format!("the pinned edges were not used: {e}")),
+        }
     }
+    let mut room = prior_box(view, prior);
+    room.evidence.fallbacks.extend(notes);
+    room
+}
+
+/// A prior with a usable room size.
+fn sane(prior: &LayoutPrior) -> LayoutPrior {
+    let usual = LayoutPrior::unknown(prior.photo).extents;
+    let pick = |v: f64, low: f64, high: f64, otherwise: f64| if (low..=high).contains(&v) { v } else { otherwise };
+    let extents = Extents {
+        width: pick(prior.extents.width, 0.5, 100.0, usual.width),
+        height: pick(prior.extents.height, 1.5, 30.0, usual.height),
+        depth: pick(prior.extents.depth, 0.5, 100.0, usual.depth),
+    };
+    LayoutPrior { extents, ..prior.clone() }
+}
+
+/// The prior's numbers on the measured view (on the hinted angles where nothing was measured).
+pub(crate) fn prior_box(view: &ViewEstimate, prior: &LayoutPrior) -> RoomBox {
+    let prior = &sane(prior);
+    let hints = &prior.camera;
+    let Extents { width, height, depth } = prior.extents;
+    let mut fallbacks = vec!["the room's size is the prior's".to_owned()];
+    let degrees = |v: Option<f64>, limit: f64| v.filter(|v| v.abs() <= limit).map(f64::to_radians);
+    let (mut yaw, mut tilt, mut roll) = (view.yaw_deg().to_radians(), view.tilt_deg().to_radians(), view.roll());
+    if view.confidence < WEAK_VIEW {
+        fallbacks.push("the image shows too few straight lines: tilt and yaw are the prior's".to_owned());
+        yaw = degrees(hints.yaw_deg, 80.0).unwrap_or(yaw);
+        tilt = degrees(hints.tilt_deg, 70.0).unwrap_or(tilt);
+        roll = 0.0;
+    }
+    let floor = hints.height_m.filter(|h| (0.1..0.97 * height).contains(h));
+    let floor = floor.unwrap_or(USUAL_CAMERA_HEIGHT.min(0.7 * height));
+    let back = hints.dist_to_back_m.filter(|d| (0.2..=100.0).contains(d)).unwrap_or(0.75 * depth);
+    // Looking to the left from the right half of the room shows most of it, and the other way round.
+    let left = width * (0.5 + 0.3 * yaw.sin());
+    let k = f64::from(prior.photo.width.max(1)) / f64::from(view.size.width.max(1));
+    let solved = CameraBox {
+        focal: view.intrinsics.fx * k,
+        yaw,
+        tilt,
+        roll,
+        left,
+        right: width - left,
+        floor,
+        ceiling: height - floor,
+        back,
+    };
+    let evidence = RoomBoxEvidence {
+        method: RoomBoxMethod::Prior,
+        pin_rms_px: 0.0,
+        pins_used: 0,
+        pins_given: 0,
+        pins_rejected: vec![],
+        edge_support: 0.0,
+        view_confidence: view.confidence,
+        iterations: 0,
+        fallbacks,
+    };
+    finish(&solved, prior, 0.05 + 0.15 * view.confidence, evidence)
+}
+
+fn finish(solved: &CameraBox, prior: &LayoutPrior, confidence: f64, evidence: RoomBoxEvidence) -> RoomBox {
+    let camera = solved.camera(prior.photo);
+    let extents = solved.extents(prior.extents.depth);
+    let (anchor, anchor_px) = solved::anchor(&camera, &extents);
+    RoomBox { seen: solved::faces_shown(&camera, &extents), camera, extents, anchor, anchor_px, confidence, evidence }
 }
 
 impl RoomBox {

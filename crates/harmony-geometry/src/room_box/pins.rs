@@ -1,0 +1,365 @@
+//! The camera and the box from pinned room edges and corners.
+//!
+//! Nine unknowns (focal length, yaw, tilt, roll, and the distances to left, right, floor, ceiling and back) by
+//! robust least squares (Levenberg-Marquardt) on: distances of pins to the images of their edges; angles of the
+//! image's segments to their vanishing points; what the prior says about room and camera, each with its sigma. Floor
+//! and ceiling distance add up to the prior's height, which is the metric reference, as in the paper. So a picture with
+//! one good pin is pulled to it and the rest stays what the prior says; with six the prior hardly matters.
+//!
+//! Some pins are wrong. The losses saturate, and the solver starts several times: from the measured view, from the
+//! view a quarter turn on (the prior may call the other wall "back"), from the hinted angles, and without each of the
+//! pinned edges in turn; the least total cost wins.
+
+use std::f64::consts::FRAC_PI_2;
+
+use harmony_scene::{ImageSize, Vec2, Vec3};
+
+use super::solved::CameraBox;
+use super::{RoomBox, RoomBoxEvidence, RoomBoxMethod, SolveError, USUAL_CAMERA_HEIGHT, finish};
+use crate::least_squares::{minimise, robust};
+use crate::vanishing::Search;
+use crate::{
+    FocalPrior, LayoutPrior, LineSegment, RoomCorner, RoomEdge, ViewEstimate, WallSide, camera_rotation, median,
+};
+
+/// One sigma of a pin, share of the photo's diagonal.
+const PIN_SIGMA: f64 = 0.005;
+/// One sigma of the layout answer's own corner and junction row: they are rougher than pins.
+const HINT_SIGMA: f64 = 0.012;
+/// Saturation of the losses, sigmas.
+const LIMIT: f64 = 3.0;
+/// A pin farther off than this many sigmas is called wrong.
+const WRONG: f64 = 4.0;
+/// Sigmas of the logarithms of the prior's lengths: camera height (hinted, usual), width, distance to back.
+const HEIGHT_SIGMA: [f64; 2] = [0.15, 0.22];
+const WIDTH_SIGMA: f64 = 0.25;
+const BACK_SIGMA: [f64; 2] = [0.25, 0.4];
+/// One sigma of left against right where nothing says where the camera stands (logarithm of the ratio).
+const SIDE_SIGMA: f64 = 0.8;
+/// One sigma of hinted tilt and yaw, degrees: weak, they only break ties.
+const ANGLE_SIGMA_DEG: f64 = 12.0;
+/// Largest pin RMS that is still agreement, share of the diagonal.
+const AGREE: f64 = 0.03;
+/// Pins used at most, and how far outside the image a pin may lie (shares of its sides).
+const MOST_PINS: usize = 80;
+const OUTSIDE: f64 = 1.0;
+
+/// A pin relative to the image centre.
+#[derive(Debug, Clone, Copy)]
+struct Pin {
+    edge: RoomEdge,
+    point: Vec2,
+    sigma: f64,
+    /// Pins of one group (an edge, a corner) are right or wrong together.
+    group: usize,
+    /// Given as a pin, not as a hint of the layout answer.
+    given: bool,
+}
+
+/// Camera and box by least squares on pinned edges and corners, the view's vanishing directions and the prior
+/// (key `cam.pins`, beyond the paper; DESIGN 6.1 "the VLM's camera refined by corner pinning").
+///
+/// The hinted corner and junction row of `prior.camera` count as rough pins.
+///
+/// # Errors
+/// [`SolveError`] when there is no usable pin or they contradict each other.
+pub fn solve_from_pins(view: &ViewEstimate, prior: &LayoutPrior) -> Result<RoomBox, SolveError> {
+    let pins = pins(prior);
+    if pins.is_empty() {
+        return Err(SolveError::TooFewPins { got: 0, min: 1 });
+    }
+    let problem = Problem::new(view, prior, pins);
+    let (solution, iterations) = problem.solve();
+    let solved = problem.unpack(&solution);
+    let report = problem.report(&solved);
+    let diagonal = diagonal(prior.photo);
+    if report.used == 0 || !(report.rms <= AGREE * diagonal) {
+        return Err(SolveError::Disagree { rms_px: report.rms, limit_px: AGREE * diagonal });
+    }
+    let strength = (report.used as f64 / 6.0).min(1.0) * (report.used as f64 / report.given.max(1) as f64);
+    let fit = (1.0 - report.rms / (AGREE * diagonal)).max(0.0);
+    let confidence = (0.15 + 0.75 * strength * fit + 0.1 * view.confidence).clamp(0.0, 1.0);
+    let evidence = RoomBoxEvidence {
+        method: RoomBoxMethod::Pins,
+        pin_rms_px: report.rms,
+        pins_used: report.used,
+        pins_given: report.given,
+        pins_rejected: report.rejected,
+        edge_support: 0.0,
+        view_confidence: view.confidence,
+        iterations,
+        fallbacks: vec![],
+    };
+    Ok(finish(&solved, prior, confidence, evidence))
+}
+
+/// Number of points that were pinned (not hinted).
+pub(super) fn pinned_points(prior: &LayoutPrior) -> usize {
+    pins(prior).iter().filter(|p| p.given).count()
+}
+
+fn diagonal(size: ImageSize) -> f64 {
+    f64::from(size.width).hypot(f64::from(size.height)).max(1.0)
+}
+
+fn corner_edges(corner: RoomCorner) -> [RoomEdge; 2] {
+    match corner {
+        RoomCorner::FloorBackLeft => [RoomEdge::FloorBack, RoomEdge::BackLeft],
+        RoomCorner::FloorBackRight => [RoomEdge::FloorBack, RoomEdge::BackRight],
+        RoomCorner::CeilingBackLeft => [RoomEdge::CeilingBack, RoomEdge::BackLeft],
+        RoomCorner::CeilingBackRight => [RoomEdge::CeilingBack, RoomEdge::BackRight],
+    }
+}
+
+/// Usable pins of a prior, then its hints.
+fn pins(prior: &LayoutPrior) -> Vec<Pin> {
+    let (w, h) = (f64::from(prior.photo.width), f64::from(prior.photo.height));
+    let centre = Vec2::new(w, h) / 2.0;
+    let diagonal = diagonal(prior.photo);
+    let usable = |p: &Vec2| {
+        p.x >= -OUTSIDE * w && p.x <= (1.0 + OUTSIDE) * w && p.y >= -OUTSIDE * h && p.y <= (1.0 + OUTSIDE) * h
+    };
+    let mut out = Vec::new();
+    let mut group = 0;
+    for pinned in &prior.pins.edges {
+        let points: Vec<&Vec2> = pinned.points.iter().filter(|p| usable(p)).collect();
+        // Many points of one edge are not many measurements.
+        let sigma = PIN_SIGMA * diagonal * (points.len() as f64 / 2.0).sqrt().max(1.0);
+        out.extend(points.iter().map(|p| Pin { edge: pinned.edge, point: **p - centre, sigma, group, given: true }));
+        group += 1;
+    }
+    for pinned in prior.pins.corners.iter().filter(|c| usable(&c.point)) {
+        let at = pinned.point - centre;
+        let sigma = PIN_SIGMA * diagonal;
+        out.extend(corner_edges(pinned.corner).map(|edge| Pin { edge, point: at, sigma, group, given: true }));
+        group += 1;
+    }
+    out.truncate(MOST_PINS);
+
+    let hints = &prior.camera;
+    if let Some(point) = hints.corner_px.map(Vec2::from_array).filter(usable) {
+        let corner = match hints.back_wall_side {
+            Some(WallSide::Right) => RoomCorner::FloorBackLeft,
+            Some(WallSide::Left) => RoomCorner::FloorBackRight,
+            Some(WallSide::Both) | None if point.x < centre.x => RoomCorner::FloorBackLeft,
+            Some(WallSide::Both) | None => RoomCorner::FloorBackRight,
+        };
+        let (at, sigma) = (point - centre, HINT_SIGMA * diagonal);
+        out.extend(corner_edges(corner).map(|edge| Pin { edge, point: at, sigma, group, given: false }));
+    }
+    if let Some(row) = hint(hints.floor_junction_y_frac, 0.0, 1.5) {
+        let at = Vec2::new(0.0, row * h - centre.y);
+        let sigma = 2.0 * HINT_SIGMA * diagonal;
+        out.push(Pin { edge: RoomEdge::FloorBack, point: at, sigma, group: group + 1, given: false });
+    }
+    out
+}
+
+fn hint(value: Option<f64>, low: f64, high: f64) -> Option<f64> {
+    value.filter(|v| (low..=high).contains(v))
+}
+
+/// Unknowns, in this order.
+const LN_FOCAL: usize = 0;
+const YAW: usize = 1;
+const TILT: usize = 2;
+const ROLL: usize = 3;
+const LN_LEFT: usize = 4;
+const LN_RIGHT: usize = 5;
+/// Logit of floor distance over room height.
+const FLOOR_LOGIT: usize = 6;
+const LN_BACK: usize = 7;
+type Unknowns = [f64; 8];
+const STEPS: Unknowns = [1e-5; 8];
+
+struct Problem<'a> {
+    prior: &'a LayoutPrior,
+    pins: Vec<Pin>,
+    lines: Search,
+    view: [f64; 4],
+    camera_height: f64,
+    camera_height_sigma: f64,
+    back: f64,
+    back_sigma: f64,
+}
+
+struct Report {
+    rms: f64,
+    used: usize,
+    given: usize,
+    rejected: Vec<String>,
+}
+
+impl<'a> Problem<'a> {
+    fn new(view: &ViewEstimate, prior: &'a LayoutPrior, pins: Vec<Pin>) -> Self {
+        let photo = prior.photo;
+        let k = f64::from(photo.width.max(1)) / f64::from(view.size.width.max(1));
+        let segments: Vec<LineSegment> = view
+            .segments
+            .iter()
+            .map(|(s, _)| LineSegment { start: s.start * k, end: s.end * k, strength: s.strength })
+            .collect();
+        let focal = FocalPrior { focal_px: view.focal_prior.focal_px * k, sigma: view.focal_prior.sigma };
+        let height = prior.extents.height;
+        let hinted = hint(prior.camera.height_m, 0.1, 0.97 * height);
+        let camera_height = hinted.unwrap_or(USUAL_CAMERA_HEIGHT.min(0.7 * height));
+        let distance = hint(prior.camera.dist_to_back_m, 0.2, 40.0);
+        Self {
+            prior,
+            pins,
+            lines: Search::new(photo, &segments, Some(focal)),
+            view: [
+                (view.intrinsics.fx * k).ln(),
+                view.yaw_deg().to_radians(),
+                view.tilt_deg().to_radians(),
+                view.roll(),
+            ],
+            camera_height,
+            camera_height_sigma: HEIGHT_SIGMA[usize::from(hinted.is_none())],
+            back: distance.unwrap_or(0.75 * prior.extents.depth),
+            back_sigma: BACK_SIGMA[usize::from(distance.is_none())],
+        }
+    }
+
+    fn unpack(&self, p: &Unknowns) -> CameraBox {
+        let height = self.prior.extents.height;
+        let floor = height / (1.0 + (-p[FLOOR_LOGIT]).exp());
+        CameraBox {
+            focal: p[LN_FOCAL].exp(),
+            yaw: p[YAW],
+            tilt: p[TILT],
+            roll: p[ROLL],
+            left: p[LN_LEFT].exp(),
+            right: p[LN_RIGHT].exp(),
+            floor,
+            ceiling: height - floor,
+            back: p[LN_BACK].exp(),
+        }
+    }
+
+    fn residuals(&self, p: &Unknowns, limit: f64, out: &mut Vec<f64>) {
+        let solved = self.unpack(p);
+        let rotation = solved.rotation();
+        for pin in &self.pins {
+            out.push(robust(solved.distance_to_edge(&rotation, pin.edge, pin.point) / pin.sigma, limit));
+        }
+        self.lines.residuals(&p[..4], out);
+        let hints = &self.prior.camera;
+        let angle = |value: f64, hinted: Option<f64>, wide: f64| match hint(hinted, -90.0, 90.0) {
+            Some(h) => robust((value.to_degrees() - h) / ANGLE_SIGMA_DEG, limit),
+            None => value.to_degrees() / wide,
+        };
+        out.push(angle(solved.tilt, hints.tilt_deg, 40.0));
+        out.push(angle(solved.yaw, hints.yaw_deg, 40.0));
+        out.push((solved.floor / self.camera_height).ln() / self.camera_height_sigma);
+        out.push(((solved.left + solved.right) / self.prior.extents.width).ln() / WIDTH_SIGMA);
+        out.push((solved.left / solved.right).ln() / SIDE_SIGMA);
+        out.push((solved.back / self.back).ln() / self.back_sigma);
+    }
+
+    fn solve(&self) -> (Unknowns, usize) {
+        let groups = self.pins.iter().map(|p| p.group + 1).max().unwrap_or(0);
+        let mut best: Option<(f64, Unknowns)> = None;
+        let mut iterations = 0;
+        for angles in self.angle_starts() {
+            for left_out in std::iter::once(None).chain((0..groups).map(Some)) {
+                let mut p = self.start(angles, left_out);
+                let mut cost = f64::INFINITY;
+                // Wide losses first: a start is seldom within three sigmas of every good pin.
+                for limit in [4.0 * LIMIT, LIMIT] {
+                    let s = minimise(&p, &STEPS, 30, |p, out| self.residuals(&array(p), limit, out));
+                    iterations += s.iterations;
+                    p = array(&s.parameters);
+                    cost = s.cost;
+                }
+                let sound = p.iter().all(|v| v.is_finite()) && p[YAW].abs() < 1.4 && p[TILT].abs() < 1.4;
+                if sound && best.is_none_or(|(b, _)| cost < b) {
+                    best = Some((cost, p));
+                }
+            }
+        }
+        (best.map_or_else(|| self.start(self.view, None), |(_, p)| p), iterations)
+    }
+
+    fn angle_starts(&self) -> Vec<[f64; 4]> {
+        let mut starts = vec![self.view];
+        for quarter in [-FRAC_PI_2, FRAC_PI_2] {
+            let yaw = self.view[YAW] + quarter;
+            if yaw.abs() < 65f64.to_radians() {
+                starts.push([self.view[0], yaw, self.view[2], self.view[3]]);
+            }
+        }
+        let hints = &self.prior.camera;
+        if let (Some(tilt), Some(yaw)) = (hint(hints.tilt_deg, -60.0, 60.0), hint(hints.yaw_deg, -70.0, 70.0)) {
+            starts.push([self.view[0], yaw.to_radians(), tilt.to_radians(), 0.0]);
+        }
+        starts
+    }
+
+    /// Distances under given angles: medians of what the pins say one by one, floor first.
+    fn start(&self, angles: [f64; 4], left_out: Option<usize>) -> Unknowns {
+        let height = self.prior.extents.height;
+        let focal = angles[0].exp();
+        let turn = camera_rotation(angles[1], angles[2], angles[3]).transpose();
+        let of = |edges: &[RoomEdge], value: &dyn Fn(RoomEdge, Vec3) -> f64| {
+            let values: Vec<f64> = self
+                .pins
+                .iter()
+                .filter(|p| Some(p.group) != left_out && edges.contains(&p.edge))
+                .map(|p| value(p.edge, turn * p.point.extend(focal)))
+                .filter(|v| v.is_finite() && *v > 0.05 && *v < 60.0)
+                .collect();
+            median(&values)
+        };
+        let floor = self.camera_height;
+        let ceiling = height - floor;
+        use RoomEdge as E;
+        // On the floor a ray falls by `floor` while it goes `-z` back; on the ceiling it rises by `ceiling`.
+        let back = of(&[E::FloorBack, E::CeilingBack], &|e, r| {
+            let k = if e == E::FloorBack { floor / -r.y } else { ceiling / r.y };
+            -r.z * k
+        })
+        .unwrap_or(self.back);
+        let side = |edges: [RoomEdge; 3], sign: f64| {
+            of(&edges, &|e, r| {
+                let k = match e {
+                    E::FloorLeft | E::FloorRight => floor / -r.y,
+                    E::CeilingLeft | E::CeilingRight => ceiling / r.y,
+                    _ => back / -r.z,
+                };
+                sign * r.x * k
+            })
+        };
+        let half = self.prior.extents.width / 2.0;
+        let left = side([E::FloorLeft, E::CeilingLeft, E::BackLeft], -1.0);
+        let right = side([E::FloorRight, E::CeilingRight, E::BackRight], 1.0);
+        let other = |known: Option<f64>| known.map_or(half, |k| (2.0 * half - k).max(0.3 * half));
+        let (left, right) = (left.unwrap_or_else(|| other(right)), right.unwrap_or_else(|| other(left)));
+        [angles[0], angles[1], angles[2], angles[3], left.ln(), right.ln(), (floor / ceiling).ln(), back.ln()]
+    }
+
+    fn report(&self, solved: &CameraBox) -> Report {
+        let rotation = solved.rotation();
+        let any_given = self.pins.iter().any(|p| p.given);
+        let mut report = Report { rms: 0.0, used: 0, given: 0, rejected: vec![] };
+        let mut squares = 0.0;
+        for pin in self.pins.iter().filter(|p| p.given || !any_given) {
+            let off = solved.distance_to_edge(&rotation, pin.edge, pin.point);
+            report.given += 1;
+            if off.abs() <= WRONG * pin.sigma {
+                squares += off * off;
+                report.used += 1;
+            } else {
+                report.rejected.push(format!("{:?} pin is {:.0} px off its edge", pin.edge, off.abs()));
+            }
+        }
+        report.rms = if report.used > 0 { (squares / report.used as f64).sqrt() } else { f64::INFINITY };
+        report
+    }
+}
+
+fn array(p: &[f64]) -> Unknowns {
+    let mut out = [0.0; 8];
+    out.copy_from_slice(&p[..8]);
+    out
+}
