@@ -50,7 +50,7 @@ pub(crate) fn angle_between(a: f64, b: f64) -> f64 {
 }
 
 /// `ln(size / prior)` of the sides that can be free: one for a uniform scale, else three.
-fn size_deviations(item: &Item, pose: &Pose) -> Vec<f64> {
+pub(crate) fn size_deviations(item: &Item, pose: &Pose) -> Vec<f64> {
     let (scale, stretch) = prior_scale(item, item.size);
     if item.traits.may_stretch || item.traits.planar {
         (0..3).map(|i| (pose.scale * pose.stretch[i] / (scale * stretch[i])).ln()).collect()
@@ -84,8 +84,8 @@ impl Judge<'_> {
             cost += weight * if d.abs() < 2.0 { d * d } else { 4.0 * d.abs() - 4.0 };
         }
         if let YawRule::About { yaw, sigma } = self.frame.yaw {
-            let d = angle_between(pose.yaw, yaw) / sigma.max(1e-3);
-            cost += YAW * d * d;
+            let d = angle_between(pose.yaw, yaw).abs() / sigma.max(1e-3);
+            cost += YAW * if d < 2.0 { d * d } else { 4.0 * d - 4.0 };
         }
         if let Some(gap) = self.frame.gap(pose) {
             cost += GAP * ((gap - USUAL_GAP) / GAP_SIGMA).powi(2);

@@ -16,8 +16,11 @@ pub(crate) const AGAINST_RELATION: f64 = 0.12;
 /// Expected error of a yaw that follows from what an object faces, radians.
 const FACING_SIGMA: f64 = 0.35;
 
-/// Expected error of a given coarse yaw, radians.
-const HINT_SIGMA: f64 = 0.25;
+/// Expected error of a given coarse yaw (one of four panels), radians.
+const HINT_SIGMA: f64 = 0.4;
+
+/// Expected error of the yaw of furniture that stands free although a wall was said to be behind it, radians.
+const WALL_SIGMA: f64 = 0.15;
 
 /// Expected error of a rug's alignment with the room, radians.
 const RUG_SIGMA: f64 = 0.09;
@@ -112,18 +115,27 @@ impl<'a> Starter<'a, '_> {
             for position in self.wall_positions(&frame, wall) {
                 out.push(self.settled(frame, position, price));
             }
-            let about = YawRule::About { yaw: wall.yaw(), sigma: HINT_SIGMA };
+            let about = YawRule::About { yaw: wall.yaw(), sigma: WALL_SIGMA };
             let frame = self.frame(Anchoring::Floor, about);
+            // The less of the object's outline is seen, the more the relation counts.
+            let hidden = self.view.free.iter().filter(|f| !**f).count() as f64;
             for position in self.floor_positions(&frame) {
-                out.push(self.settled(frame, position, price + AGAINST_RELATION));
+                out.push(self.settled(frame, position, price + AGAINST_RELATION * (1.0 + hidden)));
             }
             return out;
         }
         let rough = self.frame(Anchoring::Floor, YawRule::Fixed(0.0));
-        let around = self.floor_positions(&rough).first().copied().unwrap_or(Vec3::ZERO);
-        for yaw in self.yaws(around, 0.0) {
-            let frame = self.frame(Anchoring::Floor, yaw);
-            out.extend(self.floor_positions(&frame).into_iter().map(|p| self.settled(frame, p, price)));
+        for around in self.floor_positions(&rough) {
+            for yaw in self.yaws(around, 0.0) {
+                let frame = self.frame(Anchoring::Floor, yaw);
+                out.push(self.settled(frame, around, price));
+                if let YawRule::About { yaw, sigma } = yaw {
+                    for turned in [yaw - 1.5 * sigma, yaw + 1.5 * sigma] {
+                        let pose = frame.settle(&self.sized(around, turned));
+                        out.push(Hypothesis { frame, pose, price });
+                    }
+                }
+            }
         }
         out
     }
@@ -152,12 +164,43 @@ impl<'a> Starter<'a, '_> {
         let pose = self.sized(Vec3::ZERO, frame.yaw.start());
         out.extend(self.by_points(&pose));
         out.extend(self.by_contact(frame, &pose, 0.0, 3));
+        out.extend(self.by_top(frame, &pose, 0.0));
         out.extend(self.by_size(&pose));
+        if !self.dense() && !self.view.free[3] {
+            out.extend(self.along_the_ray());
+        }
         if out.is_empty() {
             let e = &self.scene.room.extents;
             out.push(Vec3::new(e.width / 2.0, 0.0, e.depth / 2.0));
         }
         out
+    }
+
+    /// Base centre where the object's top, at its prior height above a plane, is seen in the mask's highest row.
+    pub(crate) fn by_top(&self, frame: &Frame, pose: &Pose, base: f64) -> Option<Vec3> {
+        let height = base + size_of(self.item, pose).y;
+        let eye = self.scene.camera.centre().y;
+        // Near eye level the ray runs along the plane.
+        if !self.view.free[1] || (height - eye).abs() < 0.15 {
+            return None;
+        }
+        let b = &self.view.mask_box;
+        let hit = steps::plane_hit(frame, Vec2::new(b.centre().x, b.y0), height)?;
+        let away = level_direction(hit - self.scene.camera.centre())?;
+        // Above eye level the near edge of the top is the highest seen, below it the far one.
+        let half = self.half_along(pose, away) * if height > eye { 1.0 } else { -1.0 };
+        let centre = hit + away * half;
+        Some(Vec3::new(centre.x, base, centre.z))
+    }
+
+    /// Places at several distances in the direction of the mask: when nothing else tells how far it is.
+    fn along_the_ray(&self) -> Vec<Vec3> {
+        let e = &self.scene.room.extents;
+        let ray = self.scene.camera.ray(self.view.mask_box.centre());
+        let Some(away) = level_direction(ray.direction) else { return Vec::new() };
+        let level = harmony_scene::Ray { origin: ray.origin, direction: away };
+        let Some((_, end)) = e.exit(&level) else { return Vec::new() };
+        [0.3, 0.5, 0.7, 0.9].map(|t| ray.origin + (end - ray.origin) * t).to_vec()
     }
 
     /// Half of an object's extent along a horizontal direction.

@@ -171,13 +171,21 @@ pub(crate) fn neighbours<'a>(
     let bottom = |mask: &Mask| mask.bounds().map_or(0.0, |b| b.y1);
     let own_bottom = bottom(&item.mask);
     let slack = 0.02 * f64::from(scene.camera.size.height);
+    let own_box = item.mask.bounds();
+    // What is seen inside an object's box most often stands before it, whatever its lowest row says.
+    let inside = |mask: &Mask| match (mask.bounds(), &own_box) {
+        (Some(b), Some(own)) => b.covered_by(own) > 0.5,
+        _ => false,
+    };
     let may_hide = |level: Level, flat: bool, hangs: bool, mask: &Mask| {
         if item.occluders.is_some() || flat {
             return false;
         }
         match (item.level, level) {
             // What stands lower in the image stands nearer.
-            (Level::Furniture, Level::Furniture) => item.traits.flat || bottom(mask) >= own_bottom - slack,
+            (Level::Furniture, Level::Furniture) => {
+                item.traits.flat || bottom(mask) >= own_bottom - slack || inside(mask)
+            }
             (Level::Wall, Level::Wall) => hangs,
             (Level::Decoration, Level::Decoration) => bottom(mask) >= own_bottom - slack,
             (_, Level::Wall) => false,

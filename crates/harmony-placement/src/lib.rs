@@ -19,6 +19,9 @@ mod item;
 mod level;
 mod optimise;
 mod order;
+mod outline;
+#[cfg(test)]
+mod probe;
 mod raster;
 mod review;
 mod scene;
@@ -30,6 +33,9 @@ mod support;
 #[cfg(test)]
 mod testing;
 mod view;
+
+#[cfg(test)]
+extern crate self as harmony_placement;
 
 pub use evidence::Evidence;
 pub use formulas::{angular_size, corrected_depth, front_surface_mean, lateral_shift, metric_scale};

@@ -3,11 +3,11 @@
 use harmony_scene::{Pose, Support};
 
 use crate::anchoring::{Frame, Parameters, YawRule};
-use crate::cost::Judge;
+use crate::cost::{Judge, angle_between};
 use crate::first_pose::{Hypothesis, Starter};
 use crate::optimise::nelder_mead;
 use crate::view::{Match, View};
-use crate::{Item, PartialScene, PlacementSettings, RoomPoints, steps};
+use crate::{Item, PartialScene, PlacementSettings, RoomPoints, outline, steps};
 
 /// Hypotheses that get the full rounds.
 const FINALISTS: usize = 4;
@@ -53,7 +53,18 @@ pub(crate) fn solve<'a>(
 ) -> Solution<'a> {
     let starter = Starter { scene, item, view, settings };
     let mut tries: Vec<Solution<'a>> = Vec::new();
-    for Hypothesis { frame, pose, price } in starter.all() {
+    let mut hypotheses = starter.all();
+    if settings.refinement {
+        let fitted: Vec<Hypothesis<'a>> = hypotheses
+            .iter()
+            .filter_map(|h| {
+                Some(Hypothesis { pose: outline::fit(&h.frame, view, &h.pose, settings.size_sigma)?, ..h.clone() })
+            })
+            .collect();
+        hypotheses.extend(fitted);
+        hypotheses = distinct(hypotheses);
+    }
+    for Hypothesis { frame, pose, price } in hypotheses {
         let (cost, seen) = judge(view, frame, settings).cost(&pose);
         let first = Solution { frame, pose, cost: cost + price, seen, first_iou: seen.iou, rounds: 0, renders: 1 };
         tries.push(if settings.refinement { rounds(first, price, view, settings, 1) } else { first });
@@ -63,7 +74,13 @@ pub(crate) fn solve<'a>(
         return tries.swap_remove(0);
     }
     let spent: usize = tries.iter().map(|t| t.renders).sum();
-    tries.truncate(FINALISTS);
+    let mut kept: Vec<Solution<'a>> = Vec::new();
+    for t in tries {
+        if kept.len() < FINALISTS && !kept.iter().any(|k| alike(&k.frame, &k.pose, &t.frame, &t.pose)) {
+            kept.push(t);
+        }
+    }
+    let tries = kept;
     let count = tries.len();
     let mut finals: Vec<Solution<'a>> = tries
         .into_iter()
@@ -81,6 +98,25 @@ pub(crate) fn solve<'a>(
     }
     best.renders += spent;
     best
+}
+
+/// Whether two poses are the same start for what follows.
+fn alike(frame_a: &Frame, a: &Pose, frame_b: &Frame, b: &Pose) -> bool {
+    std::mem::discriminant(&frame_a.anchoring) == std::mem::discriminant(&frame_b.anchoring)
+        && (a.position - b.position).length() < 0.02
+        && angle_between(a.yaw, b.yaw).abs() < 0.06
+        && (a.scale / b.scale).ln().abs() < 0.02
+        && (a.stretch / b.stretch - 1.0).abs().max_element() < 0.03
+}
+
+fn distinct(all: Vec<Hypothesis>) -> Vec<Hypothesis> {
+    let mut out: Vec<Hypothesis> = Vec::new();
+    for h in all {
+        if !out.iter().any(|o| o.price <= h.price && alike(&o.frame, &o.pose, &h.frame, &h.pose)) {
+            out.push(h);
+        }
+    }
+    out
 }
 
 /// Refines a placed object where it stands, all others as they are now.

@@ -31,6 +31,8 @@ enum Other {
 pub(crate) struct View {
     /// The crop, scaled so that the window has the wanted number of pixels.
     camera: Camera,
+    /// The camera of the whole image.
+    full: Camera,
     /// The part of the image it shows, image pixels.
     region: PixelBox,
     /// Window pixels per image pixel.
@@ -113,6 +115,7 @@ impl View {
         let n = size.pixels();
         let mut view = Self {
             camera,
+            full: scene.camera,
             region,
             zoom,
             mask: Vec::with_capacity(n),
@@ -203,7 +206,7 @@ impl View {
         let mut out = Match {
             iou: both / union,
             strict_iou: strict_both / strict_union,
-            outline: self.outline(mesh, pose),
+            outline: outline_of(&self.full, mesh.positions.iter().map(|p| p.as_dvec3()), pose),
             depth_share: differences.len() as f64 / self.mask_count,
             visible_share: if drawn > 0.0 { both / drawn } else { 0.0 },
             ..Match::default()
@@ -266,37 +269,24 @@ impl View {
             })
             .collect()
     }
+}
 
-    /// Box of the whole projection in image pixels.
-    fn outline(&self, mesh: &Mesh, pose: &Pose) -> Option<PixelBox> {
-        let linear = self.camera.rotation * pose.linear();
-        let offset = self.camera.to_camera(pose.position);
-        let k = self.camera.intrinsics;
-        let (mut x0, mut y0, mut x1, mut y1) = (f64::MAX, f64::MAX, f64::MIN, f64::MIN);
-        let mut front = 0_usize;
-        for p in &mesh.positions {
-            let c = linear * p.as_dvec3() + offset;
-            if c.z < crate::raster::NEAR {
-                continue;
-            }
-            front += 1;
-            let (x, y) = (k.fx * c.x / c.z, k.fy * c.y / c.z);
-            x0 = x0.min(x);
-            x1 = x1.max(x);
-            y0 = y0.min(y);
-            y1 = y1.max(y);
+/// Box of the whole projection of canonical points in image pixels; `None` when none is before the camera.
+pub(crate) fn outline_of(camera: &Camera, points: impl Iterator<Item = Vec3>, pose: &Pose) -> Option<PixelBox> {
+    let linear = camera.rotation * pose.linear();
+    let offset = camera.to_camera(pose.position);
+    let k = camera.intrinsics;
+    let (mut low, mut high) = (Vec2::MAX, Vec2::MIN);
+    for p in points {
+        let c = linear * p + offset;
+        if c.z < crate::raster::NEAR {
+            continue;
         }
-        if front == 0 {
-            return None;
-        }
-        let (left, top) = (self.region.x0, self.region.y0);
-        Some(PixelBox {
-            x0: left + (x0 + k.cx) / self.zoom,
-            y0: top + (y0 + k.cy) / self.zoom,
-            x1: left + (x1 + k.cx) / self.zoom,
-            y1: top + (y1 + k.cy) / self.zoom,
-        })
+        let pixel = Vec2::new(k.fx * c.x / c.z + k.cx, k.fy * c.y / c.z + k.cy);
+        low = low.min(pixel);
+        high = high.max(pixel);
     }
+    (low.x <= high.x).then_some(PixelBox { x0: low.x, y0: low.y, x1: high.x, y1: high.y })
 }
 
 /// Planar depth of the point map at an image position, NaN where it has none.

@@ -198,7 +198,8 @@ impl GtRoom {
             .map(|o| {
                 let side = |i: usize| 1.0 + noise_of.size * noise(noise_of.seed, &o.id, i as u64);
                 let size = o.size * Vec3::new(side(0), side(1), side(2));
-                let turns = o.level == Level::Decoration && o.yaw_counts;
+                let related = o.relations.facing_toward.is_some() || o.relations.wall_affinity != WallAffinity::Centre;
+                let turns = o.yaw_counts && !related;
                 // What a model that picks one of four panels can know.
                 let quarter = std::f64::consts::FRAC_PI_2;
                 let yaw = if turns { YawHint::About((o.yaw / quarter).round() * quarter) } else { YawHint::Unknown };
@@ -232,6 +233,19 @@ impl GtRoom {
     /// The truth about an object.
     pub fn truth(&self, id: &str) -> Option<&Truth> {
         self.objects.iter().find(|o| o.id == id)
+    }
+}
+
+#[allow(dead_code, reason = "used by the probe")]
+impl Truth {
+    /// True bottom centre.
+    pub fn position(&self) -> Vec3 {
+        self.position
+    }
+
+    /// True yaw.
+    pub fn yaw(&self) -> f64 {
+        self.yaw
     }
 }
 
@@ -312,6 +326,8 @@ fn truth(o: &Value, v: &[[f32; 3]], f: &[[u32; 3]]) -> Truth {
         || wall_affinity != WallAffinity::Centre
         || has_front
         || ["sofa", "chair", "bed", "desk"].iter().any(|w| label.contains(w));
+    // Tables are the same from two sides.
+    let yaw_counts = yaw_counts && !label.contains("table");
     Truth {
         id: o["id"].as_str().unwrap().to_owned(),
         index: o["index"].as_u64().unwrap() as u32,
