@@ -9,6 +9,7 @@ room (x, y, z) is Blender (x, -z, y), which is also what the glTF importer does.
 
 import ctypes
 import json
+import logging
 import math
 import os
 import resource
@@ -49,6 +50,7 @@ def to_blender(v):
 
 def load_scene():
     bpy.ops.wm.read_factory_settings(use_empty=True)
+    logging.disable(logging.INFO)  # the importer names every mesh
     bpy.ops.import_scene.gltf(filepath=JOB["glb"])
     for obj in list(bpy.data.objects):
         if obj.type in {"LIGHT", "CAMERA"}:
@@ -594,6 +596,9 @@ def write_exr(scene, name, kind):
     settings.file_format = kind
     settings.color_depth = "32"
     settings.exr_codec = "ZIP"
+    if hasattr(settings, "use_exr_interleave"):
+        # One part: files of several parts fail to open when pixels are not square.
+        settings.use_exr_interleave = True
     if kind == "OPEN_EXR":
         settings.color_mode = "RGB"
     render_to(scene, name)
