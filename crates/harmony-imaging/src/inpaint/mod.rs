@@ -8,7 +8,7 @@ use image::{Rgb, RgbImage};
 
 use crate::resample::{Window, resize_window};
 use canvas::{Canvas, Texel};
-use patches::{Matcher, Matches, NONE};
+use patches::{Matcher, Matches, NONE, Vote};
 
 /// Where the fill may copy from.
 #[derive(Debug, Clone, Copy)]
@@ -139,9 +139,11 @@ pub(crate) fn complete(canvas: &mut Canvas, max_offset: f32, seed: u64) -> Match
         for turn in 0..turns {
             let matcher = Matcher::new(&level, max_offset, seed);
             matcher.evaluate(&mut matches);
-            if turn == 0 && coarser.is_some() {
-                // First let the matches speak at this resolution, then search.
-                let pixels = matcher.vote(&matches, false);
+            if turn == 0 {
+                // First let the matches speak at this resolution, then search. At the coarsest level they are random
+                // ones: the search goes better from a wrong texture than from none, which only smooth patches match.
+                let pixels =
+                    if coarser.is_some() { matcher.vote(&matches, Vote::Wide) } else { matcher.scatter(&matches) };
                 level.pixels = pixels;
             }
             let matcher = Matcher::new(&level, max_offset, seed);
@@ -150,7 +152,7 @@ pub(crate) fn complete(canvas: &mut Canvas, max_offset: f32, seed: u64) -> Match
                 matcher.improve(&mut matches, (turn * passes + pass) as u64);
             }
             let last = depth == 0 && turn + 1 == turns;
-            let pixels = matcher.vote(&matches, last);
+            let pixels = matcher.vote(&matches, if last { Vote::Sharp } else { Vote::Wide });
             level.pixels = pixels;
         }
         coarser = Some((level, matches));

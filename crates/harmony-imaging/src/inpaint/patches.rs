@@ -34,6 +34,15 @@ pub(crate) struct Matches {
     pub(super) offset: Vec<Texel>,
 }
 
+/// Which patches have a say in a pixel's colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Vote {
+    /// All that cover it.
+    Wide,
+    /// Those nearly centred on it: crisper.
+    Sharp,
+}
+
 /// One level: the picture, and what may be copied where.
 pub(super) struct Matcher<'a> {
     canvas: &'a Canvas,
@@ -222,9 +231,22 @@ impl<'a> Matcher<'a> {
         });
     }
 
-    /// New colours of the hole: the weighted mean of what the patches over each pixel say. With `sharp` only the
-    /// patches nearly centred on it are asked.
-    pub(super) fn vote(&self, matches: &Matches, sharp: bool) -> Vec<Texel> {
+    /// New colours of the hole, each from the centre of its own match alone.
+    pub(super) fn scatter(&self, matches: &Matches) -> Vec<Texel> {
+        let mut pixels = self.canvas.pixels.clone();
+        for (i, s) in matches.source.iter().enumerate() {
+            if self.canvas.hole[i] && *s != NONE {
+                let color = self.canvas.pixels[*s as usize];
+                for c in 0..3 {
+                    pixels[i][c] = color[c] + matches.offset[i][c];
+                }
+            }
+        }
+        pixels
+    }
+
+    /// New colours of the hole: the weighted mean of what the patches over each pixel say.
+    pub(super) fn vote(&self, matches: &Matches, vote: Vote) -> Vec<Texel> {
         let (w, h) = (self.canvas.width, self.canvas.height);
         let mut costs: Vec<f32> =
             matches.source.iter().zip(&matches.cost).filter(|(s, _)| **s != NONE).map(|(_, c)| *c).collect();
@@ -237,7 +259,7 @@ impl<'a> Matcher<'a> {
         };
         let known: Vec<bool> = self.canvas.hole.iter().map(|b| !b).collect();
         let depth = distance_to(&known, w, h);
-        let radius = if sharp { 1 } else { RADIUS };
+        let radius = if vote == Vote::Sharp { 1 } else { RADIUS };
         (0..w * h)
             .into_par_iter()
             .map(|i| {
