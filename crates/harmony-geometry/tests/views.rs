@@ -2,19 +2,8 @@
 
 mod common;
 
-use common::rooms;
-use harmony_geometry::{FocalPrior, GrayImage, estimate_view};
-use harmony_scene::{ImageSize, Mat3};
-
-pub fn gray(path: &std::path::Path) -> GrayImage {
-    let rgb = image::open(path).unwrap().into_rgb8();
-    GrayImage::from_rgb8(ImageSize::new(rgb.width(), rgb.height()), rgb.as_raw()).unwrap()
-}
-
-fn angle_deg(a: Mat3, b: Mat3) -> f64 {
-    let turn = a * b.transpose();
-    ((turn.x_axis.x + turn.y_axis.y + turn.z_axis.z - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees()
-}
+use common::{angle_deg, gray, rooms};
+use harmony_geometry::{FocalPrior, estimate_view};
 
 #[test]
 fn rotation_and_focal_length_of_the_rooms() {

@@ -1,7 +1,10 @@
 //! Rooms with known truth, read from the shared test material.
 
+#![allow(dead_code, reason = "every test binary uses its part")]
+
 use std::path::{Path, PathBuf};
 
+use harmony_geometry::GrayImage;
 use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Mat3, Surface, Vec3};
 use serde_json::Value;
 
@@ -87,4 +90,16 @@ fn read(folder: PathBuf) -> Room {
         depth_m: depth.as_raw().iter().map(|v| f32::from(*v) / 1000.0).collect(),
         folder,
     }
+}
+
+/// A picture as the line detector wants it.
+pub fn gray(path: &Path) -> GrayImage {
+    let rgb = image::open(path).unwrap().into_rgb8();
+    GrayImage::from_rgb8(ImageSize::new(rgb.width(), rgb.height()), rgb.as_raw()).unwrap()
+}
+
+/// Angle between two rotations, degrees.
+pub fn angle_deg(a: Mat3, b: Mat3) -> f64 {
+    let turn = a * b.transpose();
+    ((turn.x_axis.x + turn.y_axis.y + turn.z_axis.z - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees()
 }

@@ -1,0 +1,149 @@
+//! The pinned path on rooms with known truth: edges read off by a careful but imperfect reader.
+
+mod common;
+
+use common::{Room, angle_deg, gray, rooms};
+use harmony_geometry::{
+    GrayImage, LayoutPins, LayoutPrior, PinnedEdge, RoomBox, RoomEdge, ViewEstimate, estimate_view, solve_from_pins,
+};
+use harmony_scene::{Extents, ImageSize, Vec2, Vec3};
+
+/// Deterministic errors in -1..=1.
+struct Hand(u64);
+
+impl Hand {
+    fn slip(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as f64 / f64::from(1u32 << 31) * 2.0 - 1.0
+    }
+}
+
+/// Two points of each room edge that the image shows for at least an eighth of its width, each `off_px` off at most.
+fn read_pins(room: &Room, off_px: f64, hand: &mut Hand) -> LayoutPins {
+    let camera = &room.camera;
+    let e = room.extents;
+    let mut pins = LayoutPins::default();
+    for edge in RoomEdge::ALL {
+        let (from, along) = edge.line(&e);
+        let length = along.dot(e.as_vec());
+        let shown: Vec<Vec2> = (0..=200)
+            .filter_map(|i| camera.project(from + along * (length * f64::from(i) / 200.0)))
+            .filter(|p| camera.contains(*p))
+            .collect();
+        let (Some(a), Some(b)) = (shown.first(), shown.last()) else { continue };
+        if a.distance(*b) < f64::from(camera.size.width) / 8.0 {
+            continue;
+        }
+        let mut slip = |p: &Vec2| *p + Vec2::new(hand.slip(), hand.slip()) * off_px;
+        pins.edges.push(PinnedEdge { edge, points: vec![slip(a), slip(b)] });
+    }
+    pins
+}
+
+fn prior(room: &Room, pins: LayoutPins) -> LayoutPrior {
+    // Height exact; the rest as a model guesses.
+    let e = room.extents;
+    let mut prior = LayoutPrior::unknown(room.camera.size);
+    prior.extents = Extents { width: e.width * 1.2, height: e.height, depth: e.depth * 0.85 };
+    prior.camera.height_m = Some(1.5);
+    prior.camera.tilt_deg = Some(5.0);
+    prior.camera.yaw_deg = Some(0.0);
+    prior.pins = pins;
+    prior
+}
+
+/// Camera centre error where the truth fixes it: from the walls that the pins speak of.
+fn centre_error(found: &RoomBox, room: &Room, pins: &LayoutPins) -> Vec3 {
+    let (c, t) = (found.camera.centre(), room.camera.centre());
+    let has = |edges: [RoomEdge; 3]| pins.edges.iter().any(|p| edges.contains(&p.edge));
+    let left = has([RoomEdge::FloorLeft, RoomEdge::CeilingLeft, RoomEdge::BackLeft]);
+    let x = if left { c.x - t.x } else { (found.extents.width - c.x) - (room.extents.width - t.x) };
+    Vec3::new(x, c.y - t.y, c.z - t.z)
+}
+
+#[test]
+fn careful_pins_give_the_camera_to_a_few_centimetres() {
+    for room in rooms() {
+        let view = estimate_view(&gray(&room.folder.join("photo.jpg")), None);
+        for off in [0.0, 4.0, 8.0] {
+            let pins = read_pins(&room, off, &mut Hand(7));
+            let start = std::time::Instant::now();
+            let found = solve_from_pins(&view, &prior(&room, pins.clone())).unwrap();
+            let took = start.elapsed();
+            let rotation = angle_deg(found.camera.rotation, room.camera.rotation);
+            let error = centre_error(&found, &room, &pins);
+            println!(
+                "{} off {off}: {} edges, rotation {rotation:.2} deg, centre {error:.3}, focal {:+.1} %, extents {:.2} (truth {:.2}), rms {:.1} px, {}/{} pins, confidence {:.2}, {} iterations {took:?} {:?}",
+                room.name,
+                pins.edges.len(),
+                100.0 * (found.camera.intrinsics.fx / room.camera.intrinsics.fx - 1.0),
+                found.extents.as_vec(),
+                room.extents.as_vec(),
+                found.evidence.pin_rms_px,
+                found.evidence.pins_used,
+                found.evidence.pins_given,
+                found.confidence,
+                found.evidence.iterations,
+                found.evidence.pins_rejected,
+            );
+        }
+    }
+}
+
+#[test]
+fn one_wrong_edge_of_several_is_told_apart() {
+    for room in rooms() {
+        let view = estimate_view(&gray(&room.folder.join("photo.jpg")), None);
+        let pins = read_pins(&room, 3.0, &mut Hand(3));
+        for wrong in 0..pins.edges.len() {
+            let mut spoiled = pins.clone();
+            for p in &mut spoiled.edges[wrong].points {
+                *p += Vec2::new(60.0, 60.0);
+            }
+            let clean = solve_from_pins(&view, &prior(&room, pins.clone())).unwrap();
+            let found = solve_from_pins(&view, &prior(&room, spoiled)).unwrap();
+            println!(
+                "{} wrong {:?}: centre moves {:.3} m, rejected {:?}",
+                room.name,
+                pins.edges[wrong].edge,
+                found.camera.centre().distance(clean.camera.centre()),
+                found.evidence.pins_rejected,
+            );
+        }
+    }
+}
+
+#[test]
+fn without_lines_the_pins_do_it_alone() {
+    for room in rooms() {
+        let size = room.camera.size;
+        let blank = GrayImage::from_luma8(size, &vec![90; size.pixels()]).unwrap();
+        let view = estimate_view(&blank, None);
+        assert!(view.confidence <= 0.05);
+        let pins = read_pins(&room, 2.0, &mut Hand(11));
+        let found = solve_from_pins(&view, &prior(&room, pins.clone())).unwrap();
+        println!(
+            "{} blank: {} edges, rotation {:.2} deg, centre {:.3}, focal {:+.1} %, rms {:.1}",
+            room.name,
+            pins.edges.len(),
+            angle_deg(found.camera.rotation, room.camera.rotation),
+            centre_error(&found, &room, &pins),
+            100.0 * (found.camera.intrinsics.fx / room.camera.intrinsics.fx - 1.0),
+            found.evidence.pin_rms_px,
+        );
+    }
+}
+
+#[test]
+fn nothing_to_pin_is_an_error_and_nonsense_is_no_panic() {
+    let size = ImageSize::new(640, 480);
+    let view: ViewEstimate = estimate_view(&GrayImage::from_luma8(size, &vec![0; size.pixels()]).unwrap(), None);
+    let mut prior = LayoutPrior::unknown(size);
+    assert!(solve_from_pins(&view, &prior).is_err());
+    for p in [Vec2::NAN, Vec2::splat(1e300), Vec2::ZERO, Vec2::new(320.0, 240.0)] {
+        prior.pins.edges = RoomEdge::ALL.into_iter().map(|edge| PinnedEdge { edge, points: vec![p, p, p] }).collect();
+        if let Ok(room) = solve_from_pins(&view, &prior) {
+            assert!(room.camera.centre().is_finite());
+        }
+    }
+}
