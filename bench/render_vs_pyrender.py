@@ -41,7 +41,7 @@ def load(folder):
         primitive = pyrender.Primitive(
             positions=read("positions", "<f4", 3),
             normals=read("normals", "<f4", 3),
-            texcoord_0=read("uvs", "<f4", 2),
+            texcoord_0=read("uvs", "<f4", 2) * [1, -1] + [0, 1],  # pyrender puts v = 0 at the bottom
             indices=read("indices", "<u4", 3),
             material=material,
         )

@@ -110,14 +110,15 @@ impl Pyramid {
 /// The two texels around a wrapped coordinate, and the share of the second.
 #[inline]
 fn neighbours(u: f32, n: usize) -> (usize, usize, f32) {
-    let t = u - u.floor();
-    let s = t * n as f32 - 0.5;
-    let below = s.floor();
-    let share = s - below;
-    // `below` is -1..=n-1 for a finite u; the saturating cast and the two comparisons hold everything else in range.
-    let i0 = if below < 0.0 { n - 1 } else { (below as usize).min(n - 1) };
-    let i1 = if i0 + 1 >= n { 0 } else { i0 + 1 };
-    (i0, i1, if share.is_nan() { 0.0 } else { share })
+    // Whole numbers by casts (they saturate, NaN becomes 0): `floor` is a call on the basic x86-64 target.
+    let mut t = u - (u as i32) as f32;
+    if t < 0.0 {
+        t += 1.0;
+    }
+    let t = if (0.0..=1.0).contains(&t) { t } else { 0.0 };
+    let s = t * n as f32 + 0.5;
+    let next = (s as usize).min(n);
+    (if next == 0 { n } else { next } - 1, if next == n { 0 } else { next }, s - next as f32)
 }
 
 #[inline]
@@ -152,7 +153,7 @@ fn halved(image: &RgbaImage) -> RgbaImage {
             }
             let inverse = if alpha > 0.0 { 1.0 / alpha } else { 0.0 };
             out.extend(color.map(|c| tables.encode(c * inverse)));
-            out.push((alpha / weight).round() as u8);
+            out.push((alpha / weight + 0.5) as u8);
         }
     }
     RgbaImage::from_raw(nw, nh, out).unwrap_or_default()

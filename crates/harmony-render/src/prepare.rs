@@ -182,9 +182,10 @@ impl<'a> Draw<'a> {
     #[inline]
     pub(crate) fn corners(&self, triangle: u32, run: usize) -> ([usize; 3], [Vec3; 3]) {
         let run = &self.runs[run];
-        let t = run.triangles[(triangle - run.first) as usize].map(|i| i as usize);
+        let [a, b, c] = run.triangles[(triangle - run.first) as usize];
+        let t = [a as usize, b as usize, c as usize];
         let p = &self.placed[run.placed].mesh.positions;
-        (t, t.map(|i| p[i]))
+        (t, [p[t[0]], p[t[1]], p[t[2]]])
     }
 }
 

@@ -31,7 +31,7 @@ impl Shader<'_, '_> {
                 (run, facet)
             }
         };
-        facet.color(self.draw, run, self.options.lighting, x, y)
+        facet.color(self.draw, run, self.options, x, y)
     }
 }
 
@@ -120,7 +120,7 @@ impl Sum {
 
     fn pixel(&self, tables: &Tables) -> [u8; 4] {
         let [r, g, b] = self.color.map(|c| tables.encode(c / self.alpha));
-        [r, g, b, (self.alpha / self.weight * 255.0).round() as u8]
+        [r, g, b, (self.alpha / self.weight * 255.0 + 0.5) as u8]
     }
 }
 

@@ -2,8 +2,12 @@
 
 use glam::{Vec2, Vec3};
 
-use crate::Lighting;
+use crate::mips::Pyramid;
 use crate::prepare::Draw;
+use crate::{Lighting, RenderOptions};
+
+/// Most texture probes a pixel of a multisampled picture, so that floors seen at a low angle stay sharp.
+const FINE_PROBES: u32 = 4;
 
 /// A visible triangle in the camera's frame, ready to be met by pixel rays.
 ///
@@ -42,12 +46,13 @@ impl Facet {
         let (e1, e2) = (m * (positions[1] - positions[0]), m * (positions[2] - positions[0]));
         let t = -p0;
         let uvs = &placed.mesh.uvs;
+        let uv = |i: usize| uvs.get(corners[i]).copied().unwrap_or(Vec2::ZERO);
         Self {
             corners,
             a: e2.cross(t),
             b: t.cross(e1),
             c: e2.cross(e1),
-            uv: corners.map(|i| uvs.get(i).copied().unwrap_or(Vec2::ZERO)),
+            uv: [uv(0), uv(1), uv(2)],
             step: Vec2::new(1.0 / draw.view.fx as f32, 1.0 / draw.view.fy as f32),
             centre: Vec2::new(draw.view.cx as f32, draw.view.cy as f32),
         }
@@ -82,19 +87,19 @@ impl Facet {
     /// Alpha of the material at a raster position.
     pub(crate) fn alpha(&self, draw: &Draw, run: usize, x: f32, y: f32) -> f32 {
         let run = &draw.runs[run];
-        run.texture.as_ref().map_or(1.0, |t| self.meet(x, y).sample(t)[3]) * run.base_color[3]
+        run.texture.as_ref().map_or(1.0, |t| self.meet(x, y).sample(t, 1)[3]) * run.base_color[3]
     }
 
     /// Linear colour at a raster position.
-    pub(crate) fn color(&self, draw: &Draw, run: usize, lighting: Lighting, x: f32, y: f32) -> [f32; 3] {
+    pub(crate) fn color(&self, draw: &Draw, run: usize, options: &RenderOptions, x: f32, y: f32) -> [f32; 3] {
         let run = &draw.runs[run];
         let [r, g, b, _] = run.base_color;
         let mut color = [r, g, b];
-        let lit = lighting == Lighting::HeadLight;
+        let lit = options.lighting == Lighting::HeadLight;
         if run.texture.is_some() || lit {
             let meeting = self.meet(x, y);
             if let Some(texture) = &run.texture {
-                let t = meeting.sample(texture);
+                let t = meeting.sample(texture, if options.multisample { FINE_PROBES } else { 1 });
                 color = [r * t[0], g * t[1], b * t[2]];
             }
             if lit {
@@ -125,11 +130,28 @@ impl Facet {
 }
 
 impl Meeting {
+    /// Texture at the meeting, by one trilinear probe or by up to `most` along the longer side of the pixel's footprint.
     #[inline]
-    fn sample(&self, texture: &crate::mips::Pyramid) -> [f32; 4] {
+    fn sample(&self, texture: &Pyramid, most: u32) -> [f32; 4] {
         let (w, h) = texture.size();
         let size = Vec2::new(w, h);
-        let longest = (self.uv_dx * size).length_squared().max((self.uv_dy * size).length_squared());
-        texture.sample(self.uv.x, self.uv.y, longest)
+        let (x2, y2) = ((self.uv_dx * size).length_squared(), (self.uv_dy * size).length_squared());
+        let (longest, shortest) = (x2.max(y2), x2.min(y2));
+        // Twice as long as wide is left to one probe.
+        if most <= 1 || !(longest > 4.0 * shortest.max(1.0)) {
+            return texture.sample(self.uv.x, self.uv.y, longest);
+        }
+        let probes = ((longest / shortest.max(1.0)).sqrt() as u32 + 1).min(most);
+        let n = probes as f32;
+        let along = if x2 >= y2 { self.uv_dx } else { self.uv_dy };
+        let mut sum = [0.0; 4];
+        for i in 0..probes {
+            let at = self.uv + along * ((i as f32 + 0.5) / n - 0.5);
+            let t = texture.sample(at.x, at.y, longest / (n * n));
+            for (s, c) in sum.iter_mut().zip(t) {
+                *s += c / n;
+            }
+        }
+        sum
     }
 }
