@@ -1,5 +1,6 @@
 //! The room box of a photo without depth.
 
+mod edges;
 mod pins;
 mod solved;
 
@@ -108,7 +109,8 @@ pub fn estimate_room_box(image: &GrayImage, view: &ViewEstimate, prior: &LayoutP
             Err(e) => notes.push(format!("the pinned edges were not used: {e}")),
         }
     }
-    let mut room = prior_box(view, prior);
+    let from_lines = if view.confidence >= WEAK_VIEW { edges::box_from_lines(view, prior) } else { None };
+    let mut room = from_lines.unwrap_or_else(|| prior_box(view, prior));
     room.evidence.fallbacks.extend(notes);
     room
 }

@@ -46,14 +46,14 @@ const OUTSIDE: f64 = 1.0;
 
 /// A pin relative to the image centre.
 #[derive(Debug, Clone, Copy)]
-struct Pin {
-    edge: RoomEdge,
-    point: Vec2,
-    sigma: f64,
+pub(super) struct Pin {
+    pub edge: RoomEdge,
+    pub point: Vec2,
+    pub sigma: f64,
     /// Pins of one group (an edge, a corner) are right or wrong together.
-    group: usize,
+    pub group: usize,
     /// Given as a pin, not as a hint of the layout answer.
-    given: bool,
+    pub given: bool,
 }
 
 /// Camera and box by least squares on pinned edges and corners, the view's vanishing directions and the prior
@@ -112,7 +112,7 @@ fn corner_edges(corner: RoomCorner) -> [RoomEdge; 2] {
 }
 
 /// Usable pins of a prior, then its hints.
-fn pins(prior: &LayoutPrior) -> Vec<Pin> {
+pub(super) fn pins(prior: &LayoutPrior) -> Vec<Pin> {
     let (w, h) = (f64::from(prior.photo.width), f64::from(prior.photo.height));
     let centre = Vec2::new(w, h) / 2.0;
     let diagonal = diagonal(prior.photo);
