@@ -12,7 +12,7 @@ use crate::{Item, PartialScene};
 pub(crate) const USUAL_GAP: f64 = 0.02;
 
 /// Largest gap of an object that is said to touch a wall, metres.
-const LARGEST_GAP: f64 = 0.15;
+pub(crate) const LARGEST_GAP: f64 = 0.15;
 
 /// How an object is held.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,11 +2,13 @@
 
 use std::sync::Arc;
 
-use harmony_scene::{Level, Mask, ObjectId, Support, Warning};
+use harmony_scene::{Level, Mask, ObjectId, Support, Wall, Warning};
 
+use crate::anchoring::{Anchoring, LARGEST_GAP};
+use crate::cost::angle_between;
 use crate::solve::solve;
 use crate::view::{Neighbour, View};
-use crate::{Evidence, Item, OrderReport, PartialScene, Placed, PlacementSettings};
+use crate::{Evidence, Item, OrderReport, PartialScene, Placed, PlacementSettings, collision};
 
 /// Two objects that no move separated.
 #[derive(Debug, Clone, PartialEq)]
@@ -159,6 +161,39 @@ fn place_one(
     });
     let pose = solution.pose;
     scene.placed.push(Placed { item: Arc::clone(item), pose, support, evidence });
+    if settings.collision {
+        let resolution = collision::resolve(scene, scene.placed.len() - 1, settings);
+        for (who, far) in resolution.moved {
+            let id = &scene.placed[who].item.id;
+            if let Some(object) = report.objects.iter_mut().find(|o| o.id == *id) {
+                object.moved_by_collision += far;
+            }
+        }
+        report.unresolved.extend(resolution.unresolved);
+    }
+}
+
+/// How a placed object is held, from its support, its relations and where it stands.
+pub(crate) fn anchoring_of(scene: &PartialScene, object: usize) -> Anchoring {
+    let placed = &scene.placed[object];
+    match &placed.support {
+        Support::Wall { wall } => Anchoring::OnWall(*wall),
+        Support::Ceiling => Anchoring::Ceiling,
+        Support::Object { id } => match scene.position(id) {
+            Some(host) if host != object => Anchoring::OnHost { host, level: placed.pose.position.y },
+            _ => Anchoring::Floor,
+        },
+        Support::Floor => match placed.item.relations.wall_affinity.wall() {
+            Some(wall) if at_wall(scene, placed, wall) => Anchoring::AgainstWall(wall),
+            _ => Anchoring::Floor,
+        },
+    }
+}
+
+/// Whether an object stands with its back to a wall.
+fn at_wall(scene: &PartialScene, placed: &Placed, wall: Wall) -> bool {
+    let gap = wall.distance(&scene.room.extents, placed.pose.position) - placed.size().depth / 2.0;
+    gap < LARGEST_GAP + 0.01 && angle_between(placed.pose.yaw, wall.yaw()).abs() < 0.02
 }
 
 /// Masks of all other objects, with whether they may hide this one.

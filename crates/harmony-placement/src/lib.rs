@@ -9,6 +9,7 @@
 //! Masks, and the camera of [`PartialScene`], are at one working resolution (longest side about 1024 pixels).
 
 mod anchoring;
+mod collision;
 mod cost;
 mod evidence;
 mod first_on_host;
@@ -27,6 +28,7 @@ mod review;
 mod scene;
 mod settings;
 mod shape;
+mod solid;
 mod solve;
 mod steps;
 mod support;
@@ -37,6 +39,7 @@ mod view;
 #[cfg(test)]
 extern crate self as harmony_placement;
 
+pub use collision::{Collision, collisions};
 pub use evidence::Evidence;
 pub use formulas::{angular_size, corrected_depth, front_surface_mean, lateral_shift, metric_scale};
 pub use item::{Item, Traits, YawHint};

@@ -73,3 +73,32 @@ fn found_against_true() {
         let _ = place_level(&mut scene, items, None, &settings);
     }
 }
+
+#[test]
+#[ignore = "for looking, not for judging"]
+fn collisions_of_the_truth() {
+    for name in room::names().unwrap_or_default() {
+        let gt = GtRoom::load(&name).unwrap();
+        let mut scene = gt.scene(None);
+        let settings = PlacementSettings::default();
+        for level in Level::ALL {
+            for item in gt.items(level, &Noise { size: 0.0, seed: 7 }) {
+                let truth = gt.truth(item.id.as_str()).unwrap();
+                let pose = Pose::new(truth.position(), truth.yaw(), 1.0);
+                let support = match (&item.relations.on_top_of, level) {
+                    (Some(id), _) => harmony_scene::Support::Object { id: id.clone() },
+                    (None, Level::Wall) => {
+                        harmony_scene::Support::Wall { wall: item.relations.wall_affinity.wall().unwrap() }
+                    }
+                    (None, Level::Ceiling) => harmony_scene::Support::Ceiling,
+                    _ => harmony_scene::Support::Floor,
+                };
+                scene.placed.push(Placed { item: Arc::new(item), pose, support, evidence: Evidence::default() });
+            }
+        }
+        println!("{name}");
+        for c in collisions(&scene, &settings) {
+            println!("  {} {} {:.3}", c.a, c.b, c.penetration);
+        }
+    }
+}

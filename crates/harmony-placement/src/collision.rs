@@ -1,0 +1,383 @@
+//! Collision resolution: the smaller of two least moves, then the group, then a report. Paper Sec. 3.3.
+//!
+//! "The two differ because each object is constrained by a different local neighborhood": the least move of an
+//! object is the shortest displacement, in the directions that its support allows, after which it meets none of its
+//! neighbours and no wall. What rests on it goes along.
+
+use harmony_scene::{Level, ObjectId, Support, Vec3};
+
+use crate::anchoring::Anchoring;
+use crate::level::anchoring_of;
+use crate::solid::{Interval, Solid, directions_around, level_directions, way_out};
+use crate::{PartialScene, Placed, PlacementSettings, Unresolved};
+
+/// How deep soft things may press into others, metres.
+const SOFT_TOLERANCE: f64 = 0.06;
+
+/// Clearance left after a move, metres.
+const CLEARANCE: f64 = 1e-3;
+
+/// Longest move, as a share of the object's larger level side.
+const LONGEST_MOVE: f64 = 0.6;
+
+/// Share of a decoration's footprint that must still be on its host after a move.
+const STILL_SUPPORTED: f64 = 0.5;
+
+/// Moves for one object that has just been placed.
+const MOST_MOVES: usize = 6;
+
+/// Two placed objects in one another.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Collision {
+    /// One.
+    pub a: ObjectId,
+    /// The other.
+    pub b: ObjectId,
+    /// The shortest way out, metres.
+    pub penetration: f64,
+}
+
+/// What resolution did.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Resolution {
+    /// Objects that moved (index into the placed ones), and how far.
+    pub(crate) moved: Vec<(usize, f64)>,
+    /// What stays.
+    pub(crate) unresolved: Vec<Unresolved>,
+}
+
+/// How deep two objects may be in one another, or `None` when they may share space.
+fn tolerance(scene: &PartialScene, a: usize, b: usize, settings: &PlacementSettings) -> Option<f64> {
+    let (p, q) = (&scene.placed[a], &scene.placed[b]);
+    if p.item.traits.flat || q.item.traits.flat || carried_by(scene, a, b) || carried_by(scene, b, a) {
+        return None;
+    }
+    let on_wall = |p: &Placed| p.item.level == Level::Wall;
+    // Curtains hang before windows.
+    if on_wall(p) && on_wall(q) && (p.item.traits.hangs || q.item.traits.hangs) {
+        return None;
+    }
+    if p.item.traits.soft || q.item.traits.soft {
+        return Some(SOFT_TOLERANCE);
+    }
+    Some(settings.collision_tolerance)
+}
+
+/// Whether an object rests on another, directly or through others.
+fn carried_by(scene: &PartialScene, object: usize, by: usize) -> bool {
+    let mut at = object;
+    for _ in 0..8 {
+        let Support::Object { id } = &scene.placed[at].support else { return false };
+        match scene.position(id) {
+            Some(host) if host == by => return true,
+            Some(host) if host != at => at = host,
+            _ => return false,
+        }
+    }
+    false
+}
+
+/// An object and everything that rests on it.
+pub(crate) fn body(scene: &PartialScene, object: usize) -> Vec<usize> {
+    (0..scene.placed.len()).filter(|i| *i == object || carried_by(scene, *i, object)).collect()
+}
+
+/// Solids of all placed objects, in their order.
+pub(crate) fn solids(scene: &PartialScene) -> Vec<Solid> {
+    scene.placed.iter().map(|p| Solid::new(&p.item, &p.pose)).collect()
+}
+
+/// How deep two placed objects are in one another beyond what is allowed to them; 0 when that is nothing.
+fn excess(scene: &PartialScene, all: &[Solid], a: usize, b: usize, settings: &PlacementSettings) -> f64 {
+    let Some(allowed) = tolerance(scene, a, b, settings) else { return 0.0 };
+    if a == b || !all[a].near(&all[b], 0.0) {
+        return 0.0;
+    }
+    let depth = all[a].penetration(&all[b], &directions_around());
+    if depth > allowed { depth } else { 0.0 }
+}
+
+/// All pairs of placed objects that are in one another, deepest first.
+pub fn collisions(scene: &PartialScene, settings: &PlacementSettings) -> Vec<Collision> {
+    let all = solids(scene);
+    let mut out = Vec::new();
+    for a in 0..all.len() {
+        for b in a + 1..all.len() {
+            let penetration = excess(scene, &all, a, b, settings);
+            if penetration > 0.0 {
+                let id = |i: usize| scene.placed[i].item.id.clone();
+                out.push(Collision { a: id(a), b: id(b), penetration });
+            }
+        }
+    }
+    out.sort_by(|p, q| q.penetration.total_cmp(&p.penetration));
+    out
+}
+
+/// Deepest penetration of one placed object, metres.
+pub(crate) fn deepest(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> f64 {
+    let all = solids(scene);
+    (0..all.len()).map(|i| excess(scene, &all, object, i, settings)).fold(0.0, f64::max)
+}
+
+/// Directions in which the support of an object lets it go.
+fn free_directions(scene: &PartialScene, object: usize) -> Vec<Vec3> {
+    let along = |normal: Vec3| vec![normal.cross(Vec3::Y), Vec3::Y.cross(normal)];
+    match anchoring_of(scene, object) {
+        Anchoring::AgainstWall(wall) => along(wall.normal()),
+        Anchoring::OnWall(wall) => [along(wall.normal()), vec![Vec3::Y, Vec3::NEG_Y]].concat(),
+        Anchoring::Floor | Anchoring::Ceiling | Anchoring::OnHost { .. } => level_directions(),
+    }
+}
+
+/// The shortest displacement after which an object (with what rests on it) is clear of `from`, of its other
+/// neighbours and of the walls; `None` when its support allows none. Obstacles in `ignored` do not count.
+fn least_move(
+    scene: &PartialScene,
+    all: &[Solid],
+    object: usize,
+    from: usize,
+    ignored: &[usize],
+    settings: &PlacementSettings,
+) -> Option<Vec3> {
+    let members = body(scene, object);
+    if members.contains(&from) {
+        return None;
+    }
+    let size = scene.placed[object].size();
+    let limit = LONGEST_MOVE * size.width.max(size.depth);
+    let mut best: Option<Vec3> = None;
+    for direction in free_directions(scene, object) {
+        let mut intervals: Vec<Interval> = Vec::new();
+        for m in &members {
+            for (i, solid) in all.iter().enumerate() {
+                if members.contains(&i) || ignored.contains(&i) {
+                    continue;
+                }
+                let Some(allowed) = tolerance(scene, *m, i, settings) else { continue };
+                // What it already touches within its tolerance may stay so.
+                let slack = if i == from { -CLEARANCE } else { allowed };
+                intervals.extend(
+                    all[*m]
+                        .meetings(solid, direction)
+                        .into_iter()
+                        .map(|w| Interval { from: w.from + slack, to: w.to - slack })
+                        .filter(|w| w.to > w.from),
+                );
+            }
+        }
+        let by = direction * way_out(&intervals);
+        let shorter = best.is_none_or(|b: Vec3| by.length() < b.length() - 1e-9);
+        if by.length() <= limit && shorter && feasible(scene, all, object, &members, by) {
+            best = Some(by);
+        }
+    }
+    best
+}
+
+/// Whether a displacement keeps an object in the room and on its host.
+fn feasible(scene: &PartialScene, all: &[Solid], object: usize, members: &[usize], by: Vec3) -> bool {
+    let e = scene.room.extents.as_vec();
+    const SLACK: f64 = 5e-3;
+    let inside = members.iter().all(|m| {
+        let (low, high) = (all[*m].low, all[*m].high);
+        // What was outside already (a recessed window) must only not go further.
+        (0..3).all(|i| (low + by)[i] >= low[i].min(-SLACK) && (high + by)[i] <= high[i].max(e[i] + SLACK))
+    });
+    if !inside {
+        return false;
+    }
+    let Anchoring::OnHost { host, level } = anchoring_of(scene, object) else { return true };
+    let placed = &scene.placed[object];
+    let mut pose = placed.pose;
+    pose.position += by;
+    let query =
+        crate::support::SurfaceQuery { level, object_height: placed.size().height, soft: placed.item.traits.soft };
+    let surface = crate::support::surface_under(&scene.placed[host], &placed.item, &pose, &query);
+    surface.is_some_and(|s| s.share >= STILL_SUPPORTED && (s.height - level).abs() < 0.03)
+}
+
+/// Moves an object and what rests on it.
+fn shift(scene: &mut PartialScene, all: &mut [Solid], object: usize, by: Vec3) {
+    for m in body(scene, object) {
+        scene.placed[m].pose.position += by;
+        all[m] = all[m].moved(by);
+    }
+}
+
+/// Brings a placed object (most often the last one) apart from its neighbours.
+///
+/// Of the two least moves of a colliding pair the smaller one is applied; when neither exists, an object pushes its
+/// neighbours along; what stays is reported.
+pub(crate) fn resolve(scene: &mut PartialScene, object: usize, settings: &PlacementSettings) -> Resolution {
+    let mut all = solids(scene);
+    let mut out = Resolution::default();
+    let mut given_up: Vec<usize> = Vec::new();
+    for _ in 0..MOST_MOVES {
+        let worst = (0..all.len())
+            .filter(|i| !given_up.contains(i))
+            .map(|i| (excess(scene, &all, object, i, settings), i))
+            .filter(|(depth, _)| *depth > 0.0)
+            .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+        let Some((penetration, other)) = worst else { break };
+        let own = least_move(scene, &all, object, other, &[], settings);
+        let its = least_move(scene, &all, other, object, &[], settings);
+        let (who, by) = match (own, its) {
+            (Some(a), Some(b)) if b.length() < a.length() => (other, b),
+            (Some(a), _) => (object, a),
+            (None, Some(b)) => (other, b),
+            (None, None) => {
+                if !push(scene, &mut all, object, other, settings, &mut out) {
+                    given_up.push(other);
+                    let id = |i: usize| scene.placed[i].item.id.clone();
+                    out.unresolved.push(Unresolved { a: id(object), b: Some(id(other)), penetration });
+                }
+                continue;
+            }
+        };
+        shift(scene, &mut all, who, by);
+        out.moved.push((who, by.length()));
+    }
+    out
+}
+
+/// Group move: one of the pair goes clear of the other without regard to its neighbours, and they make way.
+fn push(
+    scene: &mut PartialScene,
+    all: &mut Vec<Solid>,
+    a: usize,
+    b: usize,
+    settings: &PlacementSettings,
+    out: &mut Resolution,
+) -> bool {
+    for (mover, from) in [(a, b), (b, a)] {
+        let everyone: Vec<usize> = (0..all.len()).filter(|i| *i != from).collect();
+        let Some(by) = least_move(scene, all, mover, from, &everyone, settings) else { continue };
+        let (saved_scene, saved_solids) = (scene.clone(), all.clone());
+        let mut moved = vec![(mover, by.length())];
+        shift(scene, all, mover, by);
+        let mut clear = true;
+        for i in 0..all.len() {
+            if i == mover || excess(scene, all, mover, i, settings) == 0.0 {
+                continue;
+            }
+            match least_move(scene, all, i, mover, &[], settings) {
+                Some(way) => {
+                    shift(scene, all, i, way);
+                    moved.push((i, way.length()));
+                }
+                None => clear = false,
+            }
+        }
+        if clear {
+            out.moved.extend(moved);
+            return true;
+        }
+        *scene = saved_scene;
+        *all = saved_solids;
+    }
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use harmony_scene::Pose;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::Evidence;
+    use crate::testing::{boxed, empty_room};
+
+    fn with(boxes: &[(Vec3, f64, f64)]) -> PartialScene {
+        let mut scene = empty_room();
+        for (i, (size, x, z)) in boxes.iter().enumerate() {
+            let position = Vec3::new(*x, 0.0, *z);
+            let mut item = boxed(&scene, *size, position, 0.0);
+            item.id = ObjectId::numbered("box", i);
+            let pose = Pose::new(position, 0.0, 1.0);
+            let (item, support, evidence) = (Arc::new(item), Support::Floor, Evidence::default());
+            scene.placed.push(Placed { item, pose, support, evidence });
+        }
+        scene
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+        #[test]
+        fn the_least_move_separates_and_the_other_is_not_shorter(
+            x in -0.5_f64..0.5, z in -0.4_f64..0.4, w in 0.3_f64..1.0,
+        ) {
+            let settings = PlacementSettings::default();
+            let mut scene = with(&[
+                (Vec3::new(1.0, 0.6, 0.6), 2.0, 2.5),
+                (Vec3::new(w, 0.8, 0.5), 2.0 + x, 2.5 + z),
+                // A third one beside the second, so that the two ways out differ.
+                (Vec3::new(0.4, 0.8, 0.4), 2.0 + x + w / 2.0 + 0.25, 2.5 + z),
+            ]);
+            let before: Vec<Vec3> = scene.placed.iter().map(|p| p.pose.position).collect();
+            let all = solids(&scene);
+            let depth = excess(&scene, &all, 1, 0, &settings);
+            let (a, b) = (
+                least_move(&scene, &all, 1, 0, &[], &settings),
+                least_move(&scene, &all, 0, 1, &[], &settings),
+            );
+            prop_assume!(depth > 0.0);
+            prop_assume!(excess(&scene, &all, 1, 2, &settings) == 0.0);
+            prop_assume!(excess(&scene, &all, 0, 2, &settings) == 0.0);
+            let done = resolve(&mut scene, 1, &settings);
+            if let (Some(a), Some(b)) = (a, b) {
+                prop_assert!(done.unresolved.is_empty());
+                prop_assert_eq!(done.moved.len(), 1);
+                let (who, far) = done.moved[0];
+                prop_assert!((scene.placed[who].pose.position - before[who]).length() <= far + 1e-9);
+                prop_assert!(far <= a.length().min(b.length()) + 1e-9);
+                let all = solids(&scene);
+                prop_assert_eq!(excess(&scene, &all, 0, 1, &settings), 0.0);
+                prop_assert!(all[0].penetration(&all[1], &directions_around()) <= 1e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn a_stool_may_stand_under_a_table_whose_box_it_is_in() {
+        let settings = PlacementSettings::default();
+        let mut scene = with(&[(Vec3::new(1.2, 0.75, 0.8), 2.0, 2.5), (Vec3::new(0.4, 0.45, 0.4), 2.0, 2.5)]);
+        assert_eq!(collisions(&scene, &settings).len(), 1, "as boxes they collide");
+        // The same table as a top and four legs.
+        let slab = |x0: f64, x1: f64, y0: f64, y1: f64, z0: f64, z1: f64| {
+            let b = harmony_mesh::Bounds { min: Vec3::new(x0, y0, z0), max: Vec3::new(x1, y1, z1) };
+            crate::shape::corners(&b).to_vec()
+        };
+        let mut hulls = vec![slab(-0.6, 0.6, 0.7, 0.75, -0.4, 0.4)];
+        for (x, z) in [(-0.6, -0.4), (0.55, -0.4), (-0.6, 0.35), (0.55, 0.35)] {
+            hulls.push(slab(x, x + 0.05, 0.0, 0.7, z, z + 0.05));
+        }
+        let mut table = (*scene.placed[0].item).clone();
+        table.shape = Arc::new(crate::Shape::new(Arc::clone(table.shape.mesh()), hulls));
+        scene.placed[0].item = Arc::new(table);
+        assert!(collisions(&scene, &settings).is_empty());
+    }
+
+    #[test]
+    fn a_box_between_two_walls_of_furniture_pushes_its_neighbour() {
+        let settings = PlacementSettings::default();
+        let mut scene = with(&[
+            (Vec3::new(1.6, 0.8, 0.6), 0.9, 2.0),
+            (Vec3::new(1.0, 0.8, 0.6), 2.0, 2.0),
+            (Vec3::new(0.6, 0.8, 0.6), 2.85, 2.0),
+        ]);
+        // Everything stands in a row along the back wall, so that it can only slide along it.
+        for p in &mut scene.placed {
+            let mut item = (*p.item).clone();
+            item.relations.wall_affinity = harmony_scene::WallAffinity::Back;
+            p.item = Arc::new(item);
+            p.pose.position.z = 0.32;
+        }
+        let done = resolve(&mut scene, 1, &settings);
+        assert!(done.unresolved.is_empty(), "{done:?}");
+        assert!(collisions(&scene, &settings).is_empty());
+        assert!(scene.placed.iter().all(|p| (p.pose.position.z - 0.32).abs() < 1e-9), "backs stay at the wall");
+    }
+}
