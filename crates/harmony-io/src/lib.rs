@@ -24,10 +24,11 @@ pub mod points;
 pub use atomic::{FileError, read_bounded, read_json, write_atomic, write_durable, write_json};
 pub use glb::{
     GlbError, GlbNode, GlbScene, LoadedGlb, LoadedNode, NodeTransform, ReadLimits, TextureEncoding, glb_bytes,
-    load_glb, load_mesh_glb, read_glb, write_glb, write_mesh_glb,
+    load_glb, load_mesh_glb, photometric_intensity, read_glb, write_glb, write_mesh_glb,
 };
 pub use masks::{
-    LoadedMask, LoadedMasks, MaskError, Segment, index_color, load_mask, load_masks, save_mask, save_segmentation,
+    LoadedMask, LoadedMasks, MaskError, Segment, SegmentEntry, SegmentationFile, index_color, load_mask, load_masks,
+    save_mask, save_segmentation,
 };
 pub use photo::{Photo, PhotoError, load_photo, photo_from_bytes};
 pub use points::{

@@ -1,4 +1,15 @@
-//! The scene as a GLB file, and GLB files of others as meshes.
+//! The scene as a GLB file (glTF 2.0 binary), and GLB files of others as meshes.
+//!
+//! Our room frame is glTF's frame, so nothing is turned on the way. The room's walls are written as they are given:
+//! single-sided walls facing in let a viewer look into the room from outside.
+
+mod accessor;
+mod document;
+mod lights;
+mod material;
+mod normals;
+mod read;
+mod write;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -9,6 +20,7 @@ use harmony_scene::{Camera, Lighting, Pose};
 use serde_json::Value;
 
 use crate::atomic::FileError;
+pub use lights::{LUMENS_PER_WATT, photometric_intensity};
 
 /// Where a node stands: `room = translation + Ry(yaw) * (scale .* local)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,7 +96,7 @@ pub enum GlbError {
     /// A texture cannot be encoded or decoded.
     #[error(transparent)]
     Picture(#[from] crate::picture::PictureError),
-    /// A mesh cannot be written.
+    /// A mesh cannot be written, or does not hold together.
     #[error("node {node}: {source}")]
     Mesh {
         /// Which node.
@@ -92,6 +104,79 @@ pub enum GlbError {
         /// What is wrong.
         source: harmony_mesh::MeshError,
     },
+    /// A node's place is not finite, or its scale is zero.
+    #[error("node {node} has no usable transform")]
+    Transform {
+        /// Which node.
+        node: String,
+    },
+    /// The file's JSON cannot be read or written.
+    #[error("the GLB file's JSON is broken: {0}")]
+    Json(#[from] serde_json::Error),
+    /// Not a GLB file at all.
+    #[error("this is not a GLB file")]
+    NotGlb,
+    /// Not glTF 2.
+    #[error("glTF version {version} is not read, only 2")]
+    Version {
+        /// What the file says.
+        version: String,
+    },
+    /// The file ends early.
+    #[error("the GLB file is cut off")]
+    Truncated,
+    /// Something refers to what is not there, or to bytes outside the file.
+    #[error("{what} {index} of the GLB file is broken")]
+    Broken {
+        /// What.
+        what: &'static str,
+        /// Which.
+        index: usize,
+    },
+    /// A vertex index points past the vertices.
+    #[error("a triangle of the GLB file refers to vertex {index}, but there are {count}")]
+    BadIndex {
+        /// The index.
+        index: u32,
+        /// Number of vertices.
+        count: usize,
+    },
+    /// Packed in a way that is not read.
+    #[error("GLB files with {what} are not read")]
+    Unsupported {
+        /// What.
+        what: &'static str,
+    },
+    /// More than the limits allow.
+    #[error("{count} {what} are more than the {limit} allowed")]
+    TooLarge {
+        /// Of what.
+        what: &'static str,
+        /// How many.
+        count: u64,
+        /// The limit.
+        limit: u64,
+    },
+    /// No triangles.
+    #[error("there is no triangle in the GLB file")]
+    Empty,
+}
+
+impl GlbError {
+    /// What a person can do about it.
+    pub fn hint(&self) -> Option<&'static str> {
+        match self {
+            Self::File(e) => e.hint(),
+            Self::Picture(e) => e.hint(),
+            Self::Unsupported { .. } => Some("export it without compression, with everything in one .glb file"),
+            Self::NotGlb | Self::Version { .. } => Some("export it as glTF 2.0 binary (.glb)"),
+            Self::Truncated | Self::Broken { .. } | Self::BadIndex { .. } | Self::Json(_) => {
+                Some("the file is damaged; export or download it again")
+            }
+            Self::TooLarge { .. } => Some("simplify the mesh first"),
+            _ => None,
+        }
+    }
 }
 
 /// A mesh node of a GLB file.
@@ -142,8 +227,7 @@ impl Default for ReadLimits {
 /// # Errors
 /// [`GlbError::Mesh`] for a mesh that does not pass [`Mesh::check`], [`GlbError::Picture`] for a texture.
 pub fn glb_bytes(scene: &GlbScene<'_>) -> Result<Vec<u8>, GlbError> {
-    let _ = scene;
-    Ok(Vec::new())
+    write::glb_bytes(scene)
 }
 
 /// Writes a GLB file, atomically.
@@ -174,8 +258,7 @@ pub fn write_mesh_glb(path: &Path, name: &str, mesh: Arc<Mesh>, extras: Value) -
 /// # Errors
 /// [`GlbError`].
 pub fn read_glb(bytes: &[u8], limits: &ReadLimits) -> Result<LoadedGlb, GlbError> {
-    let _ = (bytes, limits);
-    Ok(LoadedGlb::default())
+    read::read(bytes, limits)
 }
 
 /// Reads the meshes of a GLB file.
@@ -194,12 +277,5 @@ pub fn load_mesh_glb(path: &Path, limits: &ReadLimits) -> Result<Mesh, GlbError>
     load_glb(path, limits)?.into_mesh()
 }
 
-impl LoadedGlb {
-    /// All nodes as one mesh, transforms applied.
-    ///
-    /// # Errors
-    /// [`GlbError::Mesh`] when there is no triangle.
-    pub fn into_mesh(self) -> Result<Mesh, GlbError> {
-        Ok(Mesh::default())
-    }
-}
+#[cfg(test)]
+mod tests;

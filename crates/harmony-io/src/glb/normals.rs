@@ -1,0 +1,64 @@
+//! Normals for meshes that come without: smooth over gentle bends, sharp over creases.
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+use harmony_mesh::Mesh;
+
+/// Faces that meet at a larger angle are shaded apart, degrees.
+const CREASE_DEG: f32 = 40.0;
+
+/// The mesh with normals; vertices on creases are doubled. Faces are joined where they share a vertex *position*, for
+/// files without normals often repeat their vertices.
+pub(super) fn creased(mesh: Mesh) -> Mesh {
+    let triangles: Vec<[u32; 3]> = mesh.triangles().collect();
+    let mut place: BTreeMap<[u32; 3], u32> = BTreeMap::new();
+    let corner: Vec<u32> = mesh
+        .positions
+        .iter()
+        .map(|p| {
+            let next = place.len() as u32;
+            *place.entry((*p + 0.0).to_array().map(f32::to_bits)).or_insert(next)
+        })
+        .collect();
+    let face: Vec<Vec3> = triangles
+        .iter()
+        .map(|t| {
+            let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
+            (b - a).cross(c - a)
+        })
+        .collect();
+    let unit: Vec<Vec3> = face.iter().map(|n| n.normalize_or_zero()).collect();
+    let mut around: Vec<Vec<u32>> = vec![Vec::new(); place.len()];
+    for (f, t) in triangles.iter().enumerate() {
+        for i in t {
+            around[corner[*i as usize] as usize].push(f as u32);
+        }
+    }
+    let limit = CREASE_DEG.to_radians().cos();
+    let mut out = Mesh { materials: mesh.materials.clone(), ..Mesh::default() };
+    let mut made: BTreeMap<(u32, [i32; 3]), u32> = BTreeMap::new();
+    let mut f = 0;
+    for group in &mesh.groups {
+        let mut copied = Vec::with_capacity(group.triangles.len());
+        for t in &group.triangles {
+            let own = unit[f];
+            copied.push(t.map(|i| {
+                // Fans of thousands of faces around one point are averaged over the first of them only.
+                let near = around[corner[i as usize] as usize].iter().take(64);
+                let sum: Vec3 = near.filter(|g| unit[**g as usize].dot(own) >= limit).map(|g| face[*g as usize]).sum();
+                let normal = sum.try_normalize().unwrap_or(if own == Vec3::ZERO { Vec3::Y } else { own });
+                let key = (i, (normal * 1000.0).round().as_ivec3().to_array());
+                *made.entry(key).or_insert_with(|| {
+                    out.positions.push(mesh.positions[i as usize]);
+                    out.uvs.push(mesh.uvs[i as usize]);
+                    out.normals.push(normal);
+                    out.positions.len() as u32 - 1
+                })
+            }));
+            f += 1;
+        }
+        out.groups.push(harmony_mesh::Group { material: group.material, triangles: copied });
+    }
+    out
+}

@@ -1,0 +1,465 @@
+//! Round trips, foreign files, and hostile ones. The Khronos validator judges the output in `tools/validate_glb.mjs`.
+
+use glam::{DAffine3, Vec2, Vec3};
+use harmony_mesh::{Group, Material};
+use harmony_scene::{ImageSize, Intrinsics, Light, LightKind};
+use image::{Rgba, RgbaImage};
+use serde_json::json;
+
+use super::*;
+
+/// A unit box on y = 0 with flat faces; two materials, one textured.
+pub(crate) fn crate_box(texture: RgbaImage) -> Mesh {
+    let mut mesh = Mesh::default();
+    let faces = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
+    let mut groups = vec![Group { material: 0, triangles: Vec::new() }, Group { material: 1, triangles: Vec::new() }];
+    for (k, n) in faces.into_iter().enumerate() {
+        let u = if n.y == 0.0 { Vec3::Y.cross(n) } else { Vec3::X };
+        let v = n.cross(u);
+        let base = mesh.positions.len() as u32;
+        for (a, b) in [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)] {
+            mesh.positions.push(n * 0.5 + u * a + v * b + Vec3::Y * 0.5);
+            mesh.normals.push(n);
+            mesh.uvs.push(Vec2::new(a + 0.5, 0.5 - b));
+        }
+        groups[usize::from(k == 2)].triangles.extend([[base, base + 1, base + 2], [base, base + 2, base + 3]]);
+    }
+    mesh.groups = groups;
+    let mut glass = Material::plain("glass", [0.9, 0.95, 1.0]);
+    (glass.transmission, glass.ior, glass.roughness) = (0.9, 1.45, 0.05);
+    glass.emissive = [4.0, 2.0, 1.0];
+    let mut wood = Material::plain("wood", [1.0, 0.8, 0.6]);
+    wood.texture = Some(Arc::new(texture));
+    wood.double_sided = true;
+    mesh.materials = vec![wood, glass];
+    mesh
+}
+
+fn chequer(size: u32) -> RgbaImage {
+    RgbaImage::from_fn(size, size, |x, y| {
+        if (x / 4 + y / 4) % 2 == 0 { Rgba([200, 40, 30, 255]) } else { Rgba([30, 60, 190, 255]) }
+    })
+}
+
+fn scene(mesh: &Arc<Mesh>) -> GlbScene<'static> {
+    let node = |name: &str, transform| GlbNode {
+        name: name.to_owned(),
+        mesh: Arc::clone(mesh),
+        transform,
+        extras: json!({ "label": "box", "text": "</script>\u{1F600}" }),
+    };
+    let size = ImageSize::new(640, 480);
+    GlbScene {
+        objects: vec![
+            node(
+                "box_01",
+                NodeTransform { translation: DVec3::new(1.0, 0.0, 2.0), yaw: 0.7, scale: DVec3::new(2.0, 1.0, 0.5) },
+            ),
+            node("box_02", NodeTransform::IDENTITY),
+        ],
+        shell: vec![node("room_floor", NodeTransform::IDENTITY)],
+        camera: Some(Camera::looking(
+            size,
+            Intrinsics::from_horizontal_fov(size, 1.1),
+            DVec3::new(2.0, 1.5, 5.0),
+            DVec3::NEG_Z,
+        )),
+        lighting: None,
+        extras: json!({ "version": 1 }),
+        generator: "HARMONY test".to_owned(),
+        textures: TextureEncoding::Lossless,
+    }
+}
+
+fn document(bytes: &[u8]) -> Value {
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    serde_json::from_slice(&bytes[20..20 + length]).unwrap()
+}
+
+#[test]
+fn a_scene_comes_back_as_it_was_written() {
+    let mesh = Arc::new(crate_box(chequer(16)));
+    let bytes = glb_bytes(&scene(&mesh)).unwrap();
+    assert_eq!(bytes, glb_bytes(&scene(&Arc::new((*mesh).clone()))).unwrap(), "same scene, same bytes");
+    let back = read_glb(&bytes, &ReadLimits::default()).unwrap();
+    assert!(back.notes.is_empty(), "{:?}", back.notes);
+    assert_eq!(back.nodes.iter().map(|n| n.name.as_str()).collect::<Vec<_>>(), ["room_floor", "box_01", "box_02"]);
+    assert!(Arc::ptr_eq(&back.nodes[0].mesh, &back.nodes[2].mesh), "shared meshes stay shared");
+    let got = &back.nodes[1];
+    // room = t + Ry(yaw) (scale .* local), as Pose says.
+    let pose = Pose { position: DVec3::new(1.0, 0.0, 2.0), yaw: 0.7, scale: 1.0, stretch: DVec3::new(2.0, 1.0, 0.5) };
+    for p in [DVec3::new(0.5, 1.0, 0.5), DVec3::new(-0.5, 0.0, 0.2)] {
+        assert!((got.transform.transform_point3(p) - pose.point(p)).length() <= 1e-12);
+    }
+    assert_eq!(got.extras["text"], "</script>\u{1F600}");
+    assert_eq!(got.mesh.triangle_count(), mesh.triangle_count());
+    for (a, b) in mesh.triangles().zip(got.mesh.triangles()) {
+        for (i, j) in a.into_iter().zip(b) {
+            let (i, j) = (i as usize, j as usize);
+            assert_eq!(mesh.positions[i], got.mesh.positions[j]);
+            assert_eq!(mesh.uvs[i], got.mesh.uvs[j]);
+            assert!((mesh.normals[i] - got.mesh.normals[j]).length() <= 1e-6);
+        }
+    }
+    for (a, b) in mesh.materials.iter().zip(&got.mesh.materials) {
+        assert_eq!((&a.name, a.double_sided), (&b.name, b.double_sided));
+        for (x, y) in
+            [(a.roughness, b.roughness), (a.ior, b.ior), (a.transmission, b.transmission), (a.metallic, b.metallic)]
+        {
+            assert!((x - y).abs() <= 1e-6);
+        }
+        assert!(a.emissive.iter().zip(b.emissive).all(|(x, y)| (x - y).abs() <= 1e-5));
+        assert!(a.base_color.iter().zip(b.base_color).all(|(x, y)| (x - y).abs() <= 1e-6));
+        assert_eq!(a.texture, b.texture);
+    }
+}
+
+#[test]
+fn the_document_lists_what_it_uses() {
+    let mesh = Arc::new(crate_box(chequer(16)));
+    let lighting = Lighting {
+        lights: vec![
+            Light {
+                id: "lamp_01".into(),
+                kind: LightKind::Point { radius_m: 0.04 },
+                position: [1.0, 2.0, 1.0],
+                color: [1.0, 0.8, 0.6],
+                intensity: 60.0,
+                on: true,
+                object: None,
+            },
+            Light {
+                id: "window_01".into(),
+                kind: LightKind::Area { direction: [0.0, 0.0, 1.0], size_m: [1.2, 1.0] },
+                position: [2.0, 1.5, 0.0],
+                color: [0.8, 0.9, 1.0],
+                intensity: 200.0,
+                on: true,
+                object: None,
+            },
+        ],
+        ambient_color: [1.0; 3],
+        ambient_intensity: 0.3,
+        exposure: 0.5,
+    };
+    let mut scene = scene(&mesh);
+    scene.lighting = Some(&lighting);
+    let doc = document(&glb_bytes(&scene).unwrap());
+    let used =
+        ["KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_transmission"];
+    assert_eq!(doc["extensionsUsed"], json!(used));
+    assert_eq!(doc["meshes"].as_array().unwrap().len(), 1);
+    assert_eq!(doc["materials"].as_array().unwrap().len(), 2);
+    assert_eq!(doc["scenes"][0]["extras"]["ambient"]["exposure"], 0.5);
+    let lights = &doc["extensions"]["KHR_lights_punctual"]["lights"];
+    assert_eq!((lights[0]["type"].as_str(), lights[1]["type"].as_str()), (Some("point"), Some("spot")));
+    // The window shines along +Z: glTF lights shine along their local -Z, so the node is turned by half a turn.
+    let node = doc["nodes"].as_array().unwrap().iter().find(|n| n["name"] == "window_01").unwrap();
+    let q: Vec<f64> = node["rotation"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    let q = glam::DQuat::from_slice(&q);
+    assert!((q * DVec3::NEG_Z - DVec3::Z).length() <= 1e-9);
+}
+
+#[test]
+fn large_opaque_textures_become_jpeg_and_cut_outs_stay_png() {
+    let mut state = 3_u32;
+    let photo = RgbaImage::from_fn(256, 256, |x, y| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let n = (state >> 28) as u8;
+        Rgba([(x / 2) as u8 + n, (y / 2) as u8 + n, 90 + n, 255])
+    });
+    let mut leaf = photo.clone();
+    for (x, _, p) in leaf.enumerate_pixels_mut() {
+        p.0[3] = if x < 100 { 0 } else { 255 };
+    }
+    for (texture, mime, alpha) in [(photo, "image/jpeg", Value::Null), (leaf, "image/png", json!("MASK"))] {
+        let scene = GlbScene { textures: TextureEncoding::Compact, ..scene(&Arc::new(crate_box(texture))) };
+        let doc = document(&glb_bytes(&scene).unwrap());
+        assert_eq!(doc["images"][0]["mimeType"], mime);
+        let wood = doc["materials"].as_array().unwrap().iter().find(|m| m["name"] == "wood").unwrap();
+        assert_eq!(wood["alphaMode"], alpha);
+    }
+}
+
+#[test]
+fn merged_meshes_keep_their_outside_when_mirrored() {
+    let mesh = Arc::new(crate_box(chequer(4)));
+    let node = |transform| LoadedNode { name: "n".into(), mesh: Arc::clone(&mesh), transform, extras: Value::Null };
+    let mirror = DAffine3::from_scale(DVec3::new(-2.0, 1.0, 1.0));
+    let merged = LoadedGlb { nodes: vec![node(mirror)], notes: Vec::new() }.into_mesh().unwrap();
+    for t in merged.triangles() {
+        let [a, b, c] = t.map(|i| merged.positions[i as usize]);
+        let normal = (b - a).cross(c - a).normalize();
+        assert!(normal.dot(merged.normals[t[0] as usize]) >= 0.999);
+        assert!(normal.dot((a + b + c) / 3.0 - Vec3::Y * 0.5) > 0.0, "outward");
+    }
+    assert!(matches!(LoadedGlb::default().into_mesh(), Err(GlbError::Empty)));
+}
+
+#[test]
+fn unusable_scenes_are_refused_before_they_are_written() {
+    let mut broken = crate_box(chequer(4));
+    broken.positions[3].x = f32::NAN;
+    let error = glb_bytes(&scene(&Arc::new(broken))).unwrap_err();
+    assert!(matches!(&error, GlbError::Mesh { node, .. } if node == "room_floor"), "{error}");
+    let mut flat = scene(&Arc::new(crate_box(chequer(4))));
+    flat.objects[0].transform.scale = DVec3::ZERO;
+    assert!(matches!(glb_bytes(&flat), Err(GlbError::Transform { .. })));
+    // Bad numbers that need not stop anybody are repaired.
+    let mut odd = crate_box(chequer(4));
+    odd.normals[0] = Vec3::ZERO;
+    odd.uvs[1] = Vec2::splat(f32::NAN);
+    odd.materials[0].roughness = f32::INFINITY;
+    let back = read_glb(&glb_bytes(&scene(&Arc::new(odd))).unwrap(), &ReadLimits::default()).unwrap();
+    assert!(back.nodes[0].mesh.check().is_ok());
+}
+
+/// A GLB file from a JSON document and a binary chunk.
+fn glb(doc: &Value, binary: &[u8]) -> Vec<u8> {
+    let mut text = serde_json::to_vec(doc).unwrap();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let mut out = b"glTF\x02\0\0\0".to_vec();
+    out.extend(((12 + 8 + text.len() + 8 + binary.len()) as u32).to_le_bytes());
+    out.extend((text.len() as u32).to_le_bytes());
+    out.extend(b"JSON");
+    out.extend(text);
+    out.extend((binary.len() as u32).to_le_bytes());
+    out.extend(b"BIN\0");
+    out.extend(binary);
+    out
+}
+
+fn floats(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+/// One quad as a triangle strip without indices, normals, coordinates or material.
+fn bare_quad() -> (Value, Vec<u8>) {
+    let binary = floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0]);
+    let doc = json!({
+        "asset": { "version": "2.0" },
+        "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "mesh": 0, "matrix": [0,0,-2,0, 0,2,0,0, 2,0,0,0, 5,6,7,1] }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "mode": 5 }] }],
+        "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3" }],
+        "bufferViews": [{ "buffer": 0, "byteLength": 48 }],
+        "buffers": [{ "byteLength": 48 }],
+    });
+    (doc, binary)
+}
+
+#[test]
+fn foreign_files_with_the_bare_minimum_load() {
+    let (doc, binary) = bare_quad();
+    let found = read_glb(&glb(&doc, &binary), &ReadLimits::default()).unwrap();
+    assert_eq!(found.nodes[0].name, "node_0");
+    let mesh = found.into_mesh().unwrap();
+    assert_eq!(mesh.triangle_count(), 2);
+    // Columns of the matrix: x -> -2 z, y -> 2 y, z -> 2 x, moved by (5, 6, 7).
+    assert!(mesh.positions.iter().any(|p| (*p - Vec3::new(5.0, 8.0, 5.0)).length() <= 1e-5));
+    // The quad's face, +Z in its frame, is +X in the scene; the strip's second triangle is not turned over.
+    assert!(mesh.normals.iter().all(|n| (*n - Vec3::X).length() <= 1e-5));
+}
+
+#[test]
+fn packed_and_sparse_arrays_are_decoded() {
+    // Positions as normalised 16-bit integers with a stride, one of them replaced sparsely.
+    let mut binary: Vec<u8> = Vec::new();
+    for v in [[0_i16, 0, 0], [32_767, 0, 0], [0, 32_767, 0]] {
+        binary.extend(v.iter().flat_map(|c| c.to_le_bytes()));
+        binary.extend([0, 0]);
+    }
+    binary.extend([2, 0, 0, 0]);
+    binary.extend([0_i16, -32_767, 0, 0].iter().flat_map(|c| c.to_le_bytes()));
+    let doc = json!({
+        "asset": { "version": "2.0" },
+        "extensionsRequired": ["KHR_mesh_quantization"],
+        "nodes": [{ "mesh": 0, "name": "tri" }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+        "accessors": [{
+            "bufferView": 0, "componentType": 5122, "count": 3, "type": "VEC3", "normalized": true,
+            "sparse": { "count": 1, "indices": { "bufferView": 1, "componentType": 5121 }, "values": { "bufferView": 2 } },
+        }],
+        "bufferViews": [
+            { "buffer": 0, "byteLength": 24, "byteStride": 8 },
+            { "buffer": 0, "byteOffset": 24, "byteLength": 1 },
+            { "buffer": 0, "byteOffset": 28, "byteLength": 8 },
+        ],
+        "buffers": [{ "byteLength": 36 }],
+    });
+    let found = read_glb(&glb(&doc, &binary), &ReadLimits::default()).unwrap();
+    assert!(found.notes.is_empty());
+    assert!(found.nodes[0].mesh.positions.contains(&Vec3::new(1.0, 0.0, 0.0)));
+    assert!(found.nodes[0].mesh.positions.contains(&Vec3::new(0.0, -1.0, 0.0)));
+}
+
+#[test]
+fn hostile_documents_are_refused_or_repaired() {
+    type Change = fn(&mut Value);
+    let refused: [(&str, Change); 14] = [
+        ("buffer view past the end", |d| d["bufferViews"][0]["byteLength"] = json!(4_000_000_000_u64)),
+        ("offset that overflows", |d| d["bufferViews"][0]["byteOffset"] = json!(u64::MAX)),
+        ("too many elements", |d| d["accessors"][0]["count"] = json!(5)),
+        ("absurd count", |d| d["accessors"][0]["count"] = json!(u64::MAX)),
+        ("absurd count without bytes", |d| {
+            d["accessors"][0]["bufferView"] = Value::Null;
+            d["accessors"][0]["count"] = json!(4_000_000_000_u64);
+        }),
+        ("stride smaller than the element", |d| d["bufferViews"][0]["byteStride"] = json!(4)),
+        ("no such accessor", |d| d["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(9)),
+        ("no such mesh", |d| d["nodes"][0]["mesh"] = json!(9)),
+        ("no such node", |d| d["scenes"][0]["nodes"] = json!([7])),
+        ("no such material", |d| d["meshes"][0]["primitives"][0]["material"] = json!(3)),
+        ("draco", |d| d["extensionsRequired"] = json!(["KHR_draco_mesh_compression"])),
+        ("outside buffer", |d| d["buffers"][0]["uri"] = json!("/etc/passwd")),
+        ("negative index", |d| d["nodes"][0]["mesh"] = json!(-1)),
+        ("glTF 1", |d| d["asset"]["version"] = json!("1.0")),
+    ];
+    for (name, change) in refused {
+        let (mut doc, binary) = bare_quad();
+        change(&mut doc);
+        let error = read_glb(&glb(&doc, &binary), &ReadLimits::default()).and_then(LoadedGlb::into_mesh);
+        assert!(error.is_err(), "{name}");
+    }
+    let repaired: [(&str, Change); 4] = [
+        ("cycle", |d| d["nodes"][0]["children"] = json!([0, 0])),
+        ("zero quaternion", |d| d["nodes"] = json!([{ "mesh": 0, "rotation": [0, 0, 0, 0] }])),
+        ("missing texture", |d| {
+            d["materials"] = json!([{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 4 } } }]);
+            d["meshes"][0]["primitives"][0]["material"] = json!(0);
+        }),
+        ("unknown required extension", |d| d["extensionsRequired"] = json!(["ACME_x"])),
+    ];
+    for (name, change) in repaired {
+        let (mut doc, binary) = bare_quad();
+        change(&mut doc);
+        let mesh = read_glb(&glb(&doc, &binary), &ReadLimits::default()).and_then(LoadedGlb::into_mesh);
+        assert!(mesh.is_ok_and(|m| m.check().is_ok()), "{name}");
+    }
+}
+
+#[test]
+fn triangles_with_impossible_points_are_dropped_and_bad_indices_refused() {
+    let (doc, mut binary) = bare_quad();
+    binary[36..40].copy_from_slice(&f32::NAN.to_le_bytes());
+    let found = read_glb(&glb(&doc, &binary), &ReadLimits::default()).unwrap();
+    assert_eq!(found.nodes[0].mesh.triangle_count(), 1);
+    assert!(found.notes[0].contains("1 of 2"));
+    let (mut doc, mut binary) = bare_quad();
+    binary.extend([0, 0, 1, 0, 4, 0, 0, 0]);
+    doc["accessors"]
+        .as_array_mut()
+        .unwrap()
+        .push(json!({ "bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR" }));
+    doc["bufferViews"].as_array_mut().unwrap().push(json!({ "buffer": 0, "byteOffset": 48, "byteLength": 6 }));
+    doc["meshes"][0]["primitives"][0] = json!({ "attributes": { "POSITION": 0 }, "indices": 1 });
+    let error = read_glb(&glb(&doc, &binary), &ReadLimits::default()).unwrap_err();
+    assert!(matches!(error, GlbError::BadIndex { index: 4, count: 4 }), "{error}");
+}
+
+#[test]
+fn limits_hold() {
+    let bytes = glb_bytes(&scene(&Arc::new(crate_box(chequer(64))))).unwrap();
+    let limits = ReadLimits::default();
+    let too_large = |limits: ReadLimits| matches!(read_glb(&bytes, &limits), Err(GlbError::TooLarge { .. }));
+    assert!(too_large(ReadLimits { bytes: 100, ..limits }));
+    assert!(too_large(ReadLimits { triangles: 35, ..limits }), "three instances of twelve triangles");
+    assert!(too_large(ReadLimits { vertices: 20, ..limits }));
+    assert!(too_large(ReadLimits { nodes: 3, ..limits }));
+    let found = read_glb(&bytes, &ReadLimits { texture_pixels: 64 * 64 - 1, ..limits }).unwrap();
+    assert!(found.nodes[0].mesh.materials.iter().all(|m| m.texture.is_none()));
+    assert!(found.notes.iter().any(|n| n.contains("too many")), "{:?}", found.notes);
+}
+
+#[test]
+fn damaged_bytes_never_panic() {
+    let bytes = glb_bytes(&scene(&Arc::new(crate_box(chequer(16))))).unwrap();
+    for cut in (0..bytes.len()).step_by(37) {
+        assert!(read_glb(&bytes[..cut], &ReadLimits::default()).is_err(), "cut at {cut}");
+    }
+    let mut state = 11_u64;
+    let mut next = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize
+    };
+    let text_end = 20 + u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    for round in 0..3000 {
+        let mut broken = bytes.clone();
+        for _ in 0..3 {
+            // Mostly digits in the JSON: numbers that point somewhere else.
+            let at = 20 + next() % (text_end - 20);
+            if round % 3 == 0 {
+                broken[next() % bytes.len()] = next() as u8;
+            } else if broken[at].is_ascii_digit() {
+                broken[at] = b'0' + (next() % 10) as u8;
+            }
+        }
+        if let Ok(found) = read_glb(&broken, &ReadLimits::default()) {
+            for n in &found.nodes {
+                n.mesh.check().unwrap();
+            }
+            let _ = found.into_mesh();
+        }
+    }
+}
+
+#[test]
+fn meshes_without_normals_are_smooth_but_for_creases() {
+    // A box with shared corners: every face stays flat. A fine cylinder side: shared normals.
+    let mut shared_box = Mesh::default();
+    for i in 0..8 {
+        let bit = |k: i32| if i >> k & 1 == 1 { 0.5 } else { -0.5 };
+        shared_box.positions.push(Vec3::new(bit(0), bit(1), bit(2)));
+    }
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    shared_box.uvs = vec![Vec2::ZERO; 8];
+    shared_box.groups = vec![Group {
+        material: 0,
+        triangles: quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect(),
+    }];
+    let out = normals::creased(shared_box);
+    assert_eq!(out.positions.len(), 24);
+    assert!(
+        out.positions
+            .iter()
+            .zip(&out.normals)
+            .all(|(p, n)| (n.abs().max_element() - 1.0).abs() <= 1e-6 && p.dot(*n) > 0.0)
+    );
+    let mut side = Mesh { uvs: vec![Vec2::ZERO; 64], ..Mesh::default() };
+    for k in 0..32 {
+        let a = k as f32 / 32.0 * std::f32::consts::TAU;
+        side.positions.push(Vec3::new(a.cos(), 0.0, a.sin()));
+        side.positions.push(Vec3::new(a.cos(), 1.0, a.sin()));
+    }
+    let tris = (0..32_u32).flat_map(|k| {
+        let (a, b, c, d) = (2 * k, 2 * k + 1, (2 * k + 2) % 64, (2 * k + 3) % 64);
+        [[a, b, c], [c, b, d]]
+    });
+    side.groups = vec![Group { material: 0, triangles: tris.collect() }];
+    let out = normals::creased(side);
+    assert_eq!(out.positions.len(), 64);
+    for (p, n) in out.positions.iter().zip(&out.normals) {
+        let radial = Vec3::new(p.x, 0.0, p.z).normalize();
+        assert!(n.dot(radial) >= 0.99, "{p} {n}");
+    }
+}
+
+#[test]
+fn furniture_of_another_project_loads_and_draco_is_named() {
+    let root = std::env::var_os("HARMONY_SHARED")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), std::path::PathBuf::from);
+    let house = root.join("models3d/scene_185");
+    if !house.exists() {
+        eprintln!("skipped: the shared test data is not here");
+        return;
+    }
+    let packed = load_glb(&house.join("scene_named.glb"), &ReadLimits::default());
+    assert!(matches!(packed, Err(GlbError::Unsupported { what: "Draco compression" })), "{packed:?}");
+    // Rough sizes that anybody expects of the things, metres.
+    for (name, low, high) in [("bed_0", 1.5, 2.6), ("coffee_table_0", 0.5, 1.6), ("hardcover_book_0", 0.1, 0.4)] {
+        let mesh = load_mesh_glb(&house.join(format!("collision/{name}.glb")), &ReadLimits::default()).unwrap();
+        let size = mesh.bounds().unwrap().size().max_element();
+        assert!((low..high).contains(&size), "{name} is {size} m large");
+    }
+    assert!(matches!(load_glb(&root.join("gt/README.md"), &ReadLimits::default()), Err(GlbError::NotGlb)));
+}

@@ -1,0 +1,67 @@
+#!/usr/bin/env bash
+# Installs what the outside judges need: npm packages, Chromium, Blender as a Python module.
+# Safe to run again; does nothing when all is there. Parts may be named: setup.sh [node] [chromium] [bpy]
+set -euo pipefail
+here="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"
+cache="${HARMONY_CACHE:-$HOME/.cache/harmony}"
+parts=("$@")
+[ ${#parts[@]} -gt 0 ] || parts=(node chromium bpy)
+bpy_version=5.0.1
+
+say() { echo "setup: $*"; }
+fail() { echo "setup: $*" >&2; exit 1; }
+
+setup_node() {
+  command -v npm >/dev/null || fail "node and npm (20 or newer) are needed"
+  local stamp="$here/node_modules/.harmony-lock"
+  if [ -f "$stamp" ] && cmp -s "$stamp" "$here/package-lock.json"; then return; fi
+  say "npm packages"
+  (cd "$here" && npm ci --silent --no-progress)
+  cp "$here/package-lock.json" "$stamp"
+}
+
+setup_chromium() {
+  [ -z "${CHROMIUM:-}" ] || return 0
+  for path in /usr/bin/chromium /usr/bin/chromium-browser /usr/bin/google-chrome; do
+    [ -x "$path" ] && return 0
+  done
+  if [ "$(id -u)" != 0 ] || ! command -v apt-get >/dev/null; then
+    fail "install Chromium with your package manager, or set CHROMIUM to its path"
+  fi
+  say "Chromium (apt-get)"
+  apt-get update -qq
+  DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium >/dev/null
+}
+
+setup_bpy() {
+  local venv="$cache/bpy"
+  if [ -x "$venv/bin/python" ] && "$venv/bin/python" -c "import importlib.metadata as m; assert m.version('bpy') == '$bpy_version'" 2>/dev/null; then
+    return
+  fi
+  local python=""
+  for candidate in python3.11 python3; do
+    if command -v "$candidate" >/dev/null && "$candidate" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))'; then
+      python="$candidate"
+      break
+    fi
+  done
+  [ -n "$python" ] || fail "bpy $bpy_version needs Python 3.11"
+  say "bpy $bpy_version (about 370 MB) into $venv"
+  mkdir -p "$cache"
+  # Made beside and renamed: an interrupted install leaves nothing that looks finished.
+  local fresh="$cache/bpy.new.$$"
+  rm -rf "$fresh"
+  "$python" -m venv "$fresh"
+  "$fresh/bin/python" -m pip install --quiet --disable-pip-version-check "bpy==$bpy_version" numpy
+  rm -rf "$venv"
+  mv "$fresh" "$venv"
+  # Only the interpreter is used through its path, which is the same link in both places.
+  "$venv/bin/python" -c 'import sys' || fail "the new environment does not start"
+}
+
+for part in "${parts[@]}"; do
+  case "$part" in
+    node|chromium|bpy) "setup_$part" ;;
+    *) fail "unknown part $part" ;;
+  esac
+done
