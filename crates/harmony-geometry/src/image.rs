@@ -20,11 +20,16 @@ pub enum ImageError {
     },
 }
 
-/// A grey image, sRGB-encoded luma in 0..=1, row-major.
+/// Longer side of the colour thumbnail, pixels.
+const THUMBNAIL_PX: u32 = 64;
+
+/// A grey image, sRGB-encoded luma in 0..=1, row-major; with a small colour thumbnail of the same view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GrayImage {
     size: ImageSize,
     luma: Vec<f32>,
+    thumbnail_size: ImageSize,
+    thumbnail: Vec<[f32; 3]>,
 }
 
 impl GrayImage {
@@ -34,7 +39,9 @@ impl GrayImage {
     /// [`ImageError::WrongLength`].
     pub fn from_luma8(size: ImageSize, luma: &[u8]) -> Result<Self, ImageError> {
         check(size, luma.len(), size.pixels())?;
-        Ok(Self { size, luma: luma.iter().map(|v| f32::from(*v) / 255.0).collect() })
+        let luma: Vec<f32> = luma.iter().map(|v| f32::from(*v) / 255.0).collect();
+        let (thumbnail_size, small) = shrink(size, &luma, size.fit_within(THUMBNAIL_PX));
+        Ok(Self { size, luma, thumbnail_size, thumbnail: small.into_iter().map(|v| [v; 3]).collect() })
     }
 
     /// From 8-bit RGB (sRGB encoded), three bytes a pixel; Rec. 601 luma.
@@ -43,11 +50,13 @@ impl GrayImage {
     /// [`ImageError::WrongLength`].
     pub fn from_rgb8(size: ImageSize, rgb: &[u8]) -> Result<Self, ImageError> {
         check(size, rgb.len(), size.pixels() * 3)?;
-        let luma = rgb
-            .chunks_exact(3)
-            .map(|c| (0.299 * f32::from(c[0]) + 0.587 * f32::from(c[1]) + 0.114 * f32::from(c[2])) / 255.0)
-            .collect();
-        Ok(Self { size, luma })
+        let channel = |k: usize| rgb.chunks_exact(3).map(|c| f32::from(c[k]) / 255.0).collect::<Vec<f32>>();
+        let [r, g, b] = [0, 1, 2].map(channel);
+        let luma = r.iter().zip(&g).zip(&b).map(|((r, g), b)| 0.299 * r + 0.587 * g + 0.114 * b).collect();
+        let thumbnail_size = size.fit_within(THUMBNAIL_PX);
+        let [r, g, b] = [r, g, b].map(|c| shrink(size, &c, thumbnail_size).1);
+        let thumbnail = r.into_iter().zip(g).zip(b).map(|((r, g), b)| [r, g, b]).collect();
+        Ok(Self { size, luma, thumbnail_size, thumbnail })
     }
 
     /// Columns and rows.
@@ -63,31 +72,39 @@ impl GrayImage {
     /// The image averaged down (area filter) so that its longer side is at most `longest` pixels.
     #[must_use]
     pub fn fit_within(&self, longest: u32) -> Self {
-        let to = self.size.fit_within(longest.max(1));
-        if to == self.size || self.size.pixels() == 0 {
-            return self.clone();
-        }
-        // Separable box filter with fractional ends: exact area averages, so that edges stay where they are.
-        let columns = spans(self.size.width, to.width);
-        let rows = spans(self.size.height, to.height);
-        let from_width = self.size.width as usize;
-        let mut narrow = vec![0.0f32; columns.len() * self.size.height as usize];
-        for (row_in, row_out) in self.luma.chunks_exact(from_width).zip(narrow.chunks_exact_mut(columns.len())) {
-            for (value, span) in row_out.iter_mut().zip(&columns) {
-                *value = span.iter().map(|(i, w)| row_in[*i] * w).sum();
-            }
-        }
-        let mut luma = vec![0.0f32; to.pixels()];
-        for (row_out, span) in luma.chunks_exact_mut(columns.len()).zip(&rows) {
-            for (i, w) in span {
-                let row_in = &narrow[i * columns.len()..(i + 1) * columns.len()];
-                for (out, v) in row_out.iter_mut().zip(row_in) {
-                    *out += v * w;
-                }
-            }
-        }
-        Self { size: to, luma }
+        let (size, luma) = shrink(self.size, &self.luma, self.size.fit_within(longest.max(1)));
+        Self { size, luma, thumbnail_size: self.thumbnail_size, thumbnail: self.thumbnail.clone() }
     }
+
+    /// A thumbnail of at most 64 pixels, sRGB-encoded colours in 0..=1 (grey where the image was made from luma).
+    pub(crate) fn thumbnail(&self) -> (ImageSize, &[[f32; 3]]) {
+        (self.thumbnail_size, &self.thumbnail)
+    }
+}
+
+/// Area averages: separable box filter with fractional ends, so that edges stay where they are.
+fn shrink(from: ImageSize, values: &[f32], to: ImageSize) -> (ImageSize, Vec<f32>) {
+    if to == from || from.pixels() == 0 {
+        return (from, values.to_vec());
+    }
+    let columns = spans(from.width, to.width);
+    let rows = spans(from.height, to.height);
+    let mut narrow = vec![0.0f32; columns.len() * from.height as usize];
+    for (row_in, row_out) in values.chunks_exact(from.width as usize).zip(narrow.chunks_exact_mut(columns.len())) {
+        for (value, span) in row_out.iter_mut().zip(&columns) {
+            *value = span.iter().map(|(i, w)| row_in[*i] * w).sum();
+        }
+    }
+    let mut out = vec![0.0f32; to.pixels()];
+    for (row_out, span) in out.chunks_exact_mut(columns.len()).zip(&rows) {
+        for (i, w) in span {
+            let row_in = &narrow[i * columns.len()..(i + 1) * columns.len()];
+            for (o, v) in row_out.iter_mut().zip(row_in) {
+                *o += v * w;
+            }
+        }
+    }
+    (to, out)
 }
 
 /// For each of `to` cells, the source indices it covers with weights that sum to 1.

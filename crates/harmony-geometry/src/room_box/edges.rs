@@ -8,6 +8,7 @@
 //! * how much of each visible box edge is covered by segments of its direction,
 //! * whether the segments of the image lie on faces that can hold their direction (a line along z cannot lie on the
 //!   back wall), counted fully above the horizon, where furniture is rare, and little below it,
+//! * how much the faces tell about the colours of the image ([`Appearance`]),
 //! * what the prior says about sizes, camera height and (if it has some) pinned edges.
 //!
 //! Left and right are independent given height and back distance, so all combinations can be looked at. Nothing is
@@ -15,23 +16,29 @@
 
 use harmony_scene::{Mat3, Vec2, Vec3};
 
+use super::appearance::{Appearance, face};
 use super::pins::{Pin, pins};
 use super::solved::CameraBox;
 use super::{RoomBox, RoomBoxEvidence, RoomBoxMethod, USUAL_CAMERA_HEIGHT, finish};
 use crate::least_squares::robust;
-use crate::{LayoutPrior, LineSegment, RoomEdge, ViewEstimate};
+use crate::{GrayImage, LayoutPrior, LineSegment, RoomEdge, ViewEstimate};
 
 /// A segment within this distance of an edge (share of the diagonal) covers it.
 const TOLERANCE: f64 = 0.005;
 /// Shortest segment that counts, share of the diagonal.
 const SHORTEST: f64 = 0.012;
 /// Nats for an edge covered over a length of one diagonal, and for a visible edge left uncovered over it.
-const COVERED: f64 = 14.0;
+const COVERED: f64 = 8.0;
 const UNCOVERED: f64 = 1.5;
-/// Nats for segments of one diagonal's length on faces that can't hold them.
+/// Nats for segments of one diagonal's length on faces that can't hold them, above the horizon.
 const MISPLACED: f64 = 4.0;
-/// Share of that below the horizon.
-const BELOW_HORIZON: f64 = 0.15;
+/// Share of that below the horizon, by the direction of the segment: furniture stands in front of every face, but
+/// its legs (y) say least, and lines into the depth (z) on the back wall say most.
+const BELOW_HORIZON: [f64; 3] = [0.3, 0.1, 0.5];
+/// Nats for one nat of mutual information of face and colour a pixel: so many pixels count as independent.
+const INFORMATION: f64 = 25.0;
+/// Combinations that are looked at in colour.
+const FINALISTS: usize = 400;
 /// Sigmas of the logarithms of what the prior says: camera height (hinted, usual), width, back (hinted, usual), sides.
 const HEIGHT_SIGMA: [f64; 2] = [0.12, 0.18];
 const WIDTH_SIGMA: f64 = 0.35;
@@ -53,6 +60,8 @@ struct Mark {
     length: f64,
     /// Direction of its middle, room axes.
     ray: Vec3,
+    /// Directions along it, room axes.
+    rays: [Vec3; 3],
 }
 
 /// Everything a score needs; lengths in pixels of the photo.
@@ -62,6 +71,7 @@ struct Scene<'a> {
     rotation: Mat3,
     marks: Vec<Mark>,
     pins: Vec<Pin>,
+    appearance: Option<Appearance>,
     half: Vec2,
     diagonal: f64,
     camera_height: f64,
@@ -91,8 +101,9 @@ struct Core {
 }
 
 /// The best box of the image's lines, or `None` when too few lines have a direction.
-pub(super) fn box_from_lines(view: &ViewEstimate, prior: &LayoutPrior) -> Option<RoomBox> {
-    let scene = Scene::new(view, prior);
+pub(super) fn box_from_lines(image: &GrayImage, view: &ViewEstimate, prior: &LayoutPrior) -> Option<RoomBox> {
+    let mut scene = Scene::new(view, prior);
+    scene.appearance = Appearance::new(image, &scene.rotation, scene.view.focal, scene.half);
     if scene.marks.len() < 4 {
         return None;
     }
@@ -167,6 +178,7 @@ impl<'a> Scene<'a> {
             rotation,
             marks,
             pins: pins(prior),
+            appearance: None,
             half,
             diagonal,
             camera_height,
@@ -180,9 +192,9 @@ impl<'a> Scene<'a> {
         CameraBox { floor: core.floor, ceiling: self.prior.extents.height - core.floor, back: core.back, ..self.view }
     }
 
-    /// All combinations of proposals.
+    /// All combinations of proposals; the best of them looked at in colour.
     fn best(&self) -> Option<(CameraBox, f64)> {
-        let mut best: Option<(CameraBox, f64)> = None;
+        let mut all: Vec<(CameraBox, f64)> = Vec::new();
         for core in self.cores() {
             let base = self.with(core);
             let common = self.core_prior(&base);
@@ -191,14 +203,17 @@ impl<'a> Scene<'a> {
             for (l, l_score) in &left {
                 for (r, r_score) in &right {
                     let candidate = CameraBox { left: *l, right: *r, ..base };
-                    let score = common + l_score + r_score + self.width_prior(&candidate);
-                    if best.as_ref().is_none_or(|(_, b)| score > *b) {
-                        best = Some((candidate, score));
-                    }
+                    all.push((candidate, common + l_score + r_score + self.width_prior(&candidate)));
                 }
             }
         }
-        best
+        all.sort_by(|a, b| b.1.total_cmp(&a.1));
+        all.truncate(FINALISTS);
+        all.into_iter().map(|(b, score)| (b, score + self.colour_score(&b))).max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    fn colour_score(&self, b: &CameraBox) -> f64 {
+        self.appearance.as_ref().map_or(0.0, |a| INFORMATION * a.information(b))
     }
 
     /// The three best distances of one side, with their scores.
@@ -307,31 +322,25 @@ impl<'a> Scene<'a> {
         score - 0.5 * k * k - self.pin_cost(b, &edges) - MISPLACED * self.misplaced(b, side) / self.diagonal
     }
 
-    /// Length of segments (weighted) on faces that can't hold their direction.
+    /// Length of segments (weighted) on faces that can't hold their direction: those normal to it.
     fn misplaced(&self, b: &CameraBox, side: Side) -> f64 {
         self.marks
             .iter()
             .filter(|m| (m.ray.x < 0.0) == (side == Side::Left))
             .map(|m| {
-                let across = if m.ray.x < 0.0 { b.left / -m.ray.x } else { b.right / m.ray.x.max(1e-9) };
-                let upward = if m.ray.y < 0.0 { b.floor / -m.ray.y } else { b.ceiling / m.ray.y.max(1e-9) };
-                let back = if m.ray.z < 0.0 { b.back / -m.ray.z } else { f64::INFINITY };
-                // The face that the ray meets first is normal to this axis.
-                let normal = if across <= upward && across <= back {
-                    0
-                } else if upward <= back {
-                    1
-                } else {
-                    2
-                };
-                let weight = if m.ray.y > 0.0 { 1.0 } else { BELOW_HORIZON };
-                if normal == m.axis { weight * m.length } else { 0.0 }
+                let weight = if m.ray.y > 0.0 { 1.0 } else { BELOW_HORIZON[m.axis] };
+                let wrong = m.rays.iter().filter(|r| face(b, **r) / 2 == m.axis).count();
+                weight * m.length * wrong as f64 / m.rays.len() as f64
             })
             .sum()
     }
 
     fn total_score(&self, b: &CameraBox) -> f64 {
-        self.core_prior(b) + self.width_prior(b) + self.side_score(b, Side::Left) + self.side_score(b, Side::Right)
+        self.core_prior(b)
+            + self.width_prior(b)
+            + self.side_score(b, Side::Left)
+            + self.side_score(b, Side::Right)
+            + self.colour_score(b)
     }
 
     fn total_cover(&self, b: &CameraBox) -> Cover {
@@ -461,7 +470,8 @@ fn mark(s: &LineSegment, axis: usize, k: f64, half: Vec2, focal: f64, rotation: 
     let ends = [s.start * k - half, s.end * k - half];
     let middle = (ends[0] + ends[1]) / 2.0;
     let ray = (rotation.transpose() * middle.extend(focal)).try_normalize()?;
-    Some(Mark { ends, axis, length: ends[0].distance(ends[1]), ray })
+    let rays = [0.1, 0.5, 0.9].map(|k| rotation.transpose() * ends[0].lerp(ends[1], k).extend(focal));
+    Some(Mark { ends, axis, length: ends[0].distance(ends[1]), ray, rays })
 }
 
 /// Values 1.5 % or more apart, those with the most length behind them first.

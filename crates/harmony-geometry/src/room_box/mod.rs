@@ -1,5 +1,6 @@
 //! The room box of a photo without depth.
 
+mod appearance;
 mod edges;
 mod pins;
 mod solved;
@@ -100,7 +101,6 @@ pub enum SolveError {
 ///
 /// `image` and `view` may be of any size; the result speaks of `prior.photo`.
 pub fn estimate_room_box(image: &GrayImage, view: &ViewEstimate, prior: &LayoutPrior) -> RoomBox {
-    let _ = image;
     let prior = &sane(prior);
     let mut notes = Vec::new();
     if pins::pinned_points(prior) >= ENOUGH_PINS {
@@ -109,7 +109,7 @@ pub fn estimate_room_box(image: &GrayImage, view: &ViewEstimate, prior: &LayoutP
             Err(e) => notes.push(format!("the pinned edges were not used: {e}")),
         }
     }
-    let from_lines = if view.confidence >= WEAK_VIEW { edges::box_from_lines(view, prior) } else { None };
+    let from_lines = if view.confidence >= WEAK_VIEW { edges::box_from_lines(image, view, prior) } else { None };
     let mut room = from_lines.unwrap_or_else(|| prior_box(view, prior));
     room.evidence.fallbacks.extend(notes);
     room
