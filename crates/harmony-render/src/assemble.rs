@@ -115,7 +115,7 @@ pub(crate) fn assemble(
         let skip = (triangle - r.first) as usize;
         let take = ((to - triangle) as usize).min(r.triangles.len() - skip);
         for t in &r.triangles[skip..skip + take] {
-            let i = t.map(|i| i as usize);
+            let i = [t[0] as usize, t[1] as usize, t[2] as usize];
             if let (Some(a), Some(b), Some(c)) = (mine.get(i[0]), mine.get(i[1]), mine.get(i[2])) {
                 let v = [*a, *b, *c];
                 if a.inverse_depth > 0.0 && b.inverse_depth > 0.0 && c.inverse_depth > 0.0 {

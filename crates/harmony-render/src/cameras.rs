@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use harmony_mesh::Bounds;
-use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Room, Surface, Vec3};
+use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Room, Surface, Vec2, Vec3};
 
 /// A camera that looks into the room from outside, and the faces that would hide the room from it.
 #[derive(Debug, Clone)]
@@ -55,16 +55,35 @@ pub fn mesh_view_camera(bounds: &Bounds, yaw_index: usize, size: ImageSize) -> C
 
 fn room_view(room: &Room, size: ImageSize, azimuth: f64) -> RoomView {
     let e: &Extents = &room.extents;
-    let centre = e.as_vec() / 2.0;
     let corners = corners(Vec3::ZERO, e.as_vec());
-    let distance = distance_to_fit(&corners, centre, size, azimuth, ELEVATION);
-    let camera = camera_at(centre, size, azimuth, ELEVATION, distance);
+    let camera = centred_camera(&corners, e.as_vec() / 2.0, size, azimuth, ELEVATION);
     let eye = camera.centre();
     let omit = Surface::ALL
         .into_iter()
         .filter(|s| *s == Surface::Ceiling || (eye - s.point(e, s.size(e) / 2.0)).dot(s.normal()) <= 0.0)
         .collect();
     RoomView { camera, omit }
+}
+
+/// The nearest camera that shows every corner, moved sideways so that their box is in the middle of the image.
+fn centred_camera(corners: &[Vec3; 8], centre: Vec3, size: ImageSize, azimuth: f64, elevation: f64) -> Camera {
+    let mut target = centre;
+    for _ in 0..6 {
+        let distance = distance_to_fit(corners, target, size, azimuth, elevation);
+        let camera = camera_at(target, size, azimuth, elevation, distance);
+        let k = &camera.intrinsics;
+        let (low, high) = corners
+            .iter()
+            .filter_map(|c| camera.project(*c))
+            .fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+        let off = (low + high) / 2.0 - Vec2::new(k.cx, k.cy);
+        if !off.is_finite() {
+            break;
+        }
+        target += camera.right() * (off.x * distance / k.fx) + camera.down() * (off.y * distance / k.fy);
+    }
+    let distance = distance_to_fit(corners, target, size, azimuth, elevation);
+    camera_at(target, size, azimuth, elevation, distance)
 }
 
 fn corners(min: Vec3, max: Vec3) -> [Vec3; 8] {
@@ -103,4 +122,107 @@ fn distance_to_fit(corners: &[Vec3; 8], target: Vec3, size: ImageSize, azimuth: 
         })
         .fold(0.0, f64::max);
     if fit.is_finite() && fit > 0.0 { fit } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Instance, RenderOptions, render_depth_ids};
+    use glam::DMat3;
+    use harmony_mesh::{Group, Material, Mesh};
+
+    fn room() -> Room {
+        Room {
+            room_type: "study".into(),
+            extents: Extents { width: 4.0, height: 2.6, depth: 5.5 },
+            seen: vec![],
+            openings: vec![],
+            floor_texture: None,
+            wall_texture: None,
+        }
+    }
+
+    fn photo(forward: Vec3) -> Camera {
+        let size = ImageSize::new(640, 480);
+        Camera::looking(size, Intrinsics::from_horizontal_fov(size, 1.1), Vec3::new(2.0, 1.5, 5.0), forward)
+    }
+
+    #[test]
+    fn room_views_show_every_corner_and_fill_the_image() {
+        let room = room();
+        for size in [ImageSize::new(800, 600), ImageSize::new(300, 900), ImageSize::new(512, 512)] {
+            let mut views = orbit_cameras(&room, size, 7);
+            views.push(canonical_camera(&room, size, &photo(Vec3::new(0.4, -0.2, -1.0))));
+            for view in views {
+                let (w, h) = (f64::from(size.width), f64::from(size.height));
+                let all = corners(Vec3::ZERO, room.extents.as_vec());
+                let pixels: Vec<Vec2> = all.iter().map(|c| view.camera.project(*c).unwrap()).collect();
+                let spread = |f: fn(&Vec2) -> f64| {
+                    let v = pixels.iter().map(f);
+                    (v.clone().fold(f64::MAX, f64::min), v.fold(f64::MIN, f64::max))
+                };
+                let ((x0, x1), (y0, y1)) = (spread(|p| p.x), spread(|p| p.y));
+                assert!(x0 >= 0.0 && y0 >= 0.0 && x1 <= w && y1 <= h, "{x0} {x1} {y0} {y1}");
+                let fill = ((x1 - x0) / w).max((y1 - y0) / h);
+                assert!((0.85..=0.92).contains(&fill), "fills {fill}");
+                assert!(((x0 + x1) / 2.0 - w / 2.0).abs() <= 0.02 * w && ((y0 + y1) / 2.0 - h / 2.0).abs() <= 0.02 * h);
+            }
+        }
+    }
+
+    #[test]
+    fn faces_between_the_camera_and_the_room_are_left_out() {
+        let room = room();
+        let size = ImageSize::new(640, 480);
+        let straight = canonical_camera(&room, size, &photo(Vec3::new(0.0, -0.1, -1.0)));
+        assert_eq!(straight.omit, [Surface::Ceiling, Surface::Front]);
+        let from_the_right = canonical_camera(&room, size, &photo(Vec3::new(-1.0, -0.1, -1.0)));
+        assert_eq!(from_the_right.omit, [Surface::Ceiling, Surface::Right, Surface::Front]);
+        assert!(from_the_right.camera.centre().x > 4.0, "it stands on the photo camera's side");
+        let backwards = canonical_camera(&room, size, &photo(Vec3::new(0.0, 0.0, 1.0)));
+        assert!(!backwards.omit.contains(&Surface::Back), "the back wall is always shown");
+        for view in orbit_cameras(&room, size, 8) {
+            let shown = Surface::ALL.into_iter().filter(|s| !view.omit.contains(s));
+            for s in shown {
+                let inside = (view.camera.centre() - s.point(&room.extents, Vec2::ZERO)).dot(s.normal()) > 0.0;
+                assert!(inside, "{s:?} would be seen from behind");
+            }
+        }
+    }
+
+    #[test]
+    fn panel_k_shows_what_turning_the_mesh_by_k_quarters_brings_to_the_front() {
+        // A lopsided tetrahedron, centred in x and z.
+        let positions = [[-0.5, 0.0, 0.4], [0.5, 0.0, 0.1], [0.1, 0.0, -0.4], [-0.3, 1.3, 0.2]];
+        let mut mesh = Mesh {
+            positions: positions.map(glam::Vec3::from).to_vec(),
+            uvs: vec![glam::Vec2::ZERO; 4],
+            groups: vec![Group { material: 0, triangles: vec![[0, 1, 3], [1, 2, 3], [2, 0, 3], [0, 2, 1]] }],
+            materials: vec![Material::plain("m", [1.0; 3])],
+            ..Mesh::default()
+        };
+        mesh.recompute_normals();
+        let bounds = mesh.bounds().unwrap();
+        let size = ImageSize::new(90, 90);
+        let options = RenderOptions::default();
+        let front = mesh_view_camera(&bounds, 0, size);
+        assert!(front.centre().z > 1.0 && front.centre().x.abs() < 1e-9);
+        let mut pictures = Vec::new();
+        for k in 0..4 {
+            let turned = Instance {
+                mesh: &mesh,
+                linear: DMat3::from_rotation_y(FRAC_PI_2 * k as f64),
+                translation: bounds.centre() - DMat3::from_rotation_y(FRAC_PI_2 * k as f64) * bounds.centre(),
+                id: 1,
+            };
+            let want = render_depth_ids(&front, &[turned], &options);
+            let got = render_depth_ids(&mesh_view_camera(&bounds, k, size), &[Instance::in_room(&mesh, 1)], &options);
+            let differs = want.depth.iter().zip(&got.depth).filter(|(a, b)| (*a - *b).abs() > 1e-3).count();
+            assert!(differs <= 4, "panel {k}: {differs} pixels differ");
+            assert!(got.silhouette().count() > 700);
+            assert_eq!(got.silhouette().touches_border(0), [false; 4]);
+            pictures.push(got.depth);
+        }
+        assert!(pictures[0] != pictures[1] && pictures[0] != pictures[2] && pictures[1] != pictures[3]);
+    }
 }

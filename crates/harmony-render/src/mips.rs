@@ -56,12 +56,15 @@ impl Pyramid {
         let lod = (0.5 * log2).clamp(0.0, levels.len() as f32);
         let fine = lod as usize;
         let mix = lod - fine as f32;
-        let near = self.bilinear(tables, if fine == 0 { &self.base } else { &levels[fine - 1] }, u, v);
+        let mut near = self.bilinear(tables, if fine == 0 { &self.base } else { &levels[fine - 1] }, u, v);
         if mix < 0.01 || fine >= levels.len() {
             return near;
         }
         let far = self.bilinear(tables, &levels[fine], u, v);
-        std::array::from_fn(|i| near[i] + (far[i] - near[i]) * mix)
+        for (n, f) in near.iter_mut().zip(far) {
+            *n += (f - *n) * mix;
+        }
+        near
     }
 
     /// Size of the full texture.

@@ -26,6 +26,7 @@ pub(crate) struct Band<'b> {
     pub(crate) x0: i32,
     pub(crate) y0: i32,
     pub(crate) width: usize,
+    pub(crate) height: usize,
     /// Where in its pixel each sample lies, in sub-pixel steps from the centre.
     pub(crate) offset: [i32; 2],
     /// Reciprocal depth, 0 where nothing is.
@@ -35,10 +36,6 @@ pub(crate) struct Band<'b> {
 }
 
 impl Band<'_> {
-    fn rows(&self) -> i32 {
-        (self.triangle.len() / self.width) as i32
-    }
-
     /// Sets everything to nothing.
     pub(crate) fn clear(&mut self) {
         self.inverse_depth.fill(0.0);
@@ -53,14 +50,15 @@ impl Band<'_> {
             let cut_out = draw.runs[run].cut_out;
             let [ox, oy] = self.offset;
             // Moving the piece against the sample puts samples on whole pixels.
-            let p = Piece { x: piece.x.map(|x| x - ox), y: piece.y.map(|y| y - oy), ..*piece };
+            let ([ax, bx, cx], [ay, by, cy]) = (piece.x, piece.y);
+            let p = Piece { x: [ax - ox, bx - ox, cx - ox], y: [ay - oy, by - oy, cy - oy], ..*piece };
             let (min_x, max_x) = range(p.x);
             let (min_y, max_y) = range(p.y);
             let b = Bounds {
                 left: first_pixel(min_x).max(self.x0),
                 right: last_pixel(max_x).min(self.x0 + self.width as i32 - 1),
                 top: first_pixel(min_y).max(self.y0),
-                bottom: last_pixel(max_y).min(self.y0 + self.rows() - 1),
+                bottom: last_pixel(max_y).min(self.y0 + self.height as i32 - 1),
             };
             if b.left > b.right || b.top > b.bottom {
                 continue;
@@ -162,13 +160,13 @@ impl Between {
             d1 * (y[2] - y[0]) as f32 - d2 * (y[1] - y[0]) as f32,
             d2 * (x[1] - x[0]) as f32 - d1 * (x[2] - x[0]) as f32,
         ];
-        Self { x: x[0], y: y[0], at_first: w0, gradient, low: w0.min(w1).min(w2), high: w0.max(w1).max(w2) }
+        Self { x: x[0], y: y[0], at_first: w0, gradient, low: least(w0, w1, w2), high: most(w0, w1, w2) }
     }
 
     #[inline]
     fn at(&self, px: i32, py: i32) -> f32 {
         let (dx, dy) = ((px * STEPS - self.x) as f32, (py * STEPS - self.y) as f32);
-        (self.at_first + self.gradient[0] * dx + self.gradient[1] * dy).max(self.low).min(self.high)
+        hold(self.at_first + self.gradient[0] * dx + self.gradient[1] * dy, self.low, self.high)
     }
 }
 
@@ -184,15 +182,22 @@ impl Plane {
         let [a, b, c] = draw.inverse_depth_plane(p.triangle, run);
         let [dx, dy] = offset.map(|o| f64::from(o) / f64::from(STEPS));
         let [w0, w1, w2] = p.inverse_depth;
-        Self { coefficients: [a, b, c + a * dx + b * dy], low: w0.min(w1).min(w2), high: w0.max(w1).max(w2) }
+        Self { coefficients: [a, b, c + a * dx + b * dy], low: least(w0, w1, w2), high: most(w0, w1, w2) }
     }
 
     /// At the sample of a pixel. NaN (a plane seen exactly edge-on) becomes the farther end.
     #[inline]
     fn at(&self, px: i32, py: i32) -> f32 {
         let [a, b, c] = self.coefficients;
-        ((a * f64::from(px) + (b * f64::from(py) + c)) as f32).max(self.low).min(self.high)
+        hold((a * f64::from(px) + (b * f64::from(py) + c)) as f32, self.low, self.high)
     }
+}
+
+/// `v` held within `low..=high`; `low` for NaN. Compiles to two instructions, unlike `max` and `min`.
+#[inline]
+fn hold(v: f32, low: f32, high: f32) -> f32 {
+    let v = if v > low { v } else { low };
+    if v < high { v } else { high }
 }
 
 #[derive(Clone, Copy)]
@@ -201,6 +206,16 @@ struct Bounds {
     right: i32,
     top: i32,
     bottom: i32,
+}
+
+fn least(a: f32, b: f32, c: f32) -> f32 {
+    let d = if a < b { a } else { b };
+    if d < c { d } else { c }
+}
+
+fn most(a: f32, b: f32, c: f32) -> f32 {
+    let d = if a > b { a } else { b };
+    if d > c { d } else { c }
 }
 
 fn range(v: [i32; 3]) -> (i32, i32) {

@@ -125,7 +125,8 @@ impl Renderer {
             |(i, ((depth, ids), color))| {
                 let mine = || pieces.iter().skip(i).step_by(layout.bands).map(Vec::as_slice);
                 let (x0, y0) = (window.x0 as i32, window.y0 as i32 + (i * layout.band_rows as usize) as i32);
-                let mut band = Band { x0, y0, width, offset: [0, 0], inverse_depth: depth, triangle: ids };
+                let height = depth.len() / width;
+                let mut band = Band { x0, y0, width, height, offset: [0, 0], inverse_depth: depth, triangle: ids };
                 band.clear();
                 mine().for_each(|p| band.draw(draw, p));
                 if let Some(options) = &options {

@@ -61,12 +61,14 @@ pub(crate) fn multisampled<'p>(
     color: &mut [u8],
 ) {
     let n = color.len() / 4;
+    let height = n / width;
     let mut depth = vec![0.0; n];
     let layers: Vec<Vec<u32>> = SAMPLES
         .iter()
         .map(|offset| {
             let mut triangle = vec![NOTHING; n];
-            let mut band = Band { x0, y0, width, offset: *offset, inverse_depth: &mut depth, triangle: &mut triangle };
+            let mut band =
+                Band { x0, y0, width, height, offset: *offset, inverse_depth: &mut depth, triangle: &mut triangle };
             band.clear();
             pieces.clone().for_each(|p| band.draw(draw, p));
             triangle

@@ -107,7 +107,8 @@ impl Facet {
                 color = color.map(|c| c * k);
             }
         }
-        std::array::from_fn(|i| color[i] + run.emissive[i])
+        let e = run.emissive;
+        [color[0] + e[0], color[1] + e[1], color[2] + e[2]]
     }
 
     /// Light that comes back from a matt surface lit from the camera, with some ambient light.
