@@ -43,6 +43,8 @@ const BEND_SIGMA_DEG: f64 = 0.35;
 /// Robust limit, sigmas, and the weight that neighbouring, correlated segments leave to each.
 const LIMIT_SIGMAS: f64 = 3.0;
 const EACH_WEIGHT: f64 = 0.5;
+/// Lines along the border this close to it (share of the image) are a picture's frame, not the room's.
+const FRAME_BAND: f64 = 0.02;
 /// Candidates of the grid that are refined.
 const CANDIDATES: usize = 10;
 
@@ -153,6 +155,7 @@ pub fn estimate_view_from_segments(
     segments: Vec<LineSegment>,
     focal_prior: Option<FocalPrior>,
 ) -> ViewEstimate {
+    let segments: Vec<LineSegment> = segments.into_iter().filter(|s| !is_frame(s, size)).collect();
     let search = Search::new(size, &segments, focal_prior);
     let found = search.best();
     let (intrinsics, rotation) = (Intrinsics::centred(size, found.focal()), found.rotation());
@@ -192,6 +195,16 @@ pub fn estimate_view_from_segments(
         confidence: confidence(support, counts),
         segments: labelled,
     }
+}
+
+/// Whether a segment is the edge of a frame around the picture: close to the border and parallel to it.
+fn is_frame(s: &LineSegment, size: ImageSize) -> bool {
+    let (w, h) = (f64::from(size.width), f64::from(size.height));
+    let near = |a: f64, b: f64, full: f64| {
+        let band = FRAME_BAND * full;
+        (a.max(b) < band || a.min(b) > full - band) && (a - b).abs() < 0.01 * full
+    };
+    near(s.start.x, s.end.x, w) && s.length() > 0.1 * h || near(s.start.y, s.end.y, h) && s.length() > 0.1 * w
 }
 
 /// Chance alone puts some 15 % of all segments near one of three vanishing points.

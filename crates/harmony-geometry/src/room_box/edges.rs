@@ -127,16 +127,26 @@ pub(super) fn box_from_lines(image: &GrayImage, view: &ViewEstimate, prior: &Lay
     Some(finish(&solved, prior, confidence, evidence))
 }
 
-/// Share of the visible edges of a box that lie on lines of the image.
-pub(super) fn edge_support(view: &ViewEstimate, prior: &LayoutPrior, solved: &CameraBox, edges: &[RoomEdge]) -> f64 {
-    let scene = Scene::new(view, prior);
-    let mut sum = Cover::default();
-    for edge in edges {
-        let c = scene.cover(solved, &solved.rotation(), *edge, None);
-        sum.covered += c.covered;
-        sum.length += c.length;
+/// What the lines (and the colours, given the image) of the photo say for a box, nats; nothing of the prior.
+pub(super) fn image_evidence(
+    image: Option<&GrayImage>,
+    view: &ViewEstimate,
+    prior: &LayoutPrior,
+    solved: &CameraBox,
+) -> f64 {
+    let mut scene = Scene::new(view, prior);
+    let rotation = solved.rotation();
+    // Seen a quarter turn on, the view's x is the box's z.
+    if rotation.col(0).dot(scene.rotation.col(0)).abs() < std::f64::consts::FRAC_1_SQRT_2 {
+        for m in &mut scene.marks {
+            m.axis = [2, 1, 0][m.axis];
+        }
     }
-    sum.covered / sum.length.max(1.0)
+    scene.rotation = rotation;
+    let cover = scene.total_cover(solved);
+    let lines = (COVERED * cover.covered - UNCOVERED * (cover.length - cover.covered)) / scene.diagonal;
+    scene.appearance = image.and_then(|i| Appearance::new(i, &rotation, solved.focal, scene.half));
+    lines + scene.colour_score(solved)
 }
 
 impl<'a> Scene<'a> {

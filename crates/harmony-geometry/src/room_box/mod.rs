@@ -104,7 +104,7 @@ pub fn estimate_room_box(image: &GrayImage, view: &ViewEstimate, prior: &LayoutP
     let prior = &sane(prior);
     let mut notes = Vec::new();
     if pins::pinned_points(prior) >= ENOUGH_PINS {
-        match solve_from_pins(view, prior) {
+        match pins::solve_with_image(Some(image), view, prior) {
             Ok(room) => return room,
             Err(e) => notes.push(format!("the pinned edges were not used: {e}")),
         }

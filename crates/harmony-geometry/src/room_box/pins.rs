@@ -14,12 +14,14 @@ use std::f64::consts::FRAC_PI_2;
 
 use harmony_scene::{ImageSize, Vec2, Vec3};
 
+use super::edges::image_evidence;
 use super::solved::CameraBox;
-use super::{RoomBox, RoomBoxEvidence, RoomBoxMethod, SolveError, USUAL_CAMERA_HEIGHT, finish};
+use super::{RoomBox, RoomBoxEvidence, RoomBoxMethod, SolveError, USUAL_CAMERA_HEIGHT, finish, sane};
 use crate::least_squares::{minimise, robust};
 use crate::vanishing::Search;
 use crate::{
-    FocalPrior, LayoutPrior, LineSegment, RoomCorner, RoomEdge, ViewEstimate, WallSide, camera_rotation, median,
+    FocalPrior, GrayImage, LayoutPrior, LineSegment, RoomCorner, RoomEdge, ViewEstimate, WallSide, camera_rotation,
+    median,
 };
 
 /// One sigma of a pin, share of the photo's diagonal.
@@ -40,6 +42,10 @@ const SIDE_SIGMA: f64 = 0.8;
 const ANGLE_SIGMA_DEG: f64 = 12.0;
 /// Largest pin RMS that is still agreement, share of the diagonal.
 const AGREE: f64 = 0.03;
+/// Least distance of the camera from a wall that nothing speaks of, metres.
+const SIDE_MARGIN: f64 = 0.3;
+/// Groups of pins that are left out in turn, at most.
+const MOST_GROUPS: usize = 12;
 /// Pins used at most, and how far outside the image a pin may lie (shares of its sides).
 const MOST_PINS: usize = 80;
 const OUTSIDE: f64 = 1.0;
@@ -64,13 +70,31 @@ pub(super) struct Pin {
 /// # Errors
 /// [`SolveError`] when there is no usable pin or they contradict each other.
 pub fn solve_from_pins(view: &ViewEstimate, prior: &LayoutPrior) -> Result<RoomBox, SolveError> {
+    solve_with_image(None, view, prior)
+}
+
+/// [`solve_from_pins`]; with the image, its colours help to tell right pins from wrong ones.
+pub(super) fn solve_with_image(
+    image: Option<&GrayImage>,
+    view: &ViewEstimate,
+    prior: &LayoutPrior,
+) -> Result<RoomBox, SolveError> {
+    let prior = &sane(prior);
     let pins = pins(prior);
     if pins.is_empty() {
         return Err(SolveError::TooFewPins { got: 0, min: 1 });
     }
     let problem = Problem::new(view, prior, pins);
-    let (solution, iterations) = problem.solve();
-    let solved = problem.unpack(&solution);
+    let (candidates, iterations) = problem.solve();
+    // Which pins are wrong is often open among the pins alone: the lines and colours of the photo decide.
+    let speaks = |b: &CameraBox| image_evidence(image, view, prior, b);
+    let solved = candidates
+        .iter()
+        .map(|(cost, p)| (problem.unpack(p), cost))
+        .map(|(b, cost)| (b, speaks(&b) - cost))
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .map_or_else(|| problem.unpack(&problem.start(problem.view, None)), |(b, _)| b);
+    let solved = problem.unpinned_sides(solved);
     let report = problem.report(&solved);
     let diagonal = diagonal(prior.photo);
     if report.used == 0 || !(report.rms <= AGREE * diagonal) {
@@ -237,11 +261,13 @@ impl<'a> Problem<'a> {
         }
     }
 
-    fn residuals(&self, p: &Unknowns, limit: f64, out: &mut Vec<f64>) {
+    /// The residuals at `p`; pins of the group `left_out` are 0.
+    fn residuals(&self, p: &Unknowns, limit: f64, left_out: Option<usize>, out: &mut Vec<f64>) {
         let solved = self.unpack(p);
         let rotation = solved.rotation();
         for pin in &self.pins {
-            out.push(robust(solved.distance_to_edge(&rotation, pin.edge, pin.point) / pin.sigma, limit));
+            let off = solved.distance_to_edge(&rotation, pin.edge, pin.point) / pin.sigma;
+            out.push(if Some(pin.group) == left_out { 0.0 } else { robust(off, limit) });
         }
         self.lines.residuals(&p[..4], out);
         let hints = &self.prior.camera;
@@ -257,9 +283,10 @@ impl<'a> Problem<'a> {
         out.push((solved.back / self.back).ln() / self.back_sigma);
     }
 
-    fn solve(&self) -> (Unknowns, usize) {
-        let groups = self.pins.iter().map(|p| p.group + 1).max().unwrap_or(0);
-        let mut best: Option<(f64, Unknowns)> = None;
+    /// The minima found, least cost first, and the iterations spent.
+    fn solve(&self) -> (Vec<(f64, Unknowns)>, usize) {
+        let groups = self.pins.iter().map(|p| p.group + 1).max().unwrap_or(0).min(MOST_GROUPS);
+        let mut found: Vec<(f64, Unknowns)> = Vec::new();
         let mut iterations = 0;
         for angles in self.angle_starts() {
             for left_out in std::iter::once(None).chain((0..groups).map(Some)) {
@@ -267,18 +294,41 @@ impl<'a> Problem<'a> {
                 let mut cost = f64::INFINITY;
                 // Wide losses first: a start is seldom within three sigmas of every good pin.
                 for limit in [4.0 * LIMIT, LIMIT] {
-                    let s = minimise(&p, &STEPS, 30, |p, out| self.residuals(&array(p), limit, out));
+                    let s = minimise(&p, &STEPS, 30, |p, out| self.residuals(&array(p), limit, left_out, out));
                     iterations += s.iterations;
                     p = array(&s.parameters);
                     cost = s.cost;
                 }
-                let sound = p.iter().all(|v| v.is_finite()) && p[YAW].abs() < 1.4 && p[TILT].abs() < 1.4;
-                if sound && best.is_none_or(|(b, _)| cost < b) {
-                    best = Some((cost, p));
+                if left_out.is_some() {
+                    let s = minimise(&p, &STEPS, 20, |p, out| self.residuals(&array(p), LIMIT, None, out));
+                    iterations += s.iterations;
+                    p = array(&s.parameters);
+                    cost = s.cost;
+                }
+                let sound =
+                    cost.is_finite() && p.iter().all(|v| v.is_finite()) && p[YAW].abs() < 1.4 && p[TILT].abs() < 1.4;
+                let known = found.iter().any(|(_, q)| p.iter().zip(q).all(|(a, b)| (a - b).abs() < 1e-3));
+                if sound && !known {
+                    found.push((cost, p));
                 }
             }
         }
-        (best.map_or_else(|| self.start(self.view, None), |(_, p)| p), iterations)
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        (found, iterations)
+    }
+
+    /// A side wall that no pin speaks of is where the prior's width puts it.
+    fn unpinned_sides(&self, solved: CameraBox) -> CameraBox {
+        use RoomEdge as E;
+        let pinned = |edges: [E; 3]| self.pins.iter().any(|p| edges.contains(&p.edge));
+        let width = self.prior.extents.width;
+        let left = pinned([E::FloorLeft, E::CeilingLeft, E::BackLeft]);
+        let right = pinned([E::FloorRight, E::CeilingRight, E::BackRight]);
+        match (left, right) {
+            (true, false) => CameraBox { right: (width - solved.left).max(SIDE_MARGIN), ..solved },
+            (false, true) => CameraBox { left: (width - solved.right).max(SIDE_MARGIN), ..solved },
+            _ => solved,
+        }
     }
 
     fn angle_starts(&self) -> Vec<[f64; 4]> {
