@@ -17,6 +17,7 @@
 
 mod components;
 mod distance;
+mod maxflow;
 mod noise;
 mod polygon;
 mod resample;

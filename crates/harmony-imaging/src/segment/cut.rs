@@ -4,8 +4,8 @@
 //! SIGGRAPH 2004. Ours works in Lab, bounds what a pixel's colour can say, and adds a prior for each pixel (from the
 //! outline or the box). Known weak regime: an object in the colours of its surroundings follows the prior.
 
-use super::maxflow::{GridGraph, STEPS};
 use super::mixture::Mixture;
+use crate::maxflow::{GridGraph, STEPS};
 
 /// What is known of a pixel beforehand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,7 +3,6 @@
 mod cut;
 mod frame;
 mod joint;
-mod maxflow;
 mod mixture;
 
 use harmony_scene::{ImageSize, Mask, PixelBox};

@@ -1,11 +1,25 @@
 //! Completes partly observed surface textures, and makes tileable samples of them.
+//!
+//! A surface is taken as a smooth field (paint, light, vignetting) plus detail. The field goes on from the observed
+//! part and settles at the median far away; the detail is copied by the exemplar fill of [`crate::inpaint`]. Known weak
+//! regime: patterns larger than what was observed.
 
-use image::RgbaImage;
+mod base;
+mod quilt;
+
+use harmony_scene::ImageSize;
+use image::{Rgba, RgbaImage};
+
+use crate::inpaint::canvas::Canvas;
+use crate::inpaint::complete;
+use crate::noise::Random;
+use crate::resample::resize_rgba;
+use base::{Base, Color};
 
 /// Parameters of completion and tiles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TextureSettings {
-    /// Longest side at which patches are matched, pixels.
+    /// Longest side at which patches are matched, pixels; the unobserved part of a larger texture is that fine only.
     pub working_px: u32,
     /// Seed of the random choices.
     pub seed: u64,
@@ -17,18 +31,123 @@ impl Default for TextureSettings {
     }
 }
 
+/// Most that is added to a copied patch of detail, 8-bit levels.
+const MOST_OFFSET: f32 = 5.0;
+/// With fewer observed texels there is no detail to speak of.
+const LEAST_OBSERVED: usize = 400;
+/// Grain where nothing is known, 8-bit levels.
+const GRAIN: f32 = 2.0;
+
 /// The texture with every unobserved texel (alpha below 128) filled in; opaque.
 ///
 /// The large-scale colour goes on from the observed part and settles at its median far away; the detail is copied from
 /// observed texels. With hardly any observed texels the result is the median colour with a little noise; with none,
-/// mid grey.
+/// mid grey. Observed texels keep their colour.
 pub fn complete_surface(texture: &RgbaImage, settings: &TextureSettings) -> RgbaImage {
-    let _ = settings;
-    texture.clone()
+    let size = ImageSize::new(texture.width(), texture.height());
+    if size.pixels() == 0 {
+        return texture.clone();
+    }
+    let work = size.fit_within(settings.working_px.clamp(16, 4096));
+    if work != size {
+        let small = complete_surface(&resize_rgba(texture, work), settings);
+        let filled = resize_rgba(&small, size);
+        return merge(texture, |x, y| *filled.get_pixel(x, y));
+    }
+    let observed = texture.pixels().filter(|p| p.0[3] >= 128).count();
+    let Some(base) = Base::of(texture).filter(|_| observed >= LEAST_OBSERVED) else {
+        let plain = grain(texture, settings.seed);
+        return merge(texture, |x, y| *plain.get_pixel(x, y));
+    };
+    let mut canvas = Canvas {
+        width: size.width as usize,
+        height: size.height as usize,
+        pixels: texture
+            .enumerate_pixels()
+            .map(|(x, y, p)| if p.0[3] >= 128 { detail(p, base.at(x, y)) } else { [0.0; 4] })
+            .collect(),
+        hole: texture.pixels().map(|p| p.0[3] < 128).collect(),
+        source: vec![true; size.pixels()],
+        label: vec![0; size.pixels()],
+    };
+    complete(&mut canvas, MOST_OFFSET, settings.seed);
+    merge(texture, |x, y| {
+        let detail = canvas.pixels[y as usize * canvas.width + x as usize];
+        let field = base.at(x, y);
+        opaque(std::array::from_fn(|c| field[c] + detail[c]))
+    })
 }
 
 /// A square sample of the observed material whose left and right, top and bottom edges meet without a seam; opaque.
+///
+/// The large-scale colour is taken out first: the tile has the observed median everywhere. When no block of a useful
+/// size was observed whole, the blocks come from the completed surface; with hardly any observed texel the tile is the
+/// median colour with a little noise.
 pub fn make_tile(texture: &RgbaImage, tile_px: u32, settings: &TextureSettings) -> RgbaImage {
-    let _ = (texture, settings);
-    RgbaImage::new(tile_px.max(1), tile_px.max(1))
+    let side = tile_px.clamp(1, 4096);
+    let observed: Vec<bool> = texture.pixels().map(|p| p.0[3] >= 128).collect();
+    let count = observed.iter().filter(|b| **b).count();
+    let tile = (count >= LEAST_OBSERVED).then(|| {
+        flat_tile(texture, &observed, side, settings.seed).or_else(|| {
+            let whole = complete_surface(texture, settings);
+            flat_tile(&whole, &vec![true; observed.len()], side, settings.seed)
+        })
+    });
+    match tile.flatten() {
+        Some(colors) => RgbaImage::from_fn(side, side, |x, y| opaque(colors[(y * side + x) as usize])),
+        None => {
+            let median = base::median(texture).unwrap_or([128.0; 3]);
+            let mut plain = RgbaImage::from_pixel(side, side, opaque(median));
+            for p in plain.pixels_mut() {
+                p.0[3] = 255;
+            }
+            grain(&plain, settings.seed)
+        }
+    }
 }
+
+/// The quilted tile of a texture without its large-scale colour.
+fn flat_tile(texture: &RgbaImage, observed: &[bool], side: u32, seed: u64) -> Option<Vec<Color>> {
+    let base = Base::of(texture)?;
+    let colors: Vec<Color> = texture
+        .enumerate_pixels()
+        .map(|(x, y, p)| {
+            let d = detail(p, base.at(x, y));
+            std::array::from_fn(|c| base.median[c] + d[c])
+        })
+        .collect();
+    let sample =
+        quilt::Sample { width: texture.width() as usize, height: texture.height() as usize, colors: &colors, observed };
+    quilt::quilt(&sample, side as usize, seed)
+}
+
+/// What a texel differs from the field by.
+fn detail(p: &Rgba<u8>, field: Color) -> [f32; 4] {
+    [f32::from(p.0[0]) - field[0], f32::from(p.0[1]) - field[1], f32::from(p.0[2]) - field[2], 0.0]
+}
+
+fn opaque(color: Color) -> Rgba<u8> {
+    let [r, g, b] = color.map(|c| c.round().clamp(0.0, 255.0) as u8);
+    Rgba([r, g, b, 255])
+}
+
+/// Observed texels of the texture, the others from `fill`; opaque.
+fn merge(texture: &RgbaImage, fill: impl Fn(u32, u32) -> Rgba<u8>) -> RgbaImage {
+    RgbaImage::from_fn(texture.width(), texture.height(), |x, y| {
+        let Rgba([r, g, b, a]) = *texture.get_pixel(x, y);
+        if a >= 128 { Rgba([r, g, b, 255]) } else { fill(x, y) }
+    })
+}
+
+/// The median colour (grey without any) with a little noise.
+fn grain(texture: &RgbaImage, seed: u64) -> RgbaImage {
+    let median = base::median(texture).unwrap_or([128.0; 3]);
+    let mut random = Random::new(seed);
+    RgbaImage::from_fn(texture.width(), texture.height(), |_, _| {
+        let noise = (random.unit() + random.unit() - 1.0) * GRAIN;
+        opaque(median.map(|c| c + noise))
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -8,7 +8,7 @@
 use std::collections::VecDeque;
 
 /// Steps to the eight neighbours; `d ^ 1` is the way back.
-pub(super) const STEPS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1)];
+pub(crate) const STEPS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1)];
 
 /// "No such node".
 const NOWHERE: u32 = u32::MAX;
@@ -18,7 +18,7 @@ const ORPHAN: u8 = 9;
 const FREE: u8 = 10;
 
 /// The graph, and after [`GridGraph::solve`] its residual.
-pub(super) struct GridGraph {
+pub(crate) struct GridGraph {
     /// Node of each pixel, or [`NOWHERE`].
     node_of: Vec<u32>,
     /// Pixel of each node.
@@ -39,7 +39,7 @@ pub(super) struct GridGraph {
 
 impl GridGraph {
     /// A graph without capacities whose nodes are the pixels with `is_node`.
-    pub(super) fn new(width: usize, height: usize, is_node: &[bool]) -> Self {
+    pub(crate) fn new(width: usize, height: usize, is_node: &[bool]) -> Self {
         let mut node_of = vec![NOWHERE; width * height];
         let mut pixel_of = Vec::new();
         for (pixel, on) in is_node.iter().enumerate() {
@@ -81,18 +81,18 @@ impl GridGraph {
     }
 
     /// Pixel of every node.
-    pub(super) fn pixels(&self) -> &[u32] {
+    pub(crate) fn pixels(&self) -> &[u32] {
         &self.pixel_of
     }
 
     /// Adds to a node's pull: positive towards the source (foreground), negative towards the sink.
-    pub(super) fn pull(&mut self, node: usize, amount: i32) {
+    pub(crate) fn pull(&mut self, node: usize, amount: i32) {
         self.terminal[node] = self.terminal[node].saturating_add(amount);
     }
 
     /// Sets the capacity both ways between a node and its neighbour in a direction; without effect when that
     /// neighbour is no node.
-    pub(super) fn connect(&mut self, node: usize, direction: usize, amount: i32) {
+    pub(crate) fn connect(&mut self, node: usize, direction: usize, amount: i32) {
         let other = self.neighbours[node][direction];
         if other != NOWHERE {
             self.capacity[node][direction] = amount;
@@ -101,12 +101,12 @@ impl GridGraph {
     }
 
     /// Whether the pixel is a node.
-    pub(super) fn is_node(&self, pixel: usize) -> bool {
+    pub(crate) fn is_node(&self, pixel: usize) -> bool {
         self.node_of[pixel] != NOWHERE
     }
 
     /// Finds the minimum cut; true for each node on the source side.
-    pub(super) fn solve(mut self) -> Vec<bool> {
+    pub(crate) fn solve(mut self) -> Vec<bool> {
         for node in 0..self.terminal.len() {
             if self.terminal[node] != 0 {
                 self.in_sink_tree[node] = self.terminal[node] < 0;

@@ -1,0 +1,158 @@
+//! Quilting on a torus: a tileable picture from overlapping blocks of a sample.
+//!
+//! A. Efros, W. Freeman, "Image Quilting for Texture Synthesis and Transfer", SIGGRAPH 2001 (blocks chosen by their
+//! overlap); V. Kwatra et al., "Graphcut Textures", SIGGRAPH 2003 (the seam as a minimum cut). The grid of blocks wraps
+//! around, so the outer edges are seams like any other.
+
+use crate::maxflow::{GridGraph, STEPS};
+use crate::noise::Random;
+
+use super::base::Color;
+
+/// Blocks along a side to try, fewest first: large blocks keep more of the pattern.
+const BLOCKS: [usize; 6] = [2, 3, 4, 6, 8, 12];
+/// Positions looked at for each block.
+const TRIES: usize = 240;
+/// Places a block needs to be chosen from, for each block of the tile.
+const LEAST_CHOICE: usize = 6;
+
+/// A texture to take blocks from.
+pub(super) struct Sample<'a> {
+    pub width: usize,
+    pub height: usize,
+    pub colors: &'a [Color],
+    pub observed: &'a [bool],
+}
+
+/// A `side` x `side` tile, or `None` when no block of a useful size is wholly observed.
+pub(super) fn quilt(sample: &Sample<'_>, side: usize, seed: u64) -> Option<Vec<Color>> {
+    let sums = integral(sample);
+    for count in BLOCKS {
+        let step = side.div_ceil(count);
+        let overlap = (step / 4).max(2);
+        let block = step + overlap;
+        if step < 4 || block > side {
+            continue;
+        }
+        let places = whole_blocks(sample, &sums, block);
+        if places.len() >= LEAST_CHOICE * count * count {
+            return Some(lay(sample, &places, (side, count, step, block), seed));
+        }
+    }
+    None
+}
+
+/// Number of observed texels above and left of each corner.
+fn integral(sample: &Sample<'_>) -> Vec<u32> {
+    let w = sample.width + 1;
+    let mut sums = vec![0_u32; w * (sample.height + 1)];
+    for y in 0..sample.height {
+        let mut row = 0;
+        for x in 0..sample.width {
+            row += u32::from(sample.observed[y * sample.width + x]);
+            sums[(y + 1) * w + x + 1] = sums[y * w + x + 1] + row;
+        }
+    }
+    sums
+}
+
+/// Top-left corners of all blocks without a hole.
+fn whole_blocks(sample: &Sample<'_>, sums: &[u32], block: usize) -> Vec<(usize, usize)> {
+    let w = sample.width + 1;
+    let mut places = Vec::new();
+    if block > sample.width || block > sample.height {
+        return places;
+    }
+    for y in 0..=sample.height - block {
+        for x in 0..=sample.width - block {
+            let count = sums[(y + block) * w + x + block] + sums[y * w + x]
+                - sums[y * w + x + block]
+                - sums[(y + block) * w + x];
+            if count as usize == block * block {
+                places.push((x, y));
+            }
+        }
+    }
+    places
+}
+
+fn squared(a: Color, b: Color) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+fn lay(
+    sample: &Sample<'_>,
+    places: &[(usize, usize)],
+    (side, count, step, block): (usize, usize, usize, usize),
+    seed: u64,
+) -> Vec<Color> {
+    let mut tile: Vec<Option<Color>> = vec![None; side * side];
+    let mut random = Random::new(seed);
+    let texel = |place: (usize, usize), x: usize, y: usize| sample.colors[(place.1 + y) * sample.width + place.0 + x];
+    for row in 0..count {
+        for column in 0..count {
+            let on_tile = |x: usize, y: usize| (row * step + y) % side * side + (column * step + x) % side;
+            let mut best = (f32::INFINITY, places[0]);
+            for _ in 0..TRIES {
+                let place = places[random.below(places.len())];
+                let mut cost = 0.0;
+                for y in (0..block).step_by(2) {
+                    for x in (0..block).step_by(2) {
+                        if let Some(old) = tile[on_tile(x, y)] {
+                            cost += squared(old, texel(place, x, y));
+                        }
+                    }
+                    if cost >= best.0 {
+                        break;
+                    }
+                }
+                if cost < best.0 {
+                    best = (cost, place);
+                }
+            }
+            let place = best.1;
+            let new = |x: usize, y: usize| texel(place, x, y);
+            let keep_new = seam(block, |x, y| tile[on_tile(x, y)].map(|old| (old, new(x, y))));
+            for (i, takes) in keep_new.iter().enumerate() {
+                if *takes {
+                    tile[on_tile(i % block, i / block)] = Some(new(i % block, i / block));
+                }
+            }
+        }
+    }
+    tile.into_iter().map(|c| c.unwrap_or([128.0; 3])).collect()
+}
+
+/// Which texels of a block are taken: all without an old colour, and of the others those on the new side of the
+/// cheapest seam. The block's outer edge stays old where there is something old.
+fn seam(block: usize, pair: impl Fn(usize, usize) -> Option<(Color, Color)>) -> Vec<bool> {
+    let mismatch: Vec<Option<f32>> =
+        (0..block * block).map(|i| pair(i % block, i / block).map(|(old, new)| squared(old, new).sqrt())).collect();
+    let overlapped: Vec<bool> = mismatch.iter().map(Option::is_some).collect();
+    let mut keep: Vec<bool> = overlapped.iter().map(|o| !o).collect();
+    let mut graph = GridGraph::new(block, block, &overlapped);
+    const CERTAIN: i32 = 1 << 24;
+    for node in 0..graph.pixels().len() {
+        let i = graph.pixels()[node] as usize;
+        let (x, y) = (i % block, i / block);
+        if x == 0 || y == 0 || x + 1 == block || y + 1 == block {
+            graph.pull(node, -CERTAIN);
+        }
+        for (d, (dx, dy)) in STEPS.iter().enumerate().take(4) {
+            let (nx, ny) = (x as i32 + dx, y as i32 + dy);
+            if nx < 0 || ny < 0 || nx >= block as i32 || ny >= block as i32 {
+                continue;
+            }
+            let j = ny as usize * block + nx as usize;
+            match mismatch[j] {
+                Some(other) => graph.connect(node, d, ((mismatch[i].unwrap_or(0.0) + other) * 16.0) as i32 + 1),
+                None => graph.pull(node, CERTAIN),
+            }
+        }
+    }
+    let nodes = graph.pixels().to_vec();
+    for (i, new) in nodes.into_iter().zip(graph.solve()) {
+        keep[i as usize] = new;
+    }
+    keep
+}
