@@ -146,8 +146,7 @@ async fn secrets_never_enter_a_record() {
     };
     let vlm = Scripted::new("model", false, vec![Say::Fail(leak)]);
     let offline = Scripted::saying("offline", true, &[json!({"width_m": 3.5})]);
-    let options =
-        BookOptions { secrets: vec![Secret::new("sk-very-secret-123".into())], ..BookOptions::default() };
+    let options = BookOptions { secrets: vec![Secret::new("sk-very-secret-123".into())], ..BookOptions::default() };
     assert!(!format!("{options:?}").contains("very-secret"));
     let desk = Desk::open(run.path(), options, &vlm, &offline);
     let mut question = width_question("1_layout/layout");
@@ -176,8 +175,8 @@ async fn two_calls_under_one_name_make_one_call() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_player_has_no_more_calls_at_once_than_its_card_says() {
-    use std::sync::atomic::{AtomicUsize, Ordering};
     use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
     struct Slow {
         now: AtomicUsize,
         most: AtomicUsize,

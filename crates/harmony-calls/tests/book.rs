@@ -127,8 +127,7 @@ async fn a_mesh_and_a_point_map_lose_nothing_in_their_record() {
 
     let request = GeometryRequest { name: "1_layout/points".into(), image: photo(), exif_focal_px: Some(1.0 / 3.0) };
     let GeometryAnswer::Points(map) = desk.calls.estimate(&request).await.unwrap() else { panic!("points") };
-    let GeometryAnswer::Points(fresh) =
-        harmony_roles::GeometryEstimator::estimate(&*others, &request).await.unwrap()
+    let GeometryAnswer::Points(fresh) = harmony_roles::GeometryEstimator::estimate(&*others, &request).await.unwrap()
     else {
         panic!("points")
     };

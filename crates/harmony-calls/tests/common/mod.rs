@@ -184,7 +184,8 @@ impl GeometryEstimator for Everyone {
         // The grid has another shape than the photo, as estimators' grids have.
         let size = ImageSize::new(8, 6);
         let intrinsics = Intrinsics { fx: 7.3, fy: 7.1, cx: 4.1, cy: 2.9 };
-        let depth: Vec<f32> = (0..48).map(|i| if i == 5 || self.hostile { 0.0 } else { 1.0 + i as f32 / 7.0 }).collect();
+        let depth: Vec<f32> =
+            (0..48).map(|i| if i == 5 || self.hostile { 0.0 } else { 1.0 + i as f32 / 7.0 }).collect();
         let map = PointMap::from_depth(PointMapKind::Relative, size, intrinsics, &depth);
         Ok(GeometryAnswer::Points(Arc::new(map)))
     }
