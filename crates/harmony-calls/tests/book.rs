@@ -62,6 +62,7 @@ async fn every_role(desk: &Desk) -> Vec<String> {
         glb_hash: "abc".into(),
         camera: Camera::looking(size, Intrinsics::centred(size, 20.0), Vec3::ONE, Vec3::NEG_Z),
         lighting: Lighting { lights: vec![], ambient_color: [1.0; 3], ambient_intensity: 1.0, exposure: 0.0 },
+        room: None,
         samples: 16,
         denoise: true,
     };

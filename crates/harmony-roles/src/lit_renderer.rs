@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use async_trait::async_trait;
-use harmony_scene::{Camera, Lighting};
+use harmony_scene::{Camera, Extents, Lighting};
 use image::RgbImage;
 
 use crate::{PlayerCard, RoleError};
@@ -21,6 +21,8 @@ pub struct LitRequest {
     pub camera: Camera,
     /// Light.
     pub lighting: Lighting,
+    /// The room box: in a closed room ambient light has to come from its faces.
+    pub room: Option<Extents>,
     /// Samples a pixel.
     pub samples: u32,
     /// Whether to denoise.

@@ -218,6 +218,7 @@ fn lit_parameters(request: &LitRequest) -> Value {
         "glb_hash": request.glb_hash,
         "camera": SceneCamera::from(&request.camera),
         "lighting": request.lighting,
+        "room": request.room,
         "samples": request.samples,
         "denoise": request.denoise,
     })

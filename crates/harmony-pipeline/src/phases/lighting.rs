@@ -6,7 +6,7 @@ use std::sync::Arc;
 use harmony_lighting::{Judgement, LightingDelta, LightingSpec, assess, judge, lights_from_scene, propose};
 use harmony_prompts::{LightingReviewVars, LightsVars, lighting_review, lights};
 use harmony_roles::{LitRequest, Picture, RoleError};
-use harmony_scene::{Camera, LightKind, Lighting, WarningKind};
+use harmony_scene::{Camera, Extents, LightKind, Lighting, WarningKind};
 use image::RgbImage;
 use serde_json::{Value, json};
 
@@ -99,12 +99,13 @@ async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Option<Rg
         ambient_intensity: 0.5,
         exposure: 0.0,
     });
+    let room = state.partial.room.extents;
     let size = state.partial.camera.size;
     let preview_camera = state.partial.camera.resized(size.fit_within(s.preview_px));
     let reference = shrunk(&state.photo, &preview_camera);
     let mut rounds = Vec::new();
     let mut preview =
-        match render(ctx, "preview_0", &glb, preview_camera, &lighting, s.preview_samples).await? {
+        match render(ctx, "preview_0", &glb, room, preview_camera, &lighting, s.preview_samples).await? {
             Some(image) => image,
             None => return Ok(None),
         };
@@ -120,7 +121,7 @@ async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Option<Rg
         let mut tried = lighting.clone();
         let notes = delta.apply(&mut tried, &state.partial.room.extents);
         let Some(image) =
-            render(ctx, &format!("preview_{round}"), &glb, preview_camera, &tried, s.preview_samples).await?
+            render(ctx, &format!("preview_{round}"), &glb, room, preview_camera, &tried, s.preview_samples).await?
         else {
             break;
         };
@@ -146,7 +147,7 @@ async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Option<Rg
     state.lighting = Some(lighting.clone());
     ctx.step("final lit render");
     let camera = state.partial.camera.resized(size.fit_within(s.final_px));
-    render(ctx, "final", &glb, camera, &lighting, s.final_samples).await
+    render(ctx, "final", &glb, room, camera, &lighting, s.final_samples).await
 }
 
 async fn ask_delta(
@@ -179,6 +180,7 @@ async fn render(
     ctx: &PhaseCtx<'_>,
     step: &str,
     glb: &Path,
+    room: Extents,
     camera: Camera,
     lighting: &Lighting,
     samples: u32,
@@ -190,6 +192,7 @@ async fn render(
         glb_hash: blake3::hash(&bytes).to_hex().to_string(),
         camera,
         lighting: lighting.clone(),
+        room: Some(room),
         samples,
         denoise: true,
     };

@@ -131,7 +131,12 @@ async fn ask_list(
     };
     let question =
         list(&ListVars { level, room_type: state.layout.answer.room.room_type.clone(), with_boxes, placed });
-    let facts = json!({ "level": level, "with_boxes": with_boxes });
+    let facts = json!({
+        "level": level,
+        "with_boxes": with_boxes,
+        "camera": harmony_scene::SceneCamera::from(&state.partial.camera),
+        "extents": state.partial.room.extents,
+    });
     let pictures = list_pictures(level, state);
     let answer: ListAnswer =
         ctx.ask("list", question, pictures, facts, |answer: &ListAnswer| answer.check()).await?;

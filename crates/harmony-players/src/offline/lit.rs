@@ -47,6 +47,7 @@ impl LitRenderer for CyclesLit {
     async fn render(&self, request: &LitRequest) -> Result<LitImage, RoleError> {
         let renderer = self.renderer.clone();
         let mut job = CyclesJob::lit(&request.glb, request.camera, request.lighting.clone());
+        job.room = request.room;
         job.samples = request.samples;
         job.denoise = request.denoise;
         let rendered = super::computed(move || renderer.render(&job)).await?;
