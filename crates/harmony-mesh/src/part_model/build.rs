@@ -21,7 +21,7 @@ pub(super) const MAX_SIDE: f64 = 50.0;
 /// Thinnest side of a part, metres.
 const THINNEST: f64 = 2e-4;
 /// From this many parts on, curves are divided more coarsely.
-const MANY: usize = 60;
+const MANY: usize = 36;
 /// Colour of a slot that is not described.
 const UNKNOWN_COLOR: [u8; 3] = [150, 145, 138];
 

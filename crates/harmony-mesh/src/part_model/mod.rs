@@ -347,3 +347,9 @@ pub fn linear_rgb(rgb: [u8; 3]) -> [f32; 3] {
         if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
     })
 }
+
+/// The closed solids of a model, for tests of other modules.
+#[cfg(test)]
+pub(crate) fn solids_for_tests(model: &PartModel, size: glam::DVec3) -> Vec<(String, solid::Solid)> {
+    build::solids(model, size).unwrap_or_default()
+}

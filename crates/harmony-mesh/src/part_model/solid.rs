@@ -11,7 +11,7 @@ const MAX_CHART_PIECES: usize = 6;
 
 /// A corner of a chart.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct ChartVertex {
+pub(crate) struct ChartVertex {
     /// Index into [`Solid::points`].
     pub point: u32,
     /// Unwrapped position in metres.
@@ -23,7 +23,7 @@ pub(super) struct ChartVertex {
 
 /// A piece of surface that is unwrapped as one.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Chart {
+pub(crate) struct Chart {
     pub vertices: Vec<ChartVertex>,
     /// Indices into `vertices`, counter-clockwise from outside.
     pub triangles: Vec<[u32; 3]>,
@@ -31,7 +31,7 @@ pub(super) struct Chart {
 
 /// A closed, consistently wound surface.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Solid {
+pub(crate) struct Solid {
     /// Welded positions.
     pub points: Vec<DVec3>,
     pub charts: Vec<Chart>,

@@ -2,6 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
 
 /// Colour of one slot.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -174,15 +175,126 @@ pub struct TemplateParams {
 
 impl TemplateParams {
     /// Reads options; what is not understood is left out and told in the notes.
-    pub fn from_value(value: &serde_json::Value) -> (Self, Vec<String>) {
-        let _ = value;
-        (Self::default(), Vec::new())
+    pub fn from_value(value: &Value) -> (Self, Vec<String>) {
+        let mut out = Self::default();
+        let mut notes = Vec::new();
+        let Some(map) = value.as_object() else {
+            if !value.is_null() {
+                notes.push("template options are not an object and were ignored".to_owned());
+            }
+            return (out, notes);
+        };
+        for (key, value) in map {
+            if value.is_null() {
+                continue;
+            }
+            let key = key.as_str();
+            let understood = match key {
+                "seats" => set(&mut out.seats, count(value)),
+                "doors" => set(&mut out.doors, count(value)),
+                "drawers" => set(&mut out.drawers, count(value)),
+                "shelves" => set(&mut out.shelves, count(value)),
+                "cushions" => set(&mut out.cushions, count(value)),
+                "legs" => set(&mut out.legs, word(value).and_then(|w| LegStyle::from_word(&w))),
+                "arms" => set(&mut out.arms, word(value).and_then(|w| ArmStyle::from_word(&w))),
+                "back" => set(&mut out.back, word(value).and_then(|w| BackStyle::from_word(&w))),
+                "shade" => set(&mut out.shade, word(value).and_then(|w| ShadeShape::from_word(&w))),
+                "habit" => set(&mut out.habit, word(value).and_then(|w| PlantHabit::from_word(&w))),
+                "round" => set(&mut out.round, truth(value)),
+                "filled" => set(&mut out.filled, truth(value)),
+                "extra" => set(&mut out.extra, truth(value)),
+                "panes" => set(&mut out.panes, pair(value)),
+                "colors" | "colours" => {
+                    out.colors = colors(value);
+                    !out.colors.is_empty()
+                }
+                _ => false,
+            };
+            if !understood {
+                let key: String = key.chars().take(40).collect();
+                let value: String = value.to_string().chars().take(60).collect();
+                notes.push(format!("template option {key} = {value} was not understood and ignored"));
+            }
+        }
+        (out, notes)
+    }
+}
+
+/// Stores what was understood.
+fn set<T>(field: &mut Option<T>, value: Option<T>) -> bool {
+    *field = value;
+    field.is_some()
+}
+
+fn count(value: &Value) -> Option<u32> {
+    match value {
+        Value::Number(n) => n.as_f64().filter(|v| v.is_finite()).map(|v| v.round().clamp(0.0, 100.0) as u32),
+        Value::String(text) => text.trim().parse::<u32>().ok().map(|n| n.min(100)),
+        Value::Bool(yes) => Some(u32::from(*yes)),
+        Value::Array(list) => Some(list.len().min(100) as u32),
+        _ => None,
+    }
+}
+
+fn word(value: &Value) -> Option<String> {
+    match value {
+        Value::String(text) => Some(text.clone()),
+        Value::Bool(yes) => Some(if *yes { "yes" } else { "no" }.to_owned()),
+        Value::Number(n) if n.as_f64() == Some(0.0) => Some("none".to_owned()),
+        Value::Number(n) if n.as_f64() == Some(4.0) => Some("four".to_owned()),
+        _ => None,
+    }
+}
+
+fn truth(value: &Value) -> Option<bool> {
+    match value {
+        Value::Bool(yes) => Some(*yes),
+        Value::Number(n) => n.as_f64().map(|v| v != 0.0),
+        Value::String(text) => match text.trim().to_lowercase().as_str() {
+            "true" | "yes" | "y" | "1" => Some(true),
+            "false" | "no" | "n" | "0" | "none" => Some(false),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+fn pair(value: &Value) -> Option<[u32; 2]> {
+    match value {
+        Value::Array(list) => match list.as_slice() {
+            [a, b] => Some([count(a)?.max(1), count(b)?.max(1)]),
+            _ => None,
+        },
+        Value::String(text) => {
+            let (a, b) = text.split_once(['x', 'X', ',', '*'])?;
+            Some([a.trim().parse::<u32>().ok()?.clamp(1, 100), b.trim().parse::<u32>().ok()?.clamp(1, 100)])
+        }
+        _ => count(value).map(|n| [n.max(1), 1]),
+    }
+}
+
+/// A list of `{slot, hex}`, or a map from slot to colour.
+fn colors(value: &Value) -> Vec<SlotColor> {
+    let good = |slot: &str, hex: &str| {
+        crate::parse_color(hex).map(|rgb| SlotColor { slot: slot.to_owned(), hex: crate::hex_color(rgb) })
+    };
+    match value {
+        Value::Array(list) => list
+            .iter()
+            .take(16)
+            .filter_map(|c| {
+                let hex = ["hex", "color", "colour"].iter().find_map(|k| c.get(k)).and_then(Value::as_str)?;
+                good(c.get("slot").or(c.get("name")).and_then(Value::as_str)?, hex)
+            })
+            .collect(),
+        Value::Object(map) => map.iter().take(16).filter_map(|(k, v)| good(k, v.as_str()?)).collect(),
+        _ => Vec::new(),
     }
 }
 
 impl<'de> Deserialize<'de> for TemplateParams {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let value = serde_json::Value::deserialize(deserializer)?;
+        let value = Value::deserialize(deserializer)?;
         Ok(Self::from_value(&value).0)
     }
 }

@@ -19,7 +19,7 @@ pub(super) fn rounded_box(b: &mut SolidBuilder, half: DVec3, round: f64, whole: 
     if radius < SHARP * whole.largest {
         plain_box(b, half);
     } else {
-        grid_box(b, half, radius, whole.bevel_segments(radius), 1, None);
+        grid_box(b, half, radius, whole.bevel_segments(radius), [1; 3], None);
     }
     b.piece_of_all();
 }
@@ -49,17 +49,17 @@ fn face_axes(axis: usize, sign: f64) -> (usize, usize) {
     if sign > 0.0 { (u, v) } else { (v, u) }
 }
 
-/// Six grids that meet in the middle of the rounded edges; `inner` divisions of the flat middle; `shape` moves points
+/// Six grids that meet in the middle of the rounded edges; `inner` divisions of the flat middle along each axis; `shape` moves points
 /// afterwards (normals are then taken from the faces).
 fn grid_box(
     b: &mut SolidBuilder,
     half: DVec3,
     radius: f64,
     segments: usize,
-    inner: usize,
+    inner: [usize; 3],
     shape: Option<&dyn Fn(DVec3) -> DVec3>,
 ) {
-    let samples = |h: f64| -> Vec<(f64, f64)> {
+    let samples = |h: f64, inner: usize| -> Vec<(f64, f64)> {
         let core = (h - radius).max(0.0);
         let angle = |k: usize| (FRAC_PI_4 * k as f64 / segments as f64).tan();
         let low = (0..=segments).map(|k| (-core, -angle(segments - k)));
@@ -67,7 +67,7 @@ fn grid_box(
         let high = (0..=segments).map(|k| (core, angle(k)));
         low.chain(middle).chain(high).collect()
     };
-    let along = [samples(half.x), samples(half.y), samples(half.z)];
+    let along = [0, 1, 2].map(|k| samples(half[k], inner[k]));
     let group = b.group();
     for axis in 0..3 {
         for sign in [-1.0, 1.0] {
@@ -188,14 +188,16 @@ fn firm_cushion(b: &mut SolidBuilder, half: DVec3, puff: f64, whole: &Whole) {
         out[thin] = p[thin] * (1.0 + crown * dome.powf(0.7)) / (1.0 + crown);
         out
     };
-    let segments = whole.bevel_segments(radius).max(2);
-    grid_box(b, half, radius, segments, if whole.many { 2 } else { 6 }, Some(&shape));
+    let segments = if whole.many { 1 } else { 2 };
+    let mut inner = [if whole.many { 2 } else { 5 }; 3];
+    inner[thin] = 1;
+    grid_box(b, half, radius, segments, inner, Some(&shape));
 }
 
 fn pillow(b: &mut SolidBuilder, half: DVec3, puff: f64, whole: &Whole) {
     let thin = (0..3).fold(0, |best, k| if half[k] < half[best] { k } else { best });
     let (u, v) = face_axes(thin, 1.0);
-    let n: usize = if whole.many { 6 } else { 10 };
+    let n: usize = if whole.many { 6 } else { 8 };
     let sample = |k: usize| (FRAC_PI_2 * (2.0 * k as f64 / n as f64 - 1.0)).sin();
     let pinch = 0.05 + 0.09 * puff;
     let power = 5.0 - 2.0 * puff;

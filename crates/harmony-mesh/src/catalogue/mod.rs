@@ -1,6 +1,10 @@
 //! What is known beforehand about categories of things in rooms.
 
+mod table;
+
 use harmony_scene::{Level, MaterialCategory, Size};
+
+pub use table::CATEGORIES;
 
 /// What a category usually is like.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,21 +32,6 @@ pub struct Category {
     /// Words and phrases that mean it.
     pub synonyms: &'static [&'static str],
 }
-
-/// All categories.
-pub static CATEGORIES: &[Category] = &[Category {
-    name: "box",
-    level: Level::Decoration,
-    size: [0.3, 0.25, 0.25],
-    min: [0.05, 0.03, 0.05],
-    max: [1.0, 1.0, 1.0],
-    material: MaterialCategory::Paper,
-    front: false,
-    planar: false,
-    light: None,
-    supports: true,
-    synonyms: &["carton"],
-}];
 
 /// The category of a label, by its name or a synonym.
 pub fn category(label: &str) -> Option<&'static Category> {
