@@ -5,35 +5,12 @@
 //! cargo run --release -p harmony-geometry --example room_boxes -- out_folder photo.jpg ...
 //! ```
 
+mod drawing;
+
 use std::path::{Path, PathBuf};
 
-use harmony_geometry::{GrayImage, LayoutPrior, RoomEdge, estimate_room_box, estimate_view};
-use harmony_scene::{Camera, ImageSize, Vec2, Vec3};
-use image::{Rgb, RgbImage};
-
-fn line(image: &mut RgbImage, a: Vec2, b: Vec2, colour: [u8; 3]) {
-    let steps = (a.distance(b).ceil() as usize).clamp(1, 4000);
-    for i in 0..=steps {
-        let p = a.lerp(b, i as f64 / steps as f64);
-        for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)] {
-            let (x, y) = (p.x + dx, p.y + dy);
-            if x >= 0.0 && y >= 0.0 && x < f64::from(image.width()) && y < f64::from(image.height()) {
-                image.put_pixel(x as u32, y as u32, Rgb(colour));
-            }
-        }
-    }
-}
-
-fn edge(image: &mut RgbImage, camera: &Camera, from: Vec3, to: Vec3, colour: [u8; 3]) {
-    let points: Vec<Option<Vec2>> = (0..=200).map(|i| camera.project(from.lerp(to, f64::from(i) / 200.0))).collect();
-    for pair in points.windows(2) {
-        if let [Some(a), Some(b)] = pair {
-            if a.distance(*b) < 200.0 {
-                line(image, *a, *b, colour);
-            }
-        }
-    }
-}
+use harmony_geometry::{GrayImage, LayoutPrior, estimate_room_box, estimate_view};
+use harmony_scene::ImageSize;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args_os().skip(1).map(PathBuf::from);
@@ -55,13 +32,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 Some(_) => [80, 80, 255],
                 None => continue,
             };
-            line(&mut picture, s.start * k, s.end * k, colour);
+            drawing::line(&mut picture, s.start * k, s.end * k, colour);
         }
-        let e = room.extents;
-        for which in RoomEdge::ALL {
-            let (from, along) = which.line(&e);
-            edge(&mut picture, &room.camera, from, from + along * along.dot(e.as_vec()), [255, 230, 0]);
-        }
+        drawing::room(&mut picture, &room.camera, &room.extents, [255, 230, 0]);
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         picture.save(out.join(format!("{stem}.png")))?;
         summary(&path, &view, &room);

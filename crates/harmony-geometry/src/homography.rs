@@ -56,3 +56,45 @@ fn quad_from_unit_square(p: [Vec2; 4]) -> Option<Mat3> {
     let c1 = p[3] - p[0] + h * p[3];
     Some(Mat3::from_cols(Vec3::new(c0.x, c0.y, g), Vec3::new(c1.x, c1.y, h), Vec3::new(p[0].x, p[0].y, 1.0)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn quad(seed: [f64; 8], size: f64) -> [Vec2; 4] {
+        // A square whose corners move by less than half its side, so it stays convex.
+        [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| {
+            let i = (x + 2.0 * y) as usize * 2;
+            Vec2::new(x + 0.24 * seed[i], y + 0.24 * seed[i + 1]) * size + Vec2::new(40.0, -7.0)
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn corners_land_and_lines_stay_lines(
+            a in prop::array::uniform8(-1.0f64..1.0), b in prop::array::uniform8(-1.0f64..1.0), k in 0.1f64..0.9,
+        ) {
+            let (source, target) = (quad(a, 300.0), quad(b, 2.0));
+            let h = homography_from_quad(source, target).unwrap();
+            let back = h.inverse().unwrap();
+            for (s, t) in source.iter().zip(target) {
+                prop_assert!(h.point(*s).unwrap().distance(t) <= 1e-9);
+                prop_assert!(back.point(t).unwrap().distance(*s) <= 1e-6);
+            }
+            let ends = [h.point(source[0]).unwrap(), h.point(source[2]).unwrap()];
+            let between = h.point(source[0].lerp(source[2], k)).unwrap();
+            prop_assert!((ends[1] - ends[0]).perp_dot(between - ends[0]).abs() <= 1e-8);
+        }
+    }
+
+    #[test]
+    fn three_points_on_a_line_have_no_homography() {
+        let square = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+        let flat = [Vec2::ZERO, Vec2::X, Vec2::X * 2.0, Vec2::Y];
+        assert!(homography_from_quad(flat, square).is_none());
+        assert!(homography_from_quad(square, flat).is_none());
+        assert!(homography_from_quad([Vec2::NAN; 4], square).is_none());
+        assert!(homography_from_quad([Vec2::ONE; 4], square).is_none());
+    }
+}

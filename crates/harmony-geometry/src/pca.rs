@@ -52,3 +52,51 @@ pub fn detilt(vertices: &[Vec3]) -> Option<Mat3> {
     let up = if nearest.y < 0.0 { -nearest } else { nearest };
     (up.y >= DETILT_LIMIT.cos()).then(|| Mat3::from_quat(glam::DQuat::from_rotation_arc(up, Vec3::Y)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Surface points of a box, finer along longer sides.
+    fn block(size: Vec3) -> Vec<Vec3> {
+        let mut out = Vec::new();
+        for i in 0..=12 {
+            for j in 0..=12 {
+                for k in 0..=12 {
+                    if [i, j, k].iter().any(|v| *v == 0 || *v == 12) {
+                        let f = Vec3::new(f64::from(i), f64::from(j), f64::from(k)) / 12.0 - 0.5;
+                        out.push(f * size);
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    proptest! {
+        #[test]
+        fn a_tilted_sofa_comes_upright_and_keeps_its_yaw(
+            tilt in -38f64..38.0, about in 0.0f64..std::f64::consts::TAU,
+        ) {
+            // Longest axis across: what is turned up must not be that one.
+            let tilted = Mat3::from_axis_angle(Vec3::new(about.cos(), 0.0, about.sin()), tilt.to_radians());
+            let points: Vec<Vec3> = block(Vec3::new(2.2, 0.8, 0.95)).into_iter().map(|p| tilted * p).collect();
+            let upright = detilt(&points).unwrap() * tilted;
+            prop_assert!((upright * Vec3::Y).y >= 0.9999);
+            let front = upright * Vec3::Z;
+            // The shortest rotation back is the opposite of the tilt, so nothing is left of either.
+            prop_assert!(front.z >= 0.9999, "front {front}");
+        }
+    }
+
+    #[test]
+    fn axes_are_sorted_right_handed_and_unit() {
+        let a = pca(&block(Vec3::new(1.0, 3.0, 2.0))).unwrap();
+        assert!(a.spread[0] > a.spread[1] && a.spread[1] > a.spread[2]);
+        assert!(a.axes[0].y.abs() > 0.999 && a.axes[1].z.abs() > 0.999);
+        assert!(a.axes[0].cross(a.axes[1]).distance(a.axes[2]) <= 1e-9);
+        assert!(a.centre.length() <= 1e-12);
+        assert!(pca(&[Vec3::ONE, Vec3::NAN, Vec3::ZERO]).is_none());
+    }
+}

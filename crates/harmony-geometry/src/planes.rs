@@ -17,8 +17,9 @@ use crate::surfels::{Surfel, Surfels};
 const BIN: f64 = 0.008;
 /// Half width of a density peak, bins.
 const PEAK_BINS: f64 = 3.0;
-/// A peak counts when it has this share of the largest one's weight ...
-const PEAK_OF_LARGEST: f64 = 0.12;
+/// A peak counts when it has this share of the largest one's weight (walls; floor and ceiling: tables and beds hide
+/// most of a floor) ...
+const PEAK_OF_LARGEST: [f64; 2] = [0.12, 0.06];
 /// ... and this share of the weight of all points.
 const PEAK_OF_ALL: f64 = 0.004;
 /// A stronger peak at most this far inside (share of median depth) is the plane: panes lie behind their wall.
@@ -144,7 +145,7 @@ fn fit_face(
     let reach = percentile_in_place(&mut whole, p).unwrap_or(extended).max(extended);
 
     let counts = |peak: &&Peak| {
-        peak.weight >= PEAK_OF_LARGEST * largest.weight
+        peak.weight >= PEAK_OF_LARGEST[usize::from(index == 1)] * largest.weight
             && peak.weight >= PEAK_OF_ALL * all
             && peak.at <= reach + PEAK_BINS * bin
     };

@@ -103,3 +103,65 @@ fn component_median(points: &[Vec3]) -> Option<Vec3> {
 fn mean(points: &[Vec3]) -> Option<Vec3> {
     (!points.is_empty()).then(|| points.iter().copied().sum::<Vec3>() / points.len() as f64)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn percentiles_interpolate_and_skip_nan() {
+        let values = [3.0, f64::NAN, 1.0, 2.0, 4.0, f64::INFINITY];
+        assert_eq!(percentile(&values, 0.0), Some(1.0));
+        assert_eq!(percentile(&values, 50.0), Some(2.5));
+        assert_eq!(percentile(&values, 100.0), Some(4.0));
+        assert_eq!(percentile(&[], 50.0), None);
+        assert_eq!(median_absolute_deviation(&[1.0, 2.0, 3.0, 4.0, 100.0]), Some((3.0, 1.0)));
+    }
+
+    proptest! {
+        #[test]
+        fn a_percentile_has_its_share_below(mut values in prop::collection::vec(-1e3f64..1e3, 1..200), p in 0.0f64..100.0) {
+            let at = percentile(&values, p).unwrap();
+            values.sort_by(f64::total_cmp);
+            let below = values.iter().filter(|v| **v < at).count() as f64;
+            let above = values.iter().filter(|v| **v > at).count() as f64;
+            let gaps = (values.len() - 1) as f64;
+            prop_assert!(below <= p / 100.0 * gaps + 1.0 + 1e-6);
+            prop_assert!(above <= (1.0 - p / 100.0) * gaps + 1.0 + 1e-6);
+        }
+
+        #[test]
+        fn robust_means_ignore_a_third_of_outliers(
+            inside in prop::collection::vec(-0.02f64..0.02, 60..90),
+            far in prop::collection::vec(0.5f64..6.0, 1..30),
+            centre in -3.0f64..3.0,
+        ) {
+            let mut values: Vec<f64> = inside.iter().map(|v| v + centre).collect();
+            let clean = values.iter().sum::<f64>() / values.len() as f64;
+            values.extend(far.iter().map(|v| v + centre));
+            prop_assert!((robust_mean_scalar(&values).unwrap() - clean).abs() <= 0.02);
+
+            // A surface facing along a slanted direction, with background showing through.
+            let forward = Vec3::new(0.3, -0.2, 0.9).normalize();
+            let side = forward.any_orthonormal_vector();
+            let mut points: Vec<Vec3> = inside
+                .iter()
+                .enumerate()
+                .map(|(i, v)| forward * (3.0 + v) + side * (i as f64 * 0.005))
+                .collect();
+            let front = points.iter().copied().sum::<Vec3>() / points.len() as f64;
+            points.extend(far.iter().map(|v| forward * (3.0 + v) + side * (v * 0.1)));
+            let found = front_surface_mean(&points, forward).unwrap();
+            prop_assert!((found - front).dot(forward).abs() <= 0.02);
+            prop_assert!(robust_mean(&points).unwrap().distance(front) <= 0.1);
+        }
+    }
+
+    #[test]
+    fn nothing_has_no_mean() {
+        assert!(robust_mean(&[]).is_none());
+        assert!(front_surface_mean(&[Vec3::NAN], Vec3::Z).is_none());
+        assert_eq!(robust_mean(&[Vec3::ONE; 4]), Some(Vec3::ONE));
+    }
+}

@@ -42,7 +42,7 @@ const END_SIGMA_PX: f64 = 0.8;
 const BEND_SIGMA_DEG: f64 = 0.35;
 /// Robust limit, sigmas, and the weight that neighbouring, correlated segments leave to each.
 const LIMIT_SIGMAS: f64 = 3.0;
-const EACH_WEIGHT: f64 = 0.5;
+const EACH_WEIGHT: f64 = 0.15;
 /// Lines along the border this close to it (share of the image) are a picture's frame, not the room's.
 const FRAME_BAND: f64 = 0.02;
 /// Candidates of the grid that are refined.

@@ -5,9 +5,11 @@
 
 mod common;
 
-use common::{Room, rooms};
-use harmony_geometry::{CalibrationSettings, LayoutPrior, calibrate};
-use harmony_scene::{Camera, Extents, ImageSize, Mat3, PointMap, PointMapKind, Similarity, Surface, Vec3};
+use common::{Room, angle_deg, rooms};
+use harmony_geometry::{
+    AnchorKind, Calibration, CalibrationError, CalibrationMethod, CalibrationSettings, LayoutPrior, calibrate,
+};
+use harmony_scene::{Extents, ImageSize, Mat3, PointMap, PointMapKind, Similarity, Surface, Vec3};
 
 struct Distortion {
     kind: PointMapKind,
@@ -60,11 +62,14 @@ fn prior(room: &Room) -> LayoutPrior {
     prior
 }
 
-fn errors(found: &Camera, truth: &Camera) -> (f64, f64) {
-    let turn = found.rotation * truth.rotation.transpose();
-    let trace = turn.x_axis.x + turn.y_axis.y + turn.z_axis.z;
-    let rotation = ((trace - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees();
-    (rotation, found.centre().distance(truth.centre()))
+/// Rotation in degrees, and the distance of the camera centres as far as the seen walls fix it.
+fn errors(found: &Calibration, room: &Room) -> (f64, f64) {
+    let (c, t) = (found.camera.centre(), room.camera.centre());
+    // Where only the right wall is seen, the left one (and with it x = 0) is the prior's guess.
+    let from_right = !found.seen.contains(&Surface::Left) && found.seen.contains(&Surface::Right);
+    let x = if from_right { (found.extents.width - c.x) - (room.extents.width - t.x) } else { c.x - t.x };
+    let centre = Vec3::new(x, c.y - t.y, c.z - t.z).length();
+    (angle_deg(found.camera.rotation, room.camera.rotation), centre)
 }
 
 /// Rotation below a degree and the centre within a decimetre, for maps as good as a network's; where floor and
@@ -85,7 +90,7 @@ fn relative_maps_are_calibrated_from_the_room_height() {
         let start = std::time::Instant::now();
         let found = calibrate(&map, &prior, &CalibrationSettings::default()).unwrap();
         let took = start.elapsed();
-        let (rotation, centre) = errors(&found.camera, &room.camera);
+        let (rotation, centre) = errors(&found, &room);
         println!(
             "{}: rotation {rotation:.2} deg, centre {centre:.3} m, extents {:?} (truth {:?}), seen {:?}, anchor {:?}, {took:?}\n   {:?}",
             room.name, found.extents, room.extents, found.seen, found.evidence.anchor_kind, found.evidence.fallbacks
@@ -104,4 +109,98 @@ fn relative_maps_are_calibrated_from_the_room_height() {
         assert!(found.seen.contains(&Surface::Floor));
         assert!(found.extents.contains(found.camera.centre(), 0.0), "the camera is in the room");
     }
+}
+
+/// A sensor's map: metres are kept, and a wrong prior height is reported instead of believed.
+#[test]
+fn metric_maps_keep_their_scale() {
+    for room in rooms() {
+        let size = ImageSize::new(480, 480 * room.camera.size.height / room.camera.size.width);
+        let map = point_map(
+            &room,
+            size,
+            &Distortion { kind: PointMapKind::Metric, smooth: 0.0, grain: 0.004, frame: frame(1.0) },
+        );
+        let mut prior = prior(&room);
+        prior.extents.height *= 1.1;
+        let found = calibrate(&map, &prior, &CalibrationSettings::default()).unwrap();
+        let (rotation, centre) = errors(&found, &room);
+        println!("{}: rotation {rotation:.3} deg, centre {centre:.3} m, {:?}", room.name, found.evidence.height_ratio);
+        assert!((found.room_from_points.scale - 1.0).abs() <= 1e-12);
+        assert!(rotation <= 0.3, "{}: {rotation:.3} degrees", room.name);
+        // A glass door fills a wall of one room: what the map has there is the pane, 0.096 m behind the wall.
+        assert!(centre <= 0.1, "{}: {centre:.3} m", room.name);
+        if let Some(ratio) = found.evidence.height_ratio {
+            assert!((ratio * 1.1 - 1.0).abs() <= 0.01, "{}: height ratio {ratio:.3}", room.name);
+        }
+    }
+}
+
+/// Any rigid frame and scale of the same map gives the same camera.
+#[test]
+fn the_frame_of_the_map_does_not_matter() {
+    let Some(room) = rooms().into_iter().next() else { return };
+    let size = ImageSize::new(320, 240);
+    let at = |frame| {
+        let map =
+            point_map(&room, size, &Distortion { kind: PointMapKind::Relative, smooth: 0.002, grain: 0.0, frame });
+        calibrate(&map, &prior(&room), &CalibrationSettings::default()).unwrap()
+    };
+    let plain = at(Similarity::IDENTITY);
+    for scale in [0.02, 1.7, 40.0] {
+        let moved = at(frame(scale));
+        assert!(angle_deg(plain.camera.rotation, moved.camera.rotation) <= 0.05);
+        assert!(plain.camera.centre().distance(moved.camera.centre()) <= 0.01, "scale {scale}");
+        // The anchor lands where the box says, exactly.
+        let e = moved.extents;
+        let corner = moved.anchor;
+        assert!(corner.y == 0.0 && [0.0, e.width].iter().any(|x| (corner.x - x).abs() <= 1e-9));
+        assert_eq!(moved.evidence.anchor_kind, AnchorKind::FloorCorner);
+    }
+}
+
+/// Noise without any surface: the prior's camera stands in, and it says so.
+#[test]
+fn a_shapeless_map_falls_back_to_the_prior() {
+    let size = ImageSize::new(160, 120);
+    let mut seed = 1u32;
+    let depth: Vec<f32> = (0..size.pixels())
+        .map(|_| {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            1.0 + (seed >> 16) as f32 / 65536.0 * 3.0
+        })
+        .collect();
+    let map = PointMap::from_depth(
+        PointMapKind::Relative,
+        size,
+        harmony_scene::Intrinsics::from_horizontal_fov(size, 1.1),
+        &depth,
+    );
+    let mut prior = LayoutPrior::unknown(ImageSize::new(1600, 1200));
+    prior.camera.height_m = Some(1.4);
+    prior.camera.tilt_deg = Some(12.0);
+    let found = calibrate(&map, &prior, &CalibrationSettings::default()).unwrap();
+    assert_ne!(found.evidence.method, CalibrationMethod::Manhattan);
+    assert!(!found.evidence.fallbacks.is_empty());
+    assert!(found.evidence.confidence <= 0.2);
+    assert!((found.camera.centre().y - 1.4).abs() <= 1e-6);
+    assert!((-found.camera.forward().y.asin().to_degrees() - 12.0).abs() <= 1e-6);
+    // The similarity carries the map's camera onto this one.
+    let centre = found.room_from_points.point(map.camera_centre());
+    assert!(centre.distance(found.camera.centre()) <= 1e-9);
+}
+
+#[test]
+fn empty_maps_and_broken_maps_are_errors() {
+    let size = ImageSize::new(64, 48);
+    let k = harmony_scene::Intrinsics::from_horizontal_fov(size, 1.1);
+    let mut map = PointMap::from_depth(PointMapKind::Metric, size, k, &vec![0.0; size.pixels()]);
+    let (prior, settings) = (LayoutPrior::unknown(size), CalibrationSettings::default());
+    assert!(matches!(calibrate(&map, &prior, &settings), Err(CalibrationError::TooFewPoints { got: 0, .. })));
+    map.xyz.pop();
+    assert!(matches!(calibrate(&map, &prior, &settings), Err(CalibrationError::BadMap { .. })));
+    let mut bad = prior;
+    bad.extents.height = f64::NAN;
+    map.xyz.push(glam::Vec3::NAN);
+    assert!(matches!(calibrate(&map, &bad, &settings), Err(CalibrationError::BadPrior { .. })));
 }

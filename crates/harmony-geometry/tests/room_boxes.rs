@@ -3,8 +3,8 @@
 mod common;
 
 use common::{angle_deg, gray, rooms};
-use harmony_geometry::{LayoutPrior, estimate_room_box, estimate_view};
-use harmony_scene::{Camera, Extents, Vec2};
+use harmony_geometry::{GrayImage, LayoutPrior, estimate_room_box, estimate_view};
+use harmony_scene::{Camera, Extents, ImageSize, Vec2};
 
 /// Share of the pixels on which two boxes show the same face.
 fn agreement(a: (&Camera, &Extents), b: (&Camera, &Extents)) -> f64 {
@@ -59,4 +59,50 @@ fn boxes_from_lines_show_the_right_faces() {
         println!("{}{line}", room.name);
     }
     println!("mean {:.3}", sum / rooms.len().max(1) as f64);
+    assert!(rooms.is_empty() || sum / rooms.len() as f64 >= 0.9);
+}
+
+/// Pictures that are no rooms: always a camera inside a box, with little confidence.
+#[test]
+fn pictures_without_a_room_give_a_plausible_one() {
+    let mut seed = 3u32;
+    let mut noise = move || {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (seed >> 24) as u8
+    };
+    let mut pictures = vec![];
+    for (w, h) in [(640, 480), (2000, 400), (300, 900), (9, 7), (1, 1), (3, 400)] {
+        let size = ImageSize::new(w, h);
+        pictures.push((size, vec![200; size.pixels()]));
+        pictures.push((size, (0..size.pixels()).map(|_| noise()).collect()));
+        // A slope and a checkerboard.
+        pictures.push((size, (0..size.pixels()).map(|i| (i as u32 / w * 255 / h) as u8).collect()));
+        pictures.push((
+            size,
+            (0..size.pixels())
+                .map(|i| if (i as u32 % w / 16 + i as u32 / w / 16) % 2 == 0 { 30 } else { 220 })
+                .collect(),
+        ));
+    }
+    for (size, luma) in pictures {
+        let image = GrayImage::from_luma8(size, &luma).unwrap();
+        let view = estimate_view(&image, None);
+        let mut prior = LayoutPrior::unknown(size);
+        for hinted in [false, true] {
+            if hinted {
+                prior.camera.corner_px = Some([f64::NAN, 3.0]);
+                prior.camera.height_m = Some(-4.0);
+                prior.camera.yaw_deg = Some(1e9);
+                prior.extents.height = f64::INFINITY;
+            }
+            let room = estimate_room_box(&image, &view, &prior);
+            let e = room.extents;
+            assert!(e.contains(room.camera.centre(), -0.01), "{size:?}: camera {} in {e:?}", room.camera.centre());
+            assert!((1.5..=30.0).contains(&e.height) && e.width <= 120.0 && e.depth <= 120.0);
+            assert!(room.camera.intrinsics.fx > 0.0 && room.camera.rotation.is_finite());
+            assert!(room.confidence <= 0.75 && !room.evidence.fallbacks.is_empty());
+            let map = room.point_map(ImageSize::new(32, 24));
+            assert!(map.xyz.iter().all(|p| p.is_finite()), "every ray meets the box");
+        }
+    }
 }

@@ -29,5 +29,56 @@ fn rotation_and_focal_length_of_the_rooms() {
             free.confidence,
             free.segments.len(),
         );
+        assert!((free.intrinsics.fx / truth - 1.0).abs() <= 0.05, "{}: focal length", room.name);
+        assert!(angle_deg(free.rotation, room.camera.rotation) <= 1.0, "{}: rotation", room.name);
+        assert!(angle_deg(known.rotation, room.camera.rotation) <= 0.6, "{}: rotation, lens known", room.name);
+    }
+}
+
+/// Real photos with calibrated lenses (ScanNet, Kinect): a prior of a typical lens is enough to come near.
+#[test]
+fn lenses_of_real_photos() {
+    let Some(shared) = common::shared() else { return };
+    let mut errors = Vec::new();
+    for (name, focal) in [
+        ("photos/dorm_room_01.jpg", 1161.0),
+        ("photos/office_06.jpg", 1165.0),
+        ("photos/lounge_chair_01.jpg", 1165.7),
+        ("photos/bedroom_07.png", 519.0),
+        ("photos/dining_room_02.png", 519.0),
+        ("rgbd/home_dining_1_rgb.png", 518.0),
+        ("rgbd/7scenes_kitchen_000000.color.jpg", 585.0),
+        ("rgbd/sunrgbd_000017.jpg", 529.5),
+        ("masks/total3d_1/img.jpg", 529.5),
+        ("masks/total3d_2/img.jpg", 529.5),
+        ("masks/total3d_3/img.jpg", 529.5),
+        ("masks/im3d_1/img.jpg", 529.5),
+        ("masks/im3d_2/img.jpg", 529.5),
+        ("masks/im3d_3/img.jpg", 529.5),
+        ("masks/im3d_6/img.jpg", 529.5),
+        ("masks/im3d_7/img.jpg", 529.5),
+    ] {
+        let path = shared.join(name);
+        if !path.is_file() {
+            continue;
+        }
+        let view = estimate_view(&gray(&path), None);
+        let error = view.intrinsics.fx / focal - 1.0;
+        println!(
+            "{name}: focal {:+.0} % ({:?}, sigma {:.2}), yaw {:.1} tilt {:.1} roll {:.1}, confidence {:.2}",
+            100.0 * error,
+            view.focal,
+            view.focal_sigma,
+            view.yaw_deg(),
+            view.tilt_deg(),
+            view.roll().to_degrees(),
+            view.confidence
+        );
+        errors.push(error.abs());
+    }
+    errors.sort_by(f64::total_cmp);
+    if let Some(median) = errors.get(errors.len() / 2) {
+        println!("median {:.1} %", median * 100.0);
+        assert!(*median <= 0.12);
     }
 }

@@ -1,25 +1,21 @@
 //! When the points carry no frame: the prior's camera, refined by its pins.
 
-use harmony_scene::{Camera, PointMap, PointMapKind, Similarity, Surface, Vec3};
+use harmony_scene::{Camera, PointMap, PointMapKind, Similarity, Surface, Vec2, Vec3};
 
 use super::reprojection;
 use super::types::{AnchorKind, Calibration, CalibrationEvidence, CalibrationMethod, PlaneEvidence};
 use crate::room_box::prior_box;
 use crate::stats::percentile_in_place;
-use crate::surfels::Surfels;
 use crate::{LayoutPrior, RoomBox, ViewEstimate, solve_from_pins};
 
 /// Percentile of box depth over point depth that is the scale: most points lie in front of the box's faces, so the
 /// ratio is too large for them; the lowest ratios are strays.
 const TOUCHING_PERCENT: f64 = 20.0;
+/// Points looked at for that.
+const SAMPLED_POINTS: usize = 5000;
 
 /// The calibration of last resort; `reason` says why it is needed.
-pub(super) fn calibrate_by_prior(
-    points: &PointMap,
-    surfels: &Surfels,
-    prior: &LayoutPrior,
-    reason: &str,
-) -> Calibration {
+pub(super) fn calibrate_by_prior(points: &PointMap, prior: &LayoutPrior, reason: &str) -> Calibration {
     let view = ViewEstimate::from_hints(points.size, points.intrinsics, &prior.camera);
     let (room, method) = match solve_from_pins(&view, prior) {
         Ok(room) => (room, CalibrationMethod::Pins),
@@ -29,7 +25,7 @@ pub(super) fn calibrate_by_prior(
     let camera = Camera { intrinsics: points.intrinsics, ..room.camera.resized(points.size) };
     let scale = match points.kind {
         PointMapKind::Metric => 1.0,
-        PointMapKind::Relative | PointMapKind::RoomBox => scale_to_box(points, surfels, &room),
+        PointMapKind::Relative | PointMapKind::RoomBox => scale_to_box(points, &room),
     };
     // Both cameras see the same pixels: x_cam = R_0 X + t_0 in the map's unit, s times that in metres.
     let room_from_camera = camera.rotation.transpose();
@@ -81,16 +77,18 @@ pub(super) fn calibrate_by_prior(
     Calibration { camera, room_from_points, extents: room.extents, seen: vec![], anchor: room.anchor, evidence }
 }
 
-fn scale_to_box(points: &PointMap, surfels: &Surfels, room: &RoomBox) -> f64 {
+fn scale_to_box(points: &PointMap, room: &RoomBox) -> f64 {
     let camera = room.camera.resized(points.size);
-    let (w, h) = (f64::from(points.size.width), f64::from(points.size.height));
-    let mut ratios: Vec<f64> = surfels
-        .cells
-        .iter()
-        .filter_map(|s| {
-            let ray = camera.ray(harmony_scene::Vec2::new(s.column * w, s.row * h));
+    let step = (points.size.pixels() / SAMPLED_POINTS).max(1);
+    let mut ratios: Vec<f64> = (0..points.size.pixels())
+        .step_by(step)
+        .filter_map(|i| {
+            let (x, y) = (i as u32 % points.size.width, i as u32 / points.size.width);
+            let point = points.at(x, y)?;
+            let depth = (points.rotation * point + points.translation).z;
+            let ray = camera.ray(Vec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
             let (_, hit) = room.extents.exit(&ray)?;
-            Some(camera.depth(hit) / s.depth).filter(|r| r.is_finite() && *r > 0.0)
+            Some(camera.depth(hit) / depth).filter(|r| r.is_finite() && *r > 0.0)
         })
         .collect();
     percentile_in_place(&mut ratios, TOUCHING_PERCENT).unwrap_or(1.0)

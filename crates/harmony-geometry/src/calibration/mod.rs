@@ -5,7 +5,7 @@ mod fallback;
 mod scale;
 mod types;
 
-use harmony_scene::{Camera, Extents, Mat3, PointMap, Surface, Vec2, Vec3};
+use harmony_scene::{Camera, Extents, Mat3, PointMap, PointMapKind, Surface, Vec2, Vec3};
 
 pub use types::{
     AnchorKind, Calibration, CalibrationError, CalibrationEvidence, CalibrationMethod, CalibrationSettings,
@@ -24,6 +24,8 @@ const LEAST_POINTS: usize = 100;
 const LEAST_SUPPORT: f64 = 0.22;
 /// A measured room side beyond these times the prior's is absurd.
 const ABSURD_RATIO: f64 = 4.0;
+/// A floor nearer to the camera than this share of the prior's camera height is furniture.
+const LOWEST_FLOOR: f64 = 0.6;
 /// Beyond this yaw the other horizontal axis is never the depth axis, degrees.
 const WIDEST_YAW_DEG: f64 = 56.0;
 
@@ -54,7 +56,7 @@ pub fn calibrate(
 ) -> Result<Calibration, CalibrationError> {
     check(points, prior)?;
     let surfels = surfels(points);
-    if surfels.usable_points < LEAST_POINTS || surfels.cells.len() < 20 {
+    if surfels.usable_points < LEAST_POINTS {
         return Err(CalibrationError::TooFewPoints { got: surfels.usable_points, min: LEAST_POINTS });
     }
     let measured = measure(points, &surfels, prior, settings);
@@ -62,7 +64,7 @@ pub fn calibrate(
         Ok(calibration) => Ok(calibration),
         Err(reason) => {
             tracing::debug!(reason, "no Manhattan calibration, the prior's camera stands in");
-            Ok(fallback::calibrate_by_prior(points, &surfels, prior, &reason))
+            Ok(fallback::calibrate_by_prior(points, prior, &reason))
         }
     }
 }
@@ -130,6 +132,7 @@ fn measure(
         axes = polish_axes(surfels, &axes, &faces);
         faces = fit_faces(surfels, &axes, settings);
     }
+    doubt_floor(points, prior, &axes, &mut faces, &mut notes);
     // The camera is inside the room, so a plane on its wrong side is furniture or a reflection.
     let camera = axes.r_align() * points.camera_centre();
     for face in faces.iter_mut().flatten() {
@@ -144,6 +147,36 @@ fn measure(
         return Err("no wall, floor or ceiling holds enough points".to_owned());
     }
     Ok(Measured { frame, axes, faces, notes })
+}
+
+/// A "floor" much nearer below the camera than the prior's camera height is a table or a bed.
+///
+/// It needs the metric scale: the map's own, or the one that floor and ceiling would give.
+fn doubt_floor(
+    points: &PointMap,
+    prior: &LayoutPrior,
+    axes: &ManhattanAxes,
+    faces: &mut [Option<FacePlane>; 6],
+    notes: &mut Vec<String>,
+) {
+    let Some(hinted) = hint(prior.camera.height_m, 0.3, 0.95 * prior.extents.height) else { return };
+    let offset = |surface| faces.iter().flatten().find(|f| f.surface == surface && f.measured).map(|f| f.offset);
+    let Some(floor) = offset(Surface::Floor) else { return };
+    let scale = match (points.kind, offset(Surface::Ceiling)) {
+        (PointMapKind::Metric, _) => 1.0,
+        (_, Some(ceiling)) => prior.extents.height / (ceiling - floor),
+        (_, None) => return,
+    };
+    let height = (axes.r_align() * points.camera_centre()).y - floor;
+    if height > 0.0 && height * scale < LOWEST_FLOOR * hinted {
+        notes.push(format!(
+            "a level plane {:.2} m below the camera is no floor: the camera is about {hinted:.2} m high",
+            height * scale
+        ));
+        for face in faces.iter_mut().flatten().filter(|f| f.surface == Surface::Floor) {
+            face.measured = false;
+        }
+    }
 }
 
 /// Near 45 degrees both horizontal axes could be the depth axis; then the prior's yaw decides.
