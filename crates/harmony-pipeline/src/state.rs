@@ -110,8 +110,8 @@ impl SceneState {
             }
             let later = prepared.candidate.level > own.candidate.level;
             let smaller = prepared.candidate.mask.count() < area;
-            let flat = is_flat(&prepared.inspected.kind);
-            if (later || smaller) && !flat && !is_flat_and_larger(own, prepared) {
+            // A rug lies under everything, however small its visible part is.
+            if (later || smaller) && !is_flat(&prepared.inspected.kind) {
                 mask = mask.minus(&prepared.candidate.mask);
             }
         }
@@ -137,11 +137,6 @@ impl SceneState {
         let prepared = self.prepared.get(id)?;
         harmony_imaging::sheet::crop_rgba(&self.photo, &prepared.candidate.mask, 0.08).map(|(image, _)| image)
     }
-}
-
-fn is_flat_and_larger(own: &Prepared, other: &Prepared) -> bool {
-    // Never subtract what encloses us: a window seen through curtains, a rug under a table.
-    other.candidate.mask.count() > own.candidate.mask.count() && is_flat(&other.inspected.kind)
 }
 
 /// Rugs and mats: they lie under everything.

@@ -1,7 +1,7 @@
 //! `harmony doctor`.
 
 use anyhow::Result;
-use harmony_players::casting_report;
+use harmony_players::{casting_report, offline_cast};
 
 use crate::EXIT_OK;
 
@@ -18,7 +18,7 @@ pub struct Args {
 /// # Errors
 /// None in practice.
 pub fn run(args: &Args) -> Result<u8> {
-    let report = casting_report();
+    let report = casting_report(&offline_cast());
     if args.json {
         println!("{}", serde_json::to_string_pretty(&report)?);
         return Ok(EXIT_OK);
@@ -30,7 +30,7 @@ pub fn run(args: &Args) -> Result<u8> {
             println!("\n{}", status.role.folder());
             last = Some(status.role);
         }
-        println!("  {} {:12} {}", if status.available { "ok     " } else { "missing" }, status.player, status.detail);
+        println!("  {} {:12} {}", if status.available { "ok     " } else { "missing" }, status.player.player, status.detail);
         if !status.available {
             if let Some(hint) = &status.hint {
                 println!("          hint: {hint}");

@@ -119,7 +119,7 @@ async fn reconstruct(args: Args) -> Result<u8> {
         forget(&args.out, from)?;
     }
     let book = CallBook::open(&args.out, BookOptions { replay: args.replay.clone(), ..BookOptions::default() })
-        .map_err(|e| hinted(e.to_string(), e.hint()))?;
+        .map_err(|e| anyhow::anyhow!(e))?;
     let collected = Arc::clone(&warnings);
     let options = CallOptions {
         on_warning: Arc::new(move |warning| collected.push(warning)),

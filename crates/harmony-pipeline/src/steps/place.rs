@@ -181,7 +181,9 @@ pub async fn orient_decorations(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> R
         let id = state.partial.placed[i].item.id.to_string();
         let Some(panel) = answer.objects.iter().find(|o| o.id == id).map(|o| o.front_panel) else { continue };
         if panel != FrontPanel::A {
-            state.partial.placed[i].pose.yaw += panel.yaw();
+            let placed = &mut state.partial.placed[i];
+            placed.pose.yaw += panel.yaw();
+            state.textured.remove(&placed.item.id);
         }
     }
     Ok(())
