@@ -123,7 +123,7 @@ pub(super) fn box_from_lines(image: &GrayImage, view: &ViewEstimate, prior: &Lay
         iterations: rounds,
         fallbacks: vec!["room edges from the lines of the photo, the size from the prior's height".to_owned()],
     };
-    let confidence = (0.1 + 0.6 * (support / 0.5).min(1.0) * view.confidence).clamp(0.0, 1.0);
+    let confidence = (0.1 + 0.5 * (support / 0.5).min(1.0) * view.confidence).clamp(0.0, 1.0);
     Some(finish(&solved, prior, confidence, evidence))
 }
 
