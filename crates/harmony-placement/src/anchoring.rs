@@ -70,6 +70,8 @@ pub(crate) struct Frame<'a> {
     pub(crate) anchoring: Anchoring,
     pub(crate) yaw: YawRule,
     pub(crate) wall_gap: f64,
+    /// The size is given; only the place is sought.
+    pub(crate) fixed_size: bool,
 }
 
 /// Smallest and largest room coordinates of an object's hulls relative to its position, for a pose.
@@ -237,6 +239,9 @@ impl Frame<'_> {
         let turns = !matches!(self.anchoring, Anchoring::AgainstWall(_) | Anchoring::OnWall(_));
         if turns && !matches!(self.yaw, YawRule::Fixed(_)) {
             out.push((2, 8.0_f64.to_radians()));
+        }
+        if self.fixed_size {
+            return out;
         }
         if self.item.traits.may_stretch || self.item.traits.planar {
             out.extend([(4, 0.06), (5, 0.06)]);

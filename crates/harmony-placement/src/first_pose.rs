@@ -47,7 +47,14 @@ pub(crate) struct Starter<'a, 'v> {
 
 impl<'a> Starter<'a, '_> {
     pub(crate) fn frame(&self, anchoring: Anchoring, yaw: YawRule) -> Frame<'a> {
-        Frame { scene: self.scene, item: self.item, anchoring, yaw, wall_gap: self.settings.wall_gap }
+        Frame {
+            scene: self.scene,
+            item: self.item,
+            anchoring,
+            yaw,
+            wall_gap: self.settings.wall_gap,
+            fixed_size: false,
+        }
     }
 
     /// The object in its prior size at a place.

@@ -4,11 +4,14 @@ use std::sync::Arc;
 
 use harmony_scene::{Level, Mask, ObjectId, Support, Wall, Warning};
 
-use crate::anchoring::{Anchoring, LARGEST_GAP};
+use crate::anchoring::{Anchoring, Frame, LARGEST_GAP, YawRule};
 use crate::cost::angle_between;
-use crate::solve::solve;
+use crate::solve::{polish, solve};
 use crate::view::{Neighbour, View};
-use crate::{Evidence, Item, OrderReport, PartialScene, Placed, PlacementSettings, collision};
+use crate::{Evidence, GroupReport, Item, OrderReport, PartialScene, Placed, PlacementSettings, YawHint, collision};
+
+/// Objects that agree less with their mask than this are placed anew when the level is complete.
+const DOUBTFUL_IOU: f64 = 0.8;
 
 /// Two objects that no move separated.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,6 +54,8 @@ pub struct LevelReport {
     pub dropped: Vec<(ObjectId, PlacementError)>,
     /// Collisions that stay; the pipeline may ask for another order.
     pub unresolved: Vec<Unresolved>,
+    /// What group refinement changed.
+    pub groups: GroupReport,
     /// Everything that went another way than intended.
     pub warnings: Vec<Warning>,
 }
@@ -101,10 +106,93 @@ pub fn place_level(
     report.order = crate::placement_order(scene, &items, given_order, settings);
     let mut waiting: Vec<Arc<Item>> = report.order.entries.iter().map(|e| Arc::clone(&items[e.item])).collect();
     waiting.reverse();
+    let level = items.first().map(|i| i.level);
+    let first = scene.placed.len();
     while let Some(item) = waiting.pop() {
         place_one(scene, &item, &waiting, settings, &mut report);
     }
+    if settings.refinement && settings.second_look {
+        look_again(scene, first, settings, &mut report);
+    }
+    if let Some(level) = level.filter(|_| settings.groups) {
+        report.groups = crate::refine_groups(scene, level, settings);
+        let changed = !report.groups.resized.is_empty() || !report.groups.turned.is_empty();
+        if changed && settings.collision {
+            for i in first..scene.placed.len() {
+                separate(scene, i, settings, &mut report);
+            }
+        }
+    }
+    if let Some(level) = level {
+        crate::evidence::measure_level(scene, level, settings);
+    }
+    for object in &mut report.objects {
+        if let Some(p) = scene.find(&object.id) {
+            object.evidence = p.evidence;
+        }
+    }
     report
+}
+
+/// Places every object of the level once more, now that all its neighbours are there: what was excused as perhaps
+/// hidden by an object to come can be checked by now.
+fn look_again(scene: &mut PartialScene, first: usize, settings: &PlacementSettings, report: &mut LevelReport) {
+    for i in first..scene.placed.len() {
+        let item = Arc::clone(&scene.placed[i].item);
+        let others = neighbours(scene, &item, &[], Some(i));
+        let Some(view) = View::new(scene, Some(i), &item.mask, &others, settings.window_px) else { continue };
+        let placed = &scene.placed[i];
+        let seen = view.compare(item.shape.proxy(), &placed.pose);
+        let yaw = match item.yaw {
+            YawHint::Fixed(yaw) => YawRule::Fixed(yaw),
+            _ => YawRule::About { yaw: placed.pose.yaw, sigma: 0.2 },
+        };
+        let (anchoring, wall_gap) = (anchoring_of(scene, i), settings.wall_gap);
+        let frame = Frame { scene, item: &item, anchoring, yaw, wall_gap, fixed_size: false };
+        let mut best = polish(frame, &placed.pose, &view, settings, settings.renders_per_object / 3);
+        if seen.strict_iou < DOUBTFUL_IOU {
+            let fresh = solve(scene, &item, &view, settings);
+            if fresh.cost < best.cost {
+                best = fresh;
+            }
+        }
+        let (pose, support, renders) = (best.pose, best.support(), best.renders);
+        let by = pose.position - scene.placed[i].pose.position;
+        for dependant in collision::body(scene, i) {
+            scene.placed[dependant].pose.position += by;
+        }
+        scene.placed[i].pose = pose;
+        scene.placed[i].support = support;
+        if let Some(object) = report.objects.iter_mut().find(|o| o.id == item.id) {
+            object.renders += renders;
+        }
+    }
+    report.unresolved.clear();
+    if settings.collision {
+        for i in first..scene.placed.len() {
+            separate(scene, i, settings, report);
+        }
+    }
+}
+
+/// Resolves the collisions of one placed object.
+fn separate(scene: &mut PartialScene, object: usize, settings: &PlacementSettings, report: &mut LevelReport) {
+    let resolution = collision::resolve(scene, object, settings);
+    for (who, far) in resolution.moved {
+        let id = &scene.placed[who].item.id;
+        if let Some(object) = report.objects.iter_mut().find(|o| o.id == *id) {
+            object.moved_by_collision += far;
+        }
+    }
+    for u in resolution.unresolved {
+        let same = |v: &Unresolved| {
+            let pair = |w: &Unresolved| (w.a.clone(), w.b.clone());
+            pair(v) == pair(&u) || (u.b.as_ref() == Some(&v.a) && v.b.as_ref() == Some(&u.a))
+        };
+        if !report.unresolved.iter().any(same) {
+            report.unresolved.push(u);
+        }
+    }
 }
 
 /// Whether an item can be placed at all; if not, it is reported as dropped.
@@ -162,14 +250,7 @@ fn place_one(
     let pose = solution.pose;
     scene.placed.push(Placed { item: Arc::clone(item), pose, support, evidence });
     if settings.collision {
-        let resolution = collision::resolve(scene, scene.placed.len() - 1, settings);
-        for (who, far) in resolution.moved {
-            let id = &scene.placed[who].item.id;
-            if let Some(object) = report.objects.iter_mut().find(|o| o.id == *id) {
-                object.moved_by_collision += far;
-            }
-        }
-        report.unresolved.extend(resolution.unresolved);
+        separate(scene, scene.placed.len() - 1, settings, report);
     }
 }
 

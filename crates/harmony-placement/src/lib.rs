@@ -16,6 +16,7 @@ mod first_on_host;
 mod first_on_wall;
 mod first_pose;
 mod formulas;
+mod groups;
 mod item;
 mod level;
 mod optimise;
@@ -40,8 +41,9 @@ mod view;
 extern crate self as harmony_placement;
 
 pub use collision::{Collision, collisions};
-pub use evidence::Evidence;
+pub use evidence::{Evidence, measure};
 pub use formulas::{angular_size, corrected_depth, front_surface_mean, lateral_shift, metric_scale};
+pub use groups::{GroupReport, color_swaps, refine_groups};
 pub use item::{Item, Traits, YawHint};
 pub use level::{LevelReport, ObjectReport, PlacementError, Unresolved, place_level};
 pub use order::{OrderEntry, OrderReport, placement_order};

@@ -20,6 +20,8 @@ pub struct PlacementSettings {
     pub point_map: bool,
     /// The local optimiser after the paper's steps.
     pub optimiser: bool,
+    /// A second look at every object when its level is complete.
+    pub second_look: bool,
     /// Collision resolution.
     pub collision: bool,
     /// Group refinement (sizes, facing, swaps, copies).
@@ -47,6 +49,7 @@ impl Default for PlacementSettings {
             refinement: true,
             point_map: true,
             optimiser: true,
+            second_look: true,
             collision: true,
             groups: true,
             max_rounds: 5,

@@ -2,7 +2,7 @@
 
 use harmony_scene::{Pose, Support};
 
-use crate::anchoring::{Frame, Parameters, YawRule};
+use crate::anchoring::{Frame, Parameters};
 use crate::cost::{Judge, angle_between};
 use crate::first_pose::{Hypothesis, Starter};
 use crate::optimise::nelder_mead;
@@ -204,13 +204,4 @@ fn search<'a>(
         }
     }
     at
-}
-
-/// The rule that holds a finished object's yaw near where it is.
-pub(crate) fn settled_yaw(frame: &Frame, pose: &Pose) -> YawRule {
-    match frame.yaw {
-        YawRule::Fixed(yaw) => YawRule::Fixed(yaw),
-        YawRule::About { .. } => frame.yaw,
-        YawRule::Free(_) => YawRule::Free(pose.yaw),
-    }
 }
