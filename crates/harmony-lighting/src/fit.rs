@@ -144,8 +144,8 @@ pub fn fit_lights(
 }
 
 impl LightFit {
-    /// Gain below this share of the common gain means that a light is off.
-    pub const OFF_SHARE: f64 = 0.02;
+    /// Gain below this share of the common gain means that a light is off: so little is within the fit's error.
+    pub const OFF_SHARE: f64 = 0.08;
 
     /// Writes the gains into the lighting that the passes were made with; every value stays in
     /// [`crate::delta::bounds`]. Returns what had to be changed or switched off.
@@ -290,8 +290,8 @@ impl Channel {
                 for i in 0..n {
                     let wi = w * self.lights[i][p];
                     b[i] += wi * self.target[p];
-                    for j in 0..=i {
-                        h[i][j] += wi * self.lights[j][p];
+                    for (hij, light) in h[i].iter_mut().zip(&self.lights[..=i]) {
+                        *hij += wi * light[p];
                     }
                 }
             }
@@ -301,8 +301,9 @@ impl Channel {
                 let pull = ridge * h[i][i].max(largest * 1e-3);
                 h[i][i] += pull;
                 b[i] += pull * prior[i];
-                for j in 0..i {
-                    h[j][i] = h[i][j];
+                let lower = h[i][..i].to_vec();
+                for (row, v) in h.iter_mut().zip(lower) {
+                    row[i] = v;
                 }
             }
             gains = non_negative_minimum(&h, &b, gains);

@@ -88,11 +88,10 @@ pub fn category_for(label: &str) -> MaterialCategory {
 fn default_thickness(category: MaterialCategory, size: Size) -> f64 {
     use MaterialCategory as M;
     let typical = match category {
-        M::Fabric | M::Leather => 0.03,
+        M::Fabric | M::Leather | M::Stone => 0.03,
         M::Wood => 0.02,
         M::Metal => 0.002,
         M::Glass | M::Ceramic => 0.006,
-        M::Stone => 0.03,
         M::Foam => 0.1,
         M::Rattan => 0.01,
         M::Paper => 0.005,

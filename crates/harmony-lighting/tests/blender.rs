@@ -1,5 +1,6 @@
 //! Renders with a real Blender; each test says so and passes when there is none.
 
+#[expect(clippy::unwrap_used, reason = "test support")]
 mod support;
 
 use std::collections::BTreeMap;

@@ -9,7 +9,7 @@ pub(crate) const ENV_PYTHON: &str = "HARMONY_BPY_PYTHON";
 /// Oldest version whose Principled shader and glTF importer the script knows.
 const OLDEST: (u32, u32) = (4, 2);
 /// A cold start from a slow disk takes some seconds; a program that asks questions never ends.
-const PROBE_LIMIT: Duration = Duration::from_secs(60);
+const PROBE_LIMIT: Duration = Duration::from_mins(1);
 
 /// In which shape Blender is here.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -30,7 +30,7 @@ pub enum RenderMode {
     Ids,
 }
 
-/// Takes some of the photo's own light out of base-colour textures; see `docs/decisions/lighting.md`.
+/// Takes some of the photo's own light out of base-colour textures; see `docs/decisions/0007-light.md`.
 ///
 /// Textures that were cut from the photo hold light already, so that lighting them again is dark twice.
 /// Approximate: each texture's luminance is divided by its own smooth part, then all base colours of the scene
@@ -114,7 +114,7 @@ impl CyclesJob {
             delight: Some(Delight::default()),
             seed: 0,
             threads: 0,
-            timeout: Duration::from_secs(900),
+            timeout: Duration::from_mins(15),
             memory_limit_mb: None,
         }
     }

@@ -13,6 +13,8 @@ use super::{BlenderKind, CyclesJob, CyclesOutput, CyclesRenderer, LitError, outp
 
 /// The one script that Blender runs; it takes a job file and nothing else.
 const SCRIPT: &str = include_str!("../../blender/render.py");
+/// The module that it imports from its own folder.
+const TEXTURES: &str = include_str!("../../blender/textures.py");
 /// Lines of Blender's log that are kept for an error.
 const TAIL_LINES: usize = 30;
 /// Longest line that is kept.
@@ -47,6 +49,7 @@ impl CyclesRenderer {
         let folder = folder.map_err(io("make a temporary folder for Blender"))?;
         let script = folder.path().join("render.py");
         std::fs::write(&script, SCRIPT).map_err(io("write Blender's script"))?;
+        std::fs::write(folder.path().join("textures.py"), TEXTURES).map_err(io("write Blender's script"))?;
         let job_file = folder.path().join("job.json");
         std::fs::write(&job_file, job.to_json(folder.path())?).map_err(io("write Blender's job"))?;
 

@@ -18,7 +18,7 @@ pub struct Node {
 
 fn quad(mesh: &mut Mesh, corners: [DVec3; 4]) {
     let base = mesh.positions.len() as u32;
-    let c = corners.map(|p| p.as_vec3());
+    let c = [corners[0].as_vec3(), corners[1].as_vec3(), corners[2].as_vec3(), corners[3].as_vec3()];
     let normal = (c[1] - c[0]).cross(c[3] - c[0]).normalize_or(Vec3::Y);
     mesh.positions.extend(c);
     mesh.normals.extend([normal; 4]);
