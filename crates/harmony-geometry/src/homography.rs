@@ -41,8 +41,9 @@ fn quad_from_unit_square(p: [Vec2; 4]) -> Option<Mat3> {
     let size = p.iter().fold(0.0f64, |m, q| m.max(q.distance(p[0])));
     for i in 0..4 {
         let (a, b, c) = (p[i], p[(i + 1) % 4], p[(i + 2) % 4]);
-        // An area below a millionth of the quad's square is a line. NaN fails as well.
-        if !((b - a).perp_dot(c - a).abs() > 1e-9 * size * size) {
+        // Three points that span next to nothing are a line.
+        let area = (b - a).perp_dot(c - a).abs();
+        if area.is_nan() || area <= 1e-9 * size * size {
             return None;
         }
     }

@@ -259,7 +259,7 @@ fn fit(field: &Field, region: &[u32]) -> Rectangle {
         wide = wide.max(d.perp_dot(direction).abs());
     }
     Rectangle {
-        centre: centre + direction * ((low + high) / 2.0),
+        centre: centre + direction * f64::midpoint(low, high),
         direction,
         length: high - low,
         width: (2.0 * wide).max(1.0),

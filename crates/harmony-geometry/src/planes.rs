@@ -212,6 +212,9 @@ fn settle(facing: &[&Surfel], inward: Vec3, start: f64, band: f64) -> (f64, usiz
     (offset, count, rms, on)
 }
 
+/// Smoothing of the histogram, ninths.
+const KERNEL: [f64; 5] = [1.0, 2.0, 3.0, 2.0, 1.0];
+
 #[derive(Debug, Clone, Copy)]
 struct Peak {
     at: f64,
@@ -235,7 +238,6 @@ fn density_peaks(values: &[(f64, f64)], bin: f64) -> Vec<Peak> {
         histogram[i.min(bins - 1)] += w * (1.0 - f);
         histogram[(i + 1).min(bins - 1)] += w * f;
     }
-    const KERNEL: [f64; 5] = [1.0, 2.0, 3.0, 2.0, 1.0];
     let smooth: Vec<f64> = (0..bins)
         .map(|i| {
             let at = |k: usize| (i + k).checked_sub(2).and_then(|j| histogram.get(j)).copied().unwrap_or(0.0);
@@ -299,7 +301,7 @@ pub fn polish_axes(surfels: &Surfels, axes: &ManhattanAxes, faces: &[Option<Face
         let Some(turn) = damped.lu().solve(&right) else { return axes };
         let omega = Vec3::new(turn[0], turn[1], turn[2]);
         // The normals are known to a few degrees; a larger turn means that the planes were wrong.
-        if !(omega.length() < 5f64.to_radians()) {
+        if omega.is_nan() || omega.length() > 5f64.to_radians() {
             return axes;
         }
         let rotation = Mat3::from_quat(glam::DQuat::from_scaled_axis(omega));

@@ -3,6 +3,8 @@
 //! The maps are made like a feed-forward estimator's: unknown scale, an arbitrary rigid frame, a smooth
 //! multiplicative error of the depth, softened depth edges, no readings here and there.
 
+#![allow(clippy::print_stdout, clippy::unwrap_used, reason = "tests")]
+
 mod common;
 
 use common::{Room, angle_deg, rooms};

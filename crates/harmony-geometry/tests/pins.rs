@@ -1,5 +1,7 @@
 //! The pinned path on rooms with known truth: edges read off by a careful but imperfect reader.
 
+#![allow(clippy::print_stdout, clippy::unwrap_used, reason = "tests")]
+
 mod common;
 
 use common::{Room, angle_deg, gray, rooms};

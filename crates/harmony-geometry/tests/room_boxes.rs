@@ -1,6 +1,10 @@
 //! The room box of single photos, against rooms with known truth.
 
+#![allow(clippy::print_stdout, clippy::unwrap_used, reason = "tests")]
+
 mod common;
+
+use std::fmt::Write as _;
 
 use common::{angle_deg, gray, rooms};
 use harmony_geometry::{GrayImage, LayoutPrior, estimate_room_box, estimate_view};
@@ -46,7 +50,8 @@ fn boxes_from_lines_show_the_right_faces() {
             let took = start.elapsed();
             let same = agreement((&found.camera, &found.extents), (&room.camera, &room.extents));
             sum += same / 2.0;
-            line += &format!(
+            let _ = write!(
+                line,
                 " | {name}: same {same:.2}, camera {:.2} (truth {:.2}), box {:.2}, support {:.2}, conf {:.2}, {took:?}",
                 found.camera.centre(),
                 room.camera.centre(),
@@ -80,7 +85,7 @@ fn pictures_without_a_room_give_a_plausible_one() {
         pictures.push((
             size,
             (0..size.pixels())
-                .map(|i| if (i as u32 % w / 16 + i as u32 / w / 16) % 2 == 0 { 30 } else { 220 })
+                .map(|i| if (i as u32 % w / 16 + i as u32 / w / 16).is_multiple_of(2) { 30 } else { 220 })
                 .collect(),
         ));
     }

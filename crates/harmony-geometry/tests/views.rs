@@ -1,5 +1,7 @@
 //! Focal length and rotation from single images, against rooms with known truth.
 
+#![allow(clippy::print_stdout, clippy::unwrap_used, reason = "tests")]
+
 mod common;
 
 use common::{angle_deg, gray, rooms};

@@ -21,10 +21,10 @@ pub fn line(image: &mut RgbImage, a: Vec2, b: Vec2, colour: [u8; 3]) {
 fn edge(image: &mut RgbImage, camera: &Camera, from: Vec3, to: Vec3, colour: [u8; 3]) {
     let points: Vec<Option<Vec2>> = (0..=200).map(|i| camera.project(from.lerp(to, f64::from(i) / 200.0))).collect();
     for pair in points.windows(2) {
-        if let [Some(a), Some(b)] = pair {
-            if a.distance(*b) < 200.0 {
-                line(image, *a, *b, colour);
-            }
+        if let [Some(a), Some(b)] = pair
+            && a.distance(*b) < 200.0
+        {
+            line(image, *a, *b, colour);
         }
     }
 }

@@ -24,6 +24,8 @@ use crate::{
     median,
 };
 
+use RoomEdge as E;
+
 /// One sigma of a pin, share of the photo's diagonal.
 const PIN_SIGMA: f64 = 0.005;
 /// One sigma of the layout answer's own corner and junction row: they are rougher than pins.
@@ -97,7 +99,7 @@ pub(super) fn solve_with_image(
     let solved = problem.unpinned_sides(solved);
     let report = problem.report(&solved);
     let diagonal = diagonal(prior.photo);
-    if report.used == 0 || !(report.rms <= AGREE * diagonal) {
+    if report.used == 0 || report.rms.is_nan() || report.rms > AGREE * diagonal {
         return Err(SolveError::Disagree { rms_px: report.rms, limit_px: AGREE * diagonal });
     }
     let strength = (report.used as f64 / 6.0).min(1.0) * (report.used as f64 / report.given.max(1) as f64);
@@ -162,12 +164,12 @@ pub(super) fn pins(prior: &LayoutPrior) -> Vec<Pin> {
 
     let hints = &prior.camera;
     if let Some(point) = hints.corner_px.map(Vec2::from_array).filter(usable) {
-        let corner = match hints.back_wall_side {
-            Some(WallSide::Right) => RoomCorner::FloorBackLeft,
-            Some(WallSide::Left) => RoomCorner::FloorBackRight,
-            Some(WallSide::Both) | None if point.x < centre.x => RoomCorner::FloorBackLeft,
-            Some(WallSide::Both) | None => RoomCorner::FloorBackRight,
+        let left_end = match hints.back_wall_side {
+            Some(WallSide::Right) => true,
+            Some(WallSide::Left) => false,
+            Some(WallSide::Both) | None => point.x < centre.x,
         };
+        let corner = if left_end { RoomCorner::FloorBackLeft } else { RoomCorner::FloorBackRight };
         let (at, sigma) = (point - centre, HINT_SIGMA * diagonal);
         out.extend(corner_edges(corner).map(|edge| Pin { edge, point: at, sigma, group, given: false }));
     }
@@ -319,7 +321,6 @@ impl<'a> Problem<'a> {
 
     /// A side wall that no pin speaks of is where the prior's width puts it.
     fn unpinned_sides(&self, solved: CameraBox) -> CameraBox {
-        use RoomEdge as E;
         let pinned = |edges: [E; 3]| self.pins.iter().any(|p| edges.contains(&p.edge));
         let width = self.prior.extents.width;
         let left = pinned([E::FloorLeft, E::CeilingLeft, E::BackLeft]);
@@ -363,7 +364,6 @@ impl<'a> Problem<'a> {
         };
         let floor = self.camera_height;
         let ceiling = height - floor;
-        use RoomEdge as E;
         // On the floor a ray falls by `floor` while it goes `-z` back; on the ceiling it rises by `ceiling`.
         let back = of(&[E::FloorBack, E::CeilingBack], &|e, r| {
             let k = if e == E::FloorBack { floor / -r.y } else { ceiling / r.y };
