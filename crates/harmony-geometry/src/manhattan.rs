@@ -16,7 +16,7 @@ const WIDTH_DEG: [f64; 2] = [40.0, 15.0];
 /// Rounds in which the width shrinks, and rounds at most.
 const ROUNDS: [usize; 2] = [8, 20];
 /// Normals used while comparing starts.
-const SAMPLE: usize = 1500;
+const SAMPLE: usize = 900;
 /// Turns and tilts of the starts from the camera's axes, degrees. A frame repeats every 90 degrees.
 const START_YAWS_DEG: [f64; 6] = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0];
 const START_TILTS_DEG: [f64; 5] = [0.0, -25.0, 15.0, 30.0, 50.0];
