@@ -95,7 +95,7 @@ pub fn template(category: &str, params: &TemplateParams, size: Size) -> PartMode
         "fireplace" => wall::fireplace(m, p),
         "wall_plate" => wall::wall_plate(m, p),
         "air_conditioner" => wall::air_conditioner(m, p),
-        "pillow" => decor::pillow(m, p),
+        "cushion" => decor::pillow(m, p),
         "blanket" => decor::blanket(m, p),
         "book" => decor::book(m, p),
         "book_stack" => decor::book_stack(m, p),

@@ -174,6 +174,12 @@ pub struct TemplateParams {
 }
 
 impl TemplateParams {
+    /// These options with what a label says (`round table`, `two-seater`, `snake plant`) where nothing is given.
+    #[must_use]
+    pub fn with_label(&self, label: &str) -> Self {
+        super::names::with_hints(label, self)
+    }
+
     /// Reads options; what is not understood is left out and told in the notes.
     pub fn from_value(value: &Value) -> (Self, Vec<String>) {
         let mut out = Self::default();

@@ -118,6 +118,22 @@ pub(super) fn sofa(m: &mut Maker, p: &TemplateParams) {
     match legs {
         LegStyle::None => {}
         LegStyle::Block => m.cube("legs", [0.04, w - 0.04], [0.0, leg + 0.01], [0.04, d - 0.04]),
+        _ if chaise => {
+            // six feet under the L
+            let t = 0.05_f64.min(w * 0.08);
+            let long = w - step;
+            for (x, z) in [
+                (0.05, 0.05),
+                (0.05, d - 0.06 - t),
+                (w - 0.06 - t, 0.05),
+                (w - 0.06 - t, full_depth - 0.06 - t),
+                (long + 0.05, full_depth - 0.06 - t),
+                (long - 0.02, d - 0.06 - t),
+            ] {
+                let foot = Piece::new(Shape::Cylinder, "legs", [x, x + t], [0.0, leg + 0.01], [z, z + t]);
+                m.add(foot.top(1.5));
+            }
+        }
         other => m.legs(other, "legs", leg + 0.01, 0.05, (0.05_f64).min(w * 0.08)),
     }
 }
@@ -146,8 +162,14 @@ pub(super) fn armchair(m: &mut Maker, p: &TemplateParams) {
     let leg = (0.16 * h).min(0.14);
     let seat = 0.5 * h;
     let shell = 0.1 * w.min(d);
-    let back = Piece::new(Shape::Back, "body", [0.0, w], [leg * 1.1, h], [0.0, d * 0.86]);
-    m.add(back.bend(215.0).thick(shell, s));
+    let arms = Piece::new(Shape::Back, "body", [0.0, w], [leg * 1.1, h * 0.74], [0.0, d * 0.86]);
+    m.add(arms.bend(215.0).thick(shell, s));
+    // the rim falls from the back to the arms in two steps
+    for (top, half, depth) in [(0.88, 0.47, 0.5), (1.0, 0.4, 0.3)] {
+        let x = [w * (0.5 - half), w * (0.5 + half)];
+        let back = Piece::new(Shape::Back, "body", x, [h * 0.5, h * top], [0.0, d * depth]);
+        m.add(back.bend(if top < 1.0 { 150.0 } else { 110.0 }).thick(shell * 0.98, s).round(0.5 * shell));
+    }
     let base = Piece::new(
         Shape::Cylinder,
         "body",
@@ -216,8 +238,11 @@ pub(super) fn chair(m: &mut Maker, p: &TemplateParams) {
         }
         BackStyle::Tufted => channels(m, "seat", [0.0, w], [seat - thick * 0.4, h], [z0, z0 + 0.09]),
         BackStyle::Curved => {
-            let shell = Piece::new(Shape::Back, "seat", [0.0, w], [seat - thick * 0.3, h], [0.0, d * 0.55]);
-            m.add(shell.bend(165.0).thick(0.05_f64.min(d * 0.2), s));
+            let mid = seat + (h - seat) * 0.55;
+            let low = Piece::new(Shape::Back, "seat", [0.0, w], [seat - thick * 0.3, mid], [0.0, d * 0.6]);
+            m.add(low.bend(170.0).thick(0.045_f64.min(d * 0.2), s));
+            let high = Piece::new(Shape::Back, "seat", [w * 0.04, w * 0.96], [seat, h], [0.0, d * 0.36]);
+            m.add(high.bend(125.0).thick(0.045_f64.min(d * 0.2), s));
         }
         BackStyle::Solid => {
             let shell = Piece::new(Shape::Back, "seat", [0.01, w - 0.01], [seat + 0.06, h], [z0, z0 + d * 0.16]);

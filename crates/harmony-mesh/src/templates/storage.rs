@@ -361,12 +361,14 @@ pub(super) fn bed(m: &mut Maker, p: &TemplateParams) {
     let (w, h, d) = (m.w, m.h, m.d);
     let back = p.back.unwrap_or(BackStyle::Upholstered);
     let soft = matches!(back, BackStyle::Upholstered | BackStyle::Tufted | BackStyle::Curved);
+    let soft = soft || back == BackStyle::None;
     m.slot("frame", if soft { "#8b8276" } else { "#7d5838" }, if soft { Fabric } else { Wood });
     m.slot("legs", "#4a3626", Wood);
     let top = if back == BackStyle::None { h * 0.82 } else { (h * 0.56).min(0.62) };
     let legs = p.legs.unwrap_or(LegStyle::Four);
     let leg = if matches!(legs, LegStyle::None | LegStyle::Block) { 0.0 } else { (top * 0.22).min(0.14) };
-    let thick = (top * 0.42).min(0.26);
+    let bare = back == BackStyle::None && legs == LegStyle::None;
+    let thick = if bare { top * 0.8 } else { (top * 0.42).min(0.26) };
     let rail_top = top - thick * 0.72;
     let board = if back == BackStyle::None { 0.0 } else { (0.045 * d).clamp(0.03, 0.12).min(d * 0.2) };
     let foot = if p.extra.unwrap_or(false) { 0.05_f64.min(d * 0.1) } else { 0.0 };

@@ -97,7 +97,7 @@ fn labels_find_their_template() {
         ("hanging pendant light", "pendant"),
         ("flat-screen TV", "tv"),
         ("grey rug", "rug"),
-        ("throw pillows", "pillow"),
+        ("throw pillows", "cushion"),
         ("round dining table", "round_table"),
         ("white sheer curtains", "curtain"),
         ("table lamp", "table_lamp"),
