@@ -57,11 +57,20 @@ def load(folder):
 
 def ours(program, rounds):
     text = subprocess.run([program, "--rounds", str(rounds)], check=True, capture_output=True, text=True).stdout
-    return {m[1]: (float(m[2]), float(m[3])) for m in re.finditer(r"^(\w+) ([\d.]+) ([\d.]+)$", text, re.M)}
+    lines = re.finditer(r"^(\w+) ([\d.]+) ([\d.]+) ([\d.]+)$", text, re.M)
+    return {m[1]: tuple(float(v) for v in m.groups()[1:]) for m in lines}
 
 
-def show(name, seconds):
-    print(f"{name:34s} min {min(seconds):7.4f} s   median {statistics.median(seconds):7.4f} s")
+def show(name, lows, middles, processor):
+    print(f"{name:30s} wall min {min(lows):7.4f} s  median {statistics.median(middles):7.4f} s"
+          f"   processor {statistics.median(processor):7.4f} s")
+
+
+def ratio(name, peer, mine):
+    (wall, processor), (lows, middles, cpu) = peer, zip(*mine)
+    print(f"{name:30s} wall {min(wall) / min(lows):5.1f} (min / min)  "
+          f"{statistics.median(wall) / statistics.median(middles):5.1f} (median / median)"
+          f"   processor {statistics.median(processor) / statistics.median(cpu):5.1f}")
 
 
 def main():
@@ -73,39 +82,37 @@ def main():
     renderer.render(scene, flags=flat)  # uploads meshes and textures, compiles shaders
     renderer.render(scene, flags=pyrender.RenderFlags.SEG, seg_node_map=nodes)
 
-    passes = {"color_and_depth": [], "shaded_color_and_depth": [], "ids": []}
+    modes = {"color_depth": flat, "lit_color_depth": 0, "ids": pyrender.RenderFlags.SEG}
+    peer = {name: ([], []) for name in modes}
     mine = {}
     for _ in range(rounds):
-        for name, flags in (("color_and_depth", flat), ("shaded_color_and_depth", 0), ("ids", pyrender.RenderFlags.SEG)):
-            start = time.perf_counter()
+        for name, flags in modes.items():
+            start, spent = time.perf_counter(), time.process_time()
             first, second = renderer.render(scene, flags=flags, seg_node_map=nodes)
-            passes[name].append(time.perf_counter() - start)
-            if name == "color_and_depth":
+            peer[name][0].append(time.perf_counter() - start)
+            peer[name][1].append(time.process_time() - spent)
+            if name == "color_depth":
                 color, depth = first, second
             elif name == "ids":
                 seg = first
-        for name, (low, middle) in ours(program, 5).items():
-            mine.setdefault(name, []).append((low, middle))
+        for name, values in ours(program, 9).items():
+            mine.setdefault(name, []).append(values)
 
-    print("pyrender", pyrender.__version__, "on OSMesa")
-    for name, seconds in passes.items():
-        show(name, seconds)
-    both = [a + b for a, b in zip(passes["color_and_depth"], passes["ids"])]
-    show("color_and_depth + ids", both)
-    print("\nours (five frames a turn)")
+    def both(a, b):
+        return tuple([x + y for x, y in zip(p, q)] for p, q in zip(peer[a], peer[b]))
+
+    peer["color_depth + ids"] = both("color_depth", "ids")
+    peer["lit_color_depth + ids"] = both("lit_color_depth", "ids")
+    print("pyrender", pyrender.__version__, "on OSMesa; load", os.getloadavg())
+    for name, (wall, processor) in peer.items():
+        show(name, wall, wall, processor)
+    print("\nours")
     for name, values in mine.items():
-        if name not in ("triangles", "window"):
-            show(name, [v[0] for v in values] if name.startswith("cold") else [v[1] for v in values])
-    lows, middles = zip(*mine["color_depth_ids"])
-    print(f"\nratio, colour + depth + ids, unlit: {min(both) / min(lows):.1f} (min / min), "
-          f"{statistics.median(both) / statistics.median(middles):.1f} (median / median)")
-    lows, middles = zip(*mine["lit_color_depth_ids"])
-    both = [a + b for a, b in zip(passes["shaded_color_and_depth"], passes["ids"])]
-    print(f"ratio, colour + depth + ids, lit:   {min(both) / min(lows):.1f} (min / min), "
-          f"{statistics.median(both) / statistics.median(middles):.1f} (median / median)")
-    lows, middles = zip(*mine["depth_ids"])
-    print(f"ratio, ids with depth alone:        {min(passes['ids']) / min(lows):.1f} (min / min), "
-          f"{statistics.median(passes['ids']) / statistics.median(middles):.1f} (median / median)")
+        show(name, *zip(*values))
+    print("\npeer / ours")
+    ratio("colour + depth + ids, unlit", peer["color_depth + ids"], mine["color_depth_ids"])
+    ratio("colour + depth + ids, lit", peer["lit_color_depth + ids"], mine["lit_color_depth_ids"])
+    ratio("depth + ids", peer["ids"], mine["depth_ids"])
 
     # Do both draw the same thing?
     our_depth = np.fromfile(folder / "ours.depth", "<f4").reshape(height, width)

@@ -44,8 +44,8 @@ pub(crate) struct Piece {
 /// How samples lie and how rows are shared out.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Layout {
-    /// Rows of a band.
-    pub(crate) band_rows: u32,
+    /// Rows of a band, as a power of two.
+    pub(crate) band_shift: u32,
     /// Number of bands.
     pub(crate) bands: usize,
     /// Largest distance of a sample from its pixel centre, in sub-pixel steps.
@@ -122,7 +122,7 @@ pub(crate) fn assemble(
                     out.add(v, r.faces, triangle);
                 } else if !v.iter().all(|v| v.inverse_depth == BEHIND) {
                     let corners = i.map(|i| placed.mesh.positions[i].as_dvec3());
-                    clip(&draw.view, placed, corners, v, |piece| out.add(piece, r.faces, triangle));
+                    clip(&draw.view, placed, corners, v, |piece| out.add_clipped(piece, r.faces, triangle));
                 }
             }
             triangle += 1;
@@ -146,7 +146,7 @@ impl<'b> Output<'b> {
         Self { x: range(w.x0, w.size.width), y: range(w.y0, w.size.height), layout, bands }
     }
 
-    #[inline]
+    #[inline(always)] // called once for each triangle of the scene, from one hot place
     fn add(&mut self, v: [Projected; 3], faces: Faces, triangle: u32) {
         let [a, b, c] = v;
         let spread = self.layout.spread;
@@ -180,10 +180,18 @@ impl<'b> Output<'b> {
             inverse_depth: [a.inverse_depth, b.inverse_depth, c.inverse_depth],
             triangle,
         };
-        let band = |row: i32| (row - self.y[0]) as usize / self.layout.band_rows as usize;
-        for b in &mut self.bands[band(top)..=band(bottom)] {
+        let band = |row: i32| (row - self.y[0]) as usize >> self.layout.band_shift;
+        let (first, last) = (band(top), band(bottom));
+        for b in &mut self.bands[first..=last] {
             b.push(piece);
         }
+    }
+}
+
+impl Output<'_> {
+    #[cold]
+    fn add_clipped(&mut self, v: [Projected; 3], faces: Faces, triangle: u32) {
+        self.add(v, faces, triangle);
     }
 }
 

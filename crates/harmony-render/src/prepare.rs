@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{DMat3, DVec3, Mat3, Vec3};
+use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
 use harmony_mesh::{Material, Mesh};
 use harmony_scene::Camera;
 
@@ -74,6 +74,14 @@ pub(crate) struct Draw<'a> {
     pub(crate) vertices: usize,
     /// Number of triangles over all runs.
     pub(crate) triangles: u32,
+}
+
+/// The vertices of one triangle, in the object's frame.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Vertices {
+    pub(crate) numbers: [usize; 3],
+    pub(crate) positions: [Vec3; 3],
+    pub(crate) uvs: [Vec2; 3],
 }
 
 /// Alpha below this is not drawn.
@@ -167,6 +175,16 @@ impl<'a> Draw<'a> {
         self.vertices += mesh.positions.len();
     }
 
+    /// What the mesh says about a triangle's vertices; texture coordinates are 0 where the mesh has none.
+    #[inline]
+    pub(crate) fn vertices(&self, numbers: [usize; 3], run: usize) -> Vertices {
+        let mesh = self.placed[self.runs[run].placed].mesh;
+        let [a, b, c] = numbers;
+        let p = &mesh.positions;
+        let uv = |i: usize| mesh.uvs.get(i).copied().unwrap_or(Vec2::ZERO);
+        Vertices { numbers, positions: [p[a], p[b], p[c]], uvs: [uv(a), uv(b), uv(c)] }
+    }
+
     /// The run that a triangle number belongs to; `hint` is the run of the last question.
     #[inline]
     pub(crate) fn run_of(&self, triangle: u32, hint: usize) -> usize {
@@ -178,14 +196,12 @@ impl<'a> Draw<'a> {
         self.runs.partition_point(|r| r.first <= triangle).saturating_sub(1)
     }
 
-    /// The object-frame corners of a triangle that was drawn.
+    /// Vertex numbers of a triangle that was drawn.
     #[inline]
-    pub(crate) fn corners(&self, triangle: u32, run: usize) -> ([usize; 3], [Vec3; 3]) {
+    pub(crate) fn corners(&self, triangle: u32, run: usize) -> [usize; 3] {
         let run = &self.runs[run];
         let [a, b, c] = run.triangles[(triangle - run.first) as usize];
-        let t = [a as usize, b as usize, c as usize];
-        let p = &self.placed[run.placed].mesh.positions;
-        (t, [p[t[0]], p[t[1]], p[t[2]]])
+        [a as usize, b as usize, c as usize]
     }
 }
 
@@ -193,9 +209,11 @@ impl Draw<'_> {
     /// `[a, b, c]` with reciprocal depth = `a x + b y + c` in raster coordinates on a triangle's plane; not finite
     /// for a plane through the camera's centre.
     pub(crate) fn inverse_depth_plane(&self, triangle: u32, run: usize) -> [f64; 3] {
-        let (_, corners) = self.corners(triangle, run);
+        let corners = self.corners(triangle, run);
         let placed = &self.placed[self.runs[run].placed];
-        let [p0, p1, p2] = corners.map(|p| placed.linear * p.as_dvec3() + placed.translation);
+        let positions = &placed.mesh.positions;
+        let place = |i: usize| placed.linear * positions[i].as_dvec3() + placed.translation;
+        let (p0, p1, p2) = (place(corners[0]), place(corners[1]), place(corners[2]));
         // n . p = n . p0 on the plane, and p = z d with d = ((x - cx) / fx, (y - cy) / fy, 1).
         let n = (p1 - p0).cross(p2 - p0);
         let n = n / n.dot(p0);

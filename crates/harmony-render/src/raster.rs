@@ -70,7 +70,7 @@ impl Band<'_> {
             } else {
                 let depth = Plane::new(draw, &p, run, self.offset);
                 if cut_out {
-                    let facet = Facet::new(draw, p.triangle, run);
+                    let facet = Facet::new(draw, &draw.vertices(draw.corners(p.triangle, run), run), run);
                     let [dx, dy] = [ox, oy].map(|o| o as f32 / STEPS as f32);
                     let keep = |x: i32, y: i32| facet.alpha(draw, run, x as f32 + dx, y as f32 + dy) >= ALPHA_CUT;
                     self.large(&p, b, &depth, keep);
@@ -180,7 +180,7 @@ struct Plane {
 impl Plane {
     fn new(draw: &Draw, p: &Piece, run: usize, offset: [i32; 2]) -> Self {
         let [a, b, c] = draw.inverse_depth_plane(p.triangle, run);
-        let [dx, dy] = offset.map(|o| f64::from(o) / f64::from(STEPS));
+        let (dx, dy) = (f64::from(offset[0]) / f64::from(STEPS), f64::from(offset[1]) / f64::from(STEPS));
         let [w0, w1, w2] = p.inverse_depth;
         Self { coefficients: [a, b, c + a * dx + b * dy], low: least(w0, w1, w2), high: most(w0, w1, w2) }
     }

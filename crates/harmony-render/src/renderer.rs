@@ -112,7 +112,7 @@ impl Renderer {
         let layout = scratch.assemble(draw, multisample);
         let window = draw.view.window;
         let width = window.size.width as usize;
-        let band_pixels = layout.band_rows as usize * width;
+        let band_pixels = width << layout.band_shift;
         let mut empty = Vec::new();
         let color = color.map_or(&mut empty, |(c, _)| c);
         let colors: Vec<&mut [u8]> = if options.is_some() {
@@ -124,7 +124,7 @@ impl Renderer {
         depth.par_chunks_mut(band_pixels).zip(ids.par_chunks_mut(band_pixels)).zip(colors).enumerate().for_each(
             |(i, ((depth, ids), color))| {
                 let mine = || pieces.iter().skip(i).step_by(layout.bands).map(Vec::as_slice);
-                let (x0, y0) = (window.x0 as i32, window.y0 as i32 + (i * layout.band_rows as usize) as i32);
+                let (x0, y0) = (window.x0 as i32, window.y0 as i32 + (i << layout.band_shift) as i32);
                 let height = depth.len() / width;
                 let mut band = Band { x0, y0, width, height, offset: [0, 0], inverse_depth: depth, triangle: ids };
                 band.clear();
@@ -157,9 +157,9 @@ impl Scratch {
         // How the work is cut does not change the result, only the time.
         let threads = rayon::current_num_threads() as u32;
         let rows = draw.view.window.size.height;
-        let band_rows = (rows / (8 * threads)).clamp(8, 64);
-        let bands = rows.div_ceil(band_rows) as usize;
-        let layout = Layout { band_rows, bands, spread: if multisample { resolve::SPREAD } else { 0 } };
+        let band_shift = (rows / (8 * threads)).clamp(8, 64).ilog2();
+        let bands = rows.div_ceil(1 << band_shift) as usize;
+        let layout = Layout { band_shift, bands, spread: if multisample { resolve::SPREAD } else { 0 } };
         let share = (draw.triangles / (4 * threads)).clamp(4096, 65_536);
         let tasks = draw.triangles.div_ceil(share) as usize;
         self.pieces.resize_with(tasks * bands, Vec::new);

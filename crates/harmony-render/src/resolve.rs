@@ -2,7 +2,7 @@
 
 use crate::RenderOptions;
 use crate::assemble::{Piece, STEPS};
-use crate::prepare::Draw;
+use crate::prepare::{Draw, Vertices};
 use crate::raster::{Band, NOTHING};
 use crate::shade::Facet;
 use crate::srgb::{Tables, tables};
@@ -26,7 +26,7 @@ impl Shader<'_, '_> {
             Some((t, run, facet)) if t == triangle => (run, facet),
             _ => {
                 let run = self.draw.run_of(triangle, self.last.map_or(0, |l| l.1));
-                let facet = Facet::new(self.draw, triangle, run);
+                let facet = Facet::new(self.draw, &self.draw.vertices(self.draw.corners(triangle, run), run), run);
                 self.last = Some((triangle, run, facet));
                 (run, facet)
             }
@@ -36,13 +36,47 @@ impl Shader<'_, '_> {
 }
 
 /// Colours a band with one sample a pixel.
+///
+/// Pixels go through in batches, one step after the other: on a large mesh each visible triangle costs several
+/// trips to memory, and in this order the trips of a batch overlap.
 pub(crate) fn single(draw: &Draw, options: &RenderOptions, band: &Band, color: &mut [u8]) {
+    const BATCH: usize = 64;
+    /// A pixel to shade, and what its triangle was found to be.
+    #[derive(Clone, Copy, Default)]
+    struct Pixel {
+        at: usize,
+        run: usize,
+        corners: [usize; 3],
+    }
     let tables = tables();
-    let mut shader = Shader { draw, options, last: None };
-    for (i, (triangle, out)) in band.triangle.iter().zip(color.chunks_exact_mut(4)).enumerate() {
-        if *triangle != NOTHING {
-            let (x, y) = (band.x0 + (i % band.width) as i32, band.y0 + (i / band.width) as i32);
-            let c = shader.color(*triangle, x as f32, y as f32);
+    let mut pixels = [Pixel::default(); BATCH];
+    let mut vertices = [Vertices::default(); BATCH];
+    let mut run = 0;
+    let mut next = 0;
+    while next < band.triangle.len() {
+        let mut count = 0;
+        while next < band.triangle.len() && count < BATCH {
+            let triangle = band.triangle[next];
+            if triangle != NOTHING {
+                run = draw.run_of(triangle, run);
+                pixels[count] = Pixel { at: next, run, corners: draw.corners(triangle, run) };
+                count += 1;
+            }
+            next += 1;
+        }
+        for (pixel, v) in pixels[..count].iter().zip(&mut vertices) {
+            *v = draw.vertices(pixel.corners, pixel.run);
+        }
+        let mut last: Option<(Pixel, Facet)> = None;
+        for (pixel, v) in pixels[..count].iter().zip(&vertices) {
+            let facet = match last {
+                Some((p, facet)) if p.corners == pixel.corners && p.run == pixel.run => facet,
+                _ => Facet::new(draw, v, pixel.run),
+            };
+            last = Some((*pixel, facet));
+            let (x, y) = (band.x0 + (pixel.at % band.width) as i32, band.y0 + (pixel.at / band.width) as i32);
+            let c = facet.color(draw, pixel.run, options, x as f32, y as f32);
+            let out = &mut color[pixel.at * 4..pixel.at * 4 + 4];
             out.copy_from_slice(&[tables.encode(c[0]), tables.encode(c[1]), tables.encode(c[2]), 255]);
         }
     }

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use crate::mips::Pyramid;
-use crate::prepare::Draw;
+use crate::prepare::{Draw, Vertices};
 use crate::{Lighting, RenderOptions};
 
 /// Most texture probes a pixel of a multisampled picture, so that floors seen at a low angle stay sharp.
@@ -38,21 +38,20 @@ struct Meeting {
 }
 
 impl Facet {
-    pub(crate) fn new(draw: &Draw, triangle: u32, run: usize) -> Self {
-        let (corners, positions) = draw.corners(triangle, run);
+    /// From what [`Draw::vertices`] fetched.
+    #[inline]
+    pub(crate) fn new(draw: &Draw, vertices: &Vertices, run: usize) -> Self {
         let placed = &draw.placed[draw.runs[run].placed];
         let m = placed.linear_f32;
-        let p0 = m * positions[0] + placed.translation_f32;
-        let (e1, e2) = (m * (positions[1] - positions[0]), m * (positions[2] - positions[0]));
-        let t = -p0;
-        let uvs = &placed.mesh.uvs;
-        let uv = |i: usize| uvs.get(corners[i]).copied().unwrap_or(Vec2::ZERO);
+        let [q0, q1, q2] = vertices.positions;
+        let (e1, e2) = (m * (q1 - q0), m * (q2 - q0));
+        let t = -(m * q0 + placed.translation_f32);
         Self {
-            corners,
+            corners: vertices.numbers,
             a: e2.cross(t),
             b: t.cross(e1),
             c: e2.cross(e1),
-            uv: [uv(0), uv(1), uv(2)],
+            uv: vertices.uvs,
             step: Vec2::new(1.0 / draw.view.fx as f32, 1.0 / draw.view.fy as f32),
             centre: Vec2::new(draw.view.cx as f32, draw.view.cy as f32),
         }
