@@ -83,7 +83,8 @@ pub struct Region {
     pub touches_floor_boundary: bool,
     /// Image borders touched: left, top, right, bottom.
     pub touches_border: [bool; 4],
-    /// How much it looks like a thing, 0 to 1: contrast to its surface, compactness, size, edge strength around it.
+    /// How much it looks like a thing, 0 to 1: contrast to its surface, edges and bare surface around it, compactness,
+    /// size.
     pub objectness: f64,
 }
 
@@ -244,11 +245,11 @@ impl Picture {
         proposals
     }
 
-    /// Contrast to the surface, edge strength along the outline, compactness and size, each 0 to 1.
+    /// Mean of contrast to the surface, edge strength and bare surface along the outline, compactness and size.
     fn objectness(&self, set: &[bool]) -> f64 {
         let (w, h) = (self.size.width as usize, self.size.height as usize);
         let (mut area, mut contrast) = (0.0_f64, 0.0_f64);
-        let (mut outline, mut edge, mut border) = (0.0_f64, 0.0_f64, 0.0_f64);
+        let (mut outline, mut edge, mut border, mut bare) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
         let mut bounds = (w, h, 0, 0);
         for i in (0..set.len()).filter(|i| set[*i]) {
             let (x, y) = (i % w, i / w);
@@ -259,8 +260,11 @@ impl Picture {
                 border += 1.0;
                 continue;
             }
-            if [i - 1, i + 1, i - w, i + w].iter().any(|j| !set[*j]) {
+            let around = [i - 1, i + 1, i - w, i + w];
+            if around.iter().any(|j| !set[*j]) {
                 outline += 1.0;
+                let beside_bare = |j: &usize| !set[*j] && self.part[self.parts.labels[*j] as usize].foreground < 0.3;
+                bare += f64::from(u8::from(around.iter().any(beside_bare)));
                 let strongest = [i, i - 1, i - w, i + 1, i + w].iter().map(|j| self.gradient[*j]).fold(0.0, f32::max);
                 edge += f64::from((strongest / 15.0).min(1.0));
             }
@@ -270,10 +274,13 @@ impl Picture {
         }
         let boxed = ((bounds.2 - bounds.0) * (bounds.3 - bounds.1)) as f64;
         let share = area / set.len() as f64;
-        let size = (share / 0.01).min(1.0) * (1.0 - ((share - 0.3) / 0.3).clamp(0.0, 1.0));
+        let size = (share / 0.03).min(1.0).sqrt() * (1.0 - ((share - 0.3) / 0.3).clamp(0.0, 1.0));
         let free = outline / (outline + border).max(1.0);
         let sharp = edge / outline.max(1.0);
-        ((0.35 * contrast / area + 0.25 * sharp + 0.2 * area / boxed + 0.2 * size) * (0.5 + 0.5 * free)).clamp(0.0, 1.0)
+        // A whole thing stands before bare surface; a part of a thing is bordered by its other parts.
+        let alone = bare / outline.max(1.0);
+        let sum = 0.2 * contrast / area + 0.15 * sharp + 0.3 * alone + 0.15 * area / boxed + 0.2 * size;
+        (sum * (0.5 + 0.5 * free)).clamp(0.0, 1.0)
     }
 
     fn region(&self, photo: &RgbImage, objectness: f64, set: &[bool]) -> Option<Region> {

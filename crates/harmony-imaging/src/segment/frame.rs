@@ -12,8 +12,6 @@ use crate::resample::{Window, resize_window};
 
 /// Log odds at one error's distance inside an outline.
 const OUTLINE_ODDS: f32 = 2.2;
-/// An outline's error is at most this fraction of the square root of its area: small things are drawn finer.
-const MOST_RELATIVE_ERROR: f64 = 0.10;
 /// Log odds of an unprompted box: at its centre, and how much less in its corners.
 const BOX_ODDS: (f32, f32) = (1.6, 3.2);
 /// Log odds against the object inside another object's outline, and inside another, smaller box.
@@ -111,7 +109,7 @@ pub(super) fn usable_outline(prompt: &SegmentPrompt) -> Option<&[[f64; 2]]> {
 pub(super) fn outline_error_px(outline: &[[f64; 2]], photo: ImageSize, settings: &SegmentSettings) -> f64 {
     let longest = f64::from(photo.width.max(photo.height));
     let doubled: f64 = outline.iter().zip(outline.iter().cycle().skip(1)).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum();
-    let relative = MOST_RELATIVE_ERROR * (doubled.abs() / 2.0).sqrt();
+    let relative = settings.outline_error_of_object * (doubled.abs() / 2.0).sqrt();
     (settings.outline_error * longest).min(relative).max(1.0)
 }
 
@@ -144,7 +142,7 @@ pub(super) fn problem(
         None => from_box(bounds, frame, size, settings),
     };
     exclude(prompt, bounds, frame, &mut known, &mut prior);
-    let color_weight = if usable_outline(prompt).is_some() { 0.6 } else { 1.0 };
+    let color_weight = if usable_outline(prompt).is_some() { 0.6 } else { 1.0 } * settings.color_weight as f32;
     Problem { width, height, lab: frame.lab(photo), known, prior, color_weight, smoothness: settings.smoothness as f32 }
 }
 

@@ -61,17 +61,29 @@ pub struct SegmentSettings {
     /// Expected error of an outline, as a fraction of the photo's longer side. The mask leaves the outline by at most
     /// twice this.
     pub outline_error: f64,
+    /// And at most this fraction of the square root of the outline's area: small things are drawn finer.
+    pub outline_error_of_object: f64,
     /// Expected error of a box edge, as a fraction of the box's size.
     pub box_error: f64,
     /// Colour model updates.
     pub iterations: u32,
     /// Weight of the contrast-sensitive edges (GrabCut's gamma is 50 in its units; here 1 is the usual strength).
     pub smoothness: f64,
+    /// Weight of the colours against the prompt, 1 = usual.
+    pub color_weight: f64,
 }
 
 impl Default for SegmentSettings {
     fn default() -> Self {
-        Self { working_px: 400, outline_error: 0.015, box_error: 0.02, iterations: 4, smoothness: 1.0 }
+        Self {
+            working_px: 400,
+            outline_error: 0.015,
+            outline_error_of_object: 0.1,
+            box_error: 0.02,
+            iterations: 4,
+            smoothness: 1.0,
+            color_weight: 1.0,
+        }
     }
 }
 
@@ -200,7 +212,7 @@ fn refine(
         lab: fine.lab(photo),
         known,
         prior,
-        color_weight: 0.6,
+        color_weight: 0.6 * settings.color_weight as f32,
         smoothness: settings.smoothness as f32,
     };
     let refined = problem.cut(&problem.odds(Some(models)), 0.0);

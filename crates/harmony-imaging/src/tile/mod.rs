@@ -10,6 +10,7 @@ mod quilt;
 use harmony_scene::ImageSize;
 use image::{Rgba, RgbaImage};
 
+use crate::color::{distance_squared, lab_from_rgb8};
 use crate::inpaint::canvas::Canvas;
 use crate::inpaint::complete;
 use crate::noise::Random;
@@ -35,6 +36,9 @@ impl Default for TextureSettings {
 const MOST_OFFSET: f32 = 5.0;
 /// With fewer observed texels there is no detail to speak of.
 const LEAST_OBSERVED: usize = 400;
+/// Islands below this share of the observed texels are dropped when their colour is this far from the median, Lab units.
+const ISLAND_SHARE: f64 = 0.05;
+const ISLAND_DISTANCE: f32 = 12.0;
 /// Grain where nothing is known, 8-bit levels.
 const GRAIN: f32 = 2.0;
 
@@ -42,7 +46,8 @@ const GRAIN: f32 = 2.0;
 ///
 /// The large-scale colour goes on from the observed part and settles at its median far away; the detail is copied from
 /// observed texels. With hardly any observed texels the result is the median colour with a little noise; with none,
-/// mid grey. Observed texels keep their colour.
+/// mid grey. Observed texels keep their colour, except small islands in quite another colour (the shadow under a chair,
+/// what a mask has missed): those count as unobserved.
 pub fn complete_surface(texture: &RgbaImage, settings: &TextureSettings) -> RgbaImage {
     let size = ImageSize::new(texture.width(), texture.height());
     if size.pixels() == 0 {
@@ -54,6 +59,7 @@ pub fn complete_surface(texture: &RgbaImage, settings: &TextureSettings) -> Rgba
         let filled = resize_rgba(&small, size);
         return merge(texture, |x, y| *filled.get_pixel(x, y));
     }
+    let texture = &without_odd_islands(texture);
     let observed = texture.pixels().filter(|p| p.0[3] >= 128).count();
     let Some(base) = Base::of(texture).filter(|_| observed >= LEAST_OBSERVED) else {
         let plain = grain(texture, settings.seed);
@@ -84,6 +90,7 @@ pub fn complete_surface(texture: &RgbaImage, settings: &TextureSettings) -> Rgba
 /// size was observed whole, the blocks come from the completed surface; with hardly any observed texel the tile is the
 /// median colour with a little noise.
 pub fn make_tile(texture: &RgbaImage, tile_px: u32, settings: &TextureSettings) -> RgbaImage {
+    let texture = &without_odd_islands(texture);
     let side = tile_px.clamp(1, 4096);
     let observed: Vec<bool> = texture.pixels().map(|p| p.0[3] >= 128).collect();
     let count = observed.iter().filter(|b| **b).count();
@@ -104,6 +111,38 @@ pub fn make_tile(texture: &RgbaImage, tile_px: u32, settings: &TextureSettings) 
             grain(&plain, settings.seed)
         }
     }
+}
+
+/// The texture without small islands of observed texels whose median is far from that of the whole.
+fn without_odd_islands(texture: &RgbaImage) -> RgbaImage {
+    let (w, h) = (texture.width() as usize, texture.height() as usize);
+    let observed: Vec<bool> = texture.pixels().map(|p| p.0[3] >= 128).collect();
+    let total = observed.iter().filter(|b| **b).count();
+    let Some(median) = base::median(texture) else { return texture.clone() };
+    let (labels, counts) = crate::components::label(&observed, w, h);
+    let mut sums = vec![[0.0_f32; 3]; counts.len()];
+    for (label, p) in labels.iter().zip(texture.pixels()).filter(|(l, _)| **l > 0) {
+        for (s, c) in sums[*label as usize].iter_mut().zip(p.0) {
+            *s += f32::from(c);
+        }
+    }
+    let lab = |color: Color| lab_from_rgb8(color.map(|c| c.round().clamp(0.0, 255.0) as u8));
+    let middle = lab(median);
+    let odd: Vec<bool> = sums
+        .iter()
+        .zip(&counts)
+        .map(|(sum, n)| {
+            let mean = lab(sum.map(|s| s / (*n).max(1) as f32));
+            (*n as f64) < ISLAND_SHARE * total as f64 && distance_squared(mean, middle) > ISLAND_DISTANCE.powi(2)
+        })
+        .collect();
+    let mut kept = texture.clone();
+    for (p, label) in kept.pixels_mut().zip(&labels) {
+        if odd[*label as usize] {
+            p.0[3] = 0;
+        }
+    }
+    kept
 }
 
 /// The quilted tile of a texture without its large-scale colour.

@@ -34,7 +34,7 @@ pub(super) fn quilt(sample: &Sample<'_>, side: usize, seed: u64) -> Option<Vec<C
         if step < 4 || block > side {
             continue;
         }
-        let places = whole_blocks(sample, &sums, block);
+        let places = most_even(sample, whole_blocks(sample, &sums, block), block);
         if places.len() >= LEAST_CHOICE * count * count {
             return Some(lay(sample, &places, (side, count, step, block), seed));
         }
@@ -63,8 +63,10 @@ fn whole_blocks(sample: &Sample<'_>, sums: &[u32], block: usize) -> Vec<(usize, 
     if block > sample.width || block > sample.height {
         return places;
     }
-    for y in 0..=sample.height - block {
-        for x in 0..=sample.width - block {
+    // Some ten thousand places are choice enough.
+    let stride = (sample.width * sample.height / 40_000).max(1).isqrt();
+    for y in (0..=sample.height - block).step_by(stride) {
+        for x in (0..=sample.width - block).step_by(stride) {
             let count = sums[(y + block) * w + x + block] + sums[y * w + x]
                 - sums[y * w + x + block]
                 - sums[(y + block) * w + x];
@@ -74,6 +76,42 @@ fn whole_blocks(sample: &Sample<'_>, sums: &[u32], block: usize) -> Vec<(usize, 
         }
     }
     places
+}
+
+/// The half of the places whose quarters are nearest in mean colour to the whole sample's: a shadow at the edge of what
+/// was observed would show in every repetition of the tile.
+fn most_even(sample: &Sample<'_>, places: Vec<(usize, usize)>, block: usize) -> Vec<(usize, usize)> {
+    let mut middle = ([0.0_f32; 3], 1e-9_f32);
+    for (color, _) in sample.colors.iter().zip(sample.observed).filter(|(_, on)| **on) {
+        for (m, c) in middle.0.iter_mut().zip(color) {
+            *m += c;
+        }
+        middle.1 += 1.0;
+    }
+    let middle = middle.0.map(|m| m / middle.1);
+    let half = block / 2;
+    let step = (half / 6).max(1);
+    let unevenness = |(px, py): (usize, usize)| -> f32 {
+        let mut worst = 0.0_f32;
+        for (qx, qy) in [(0, 0), (half, 0), (0, half), (half, half)] {
+            let (mut sum, mut n) = ([0.0_f32; 3], 0.0_f32);
+            for y in (0..half).step_by(step) {
+                for x in (0..half).step_by(step) {
+                    let color = sample.colors[(py + qy + y) * sample.width + px + qx + x];
+                    for (s, c) in sum.iter_mut().zip(color) {
+                        *s += c;
+                    }
+                    n += 1.0;
+                }
+            }
+            worst = worst.max(squared(sum.map(|s| s / n.max(1.0)), middle));
+        }
+        worst
+    };
+    let mut ranked: Vec<(f32, (usize, usize))> = places.into_iter().map(|p| (unevenness(p), p)).collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    ranked.truncate(ranked.len().div_ceil(2));
+    ranked.into_iter().map(|r| r.1).collect()
 }
 
 fn squared(a: Color, b: Color) -> f32 {
