@@ -1,6 +1,7 @@
 //! Renders with a real Blender; each test says so and passes when there is none.
 
-#[expect(clippy::unwrap_used, reason = "test support")]
+#![expect(clippy::unwrap_used, reason = "a test, helpers included")]
+
 mod support;
 
 use std::collections::BTreeMap;
@@ -45,7 +46,7 @@ fn job(fixture: &Fixture, width: u32) -> CyclesJob {
         denoise: false,
         view: ViewTransform::Standard,
         delight: None,
-        timeout: Duration::from_secs(300),
+        timeout: Duration::from_mins(5),
         ..CyclesJob::lit(&fixture.glb, camera(width), lighting())
     }
 }

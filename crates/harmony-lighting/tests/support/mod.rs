@@ -131,7 +131,8 @@ pub fn write_glb(nodes: &[Node], path: &Path) {
         accessors.push(a);
         accessors.len() - 1
     };
-    let floats = |v: &[Vec3]| v.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes).collect::<Vec<u8>>();
+    let floats =
+        |v: &[Vec3]| v.iter().copied().flat_map(<[f32; 3]>::from).flat_map(f32::to_le_bytes).collect::<Vec<u8>>();
     for node in nodes {
         let m = &node.mesh;
         let min = m.positions.iter().copied().reduce(Vec3::min).unwrap();
