@@ -108,13 +108,16 @@ pub struct Calls {
     /// Free places by player and model.
     places: Mutex<HashMap<String, Arc<Semaphore>>>,
     /// One call under a name at a time.
-    names: Mutex<HashMap<(Role, CallName), Arc<tokio::sync::Mutex<()>>>>,
+    names: Mutex<HashMap<(Role, CallName), Turn>>,
     asked: AtomicUsize,
     asked_outside: AtomicUsize,
     reused: AtomicUsize,
     replayed: AtomicUsize,
     replaced: AtomicUsize,
 }
+
+/// Whose turn it is to make the call of a name.
+type Turn = Arc<tokio::sync::Mutex<()>>;
 
 /// An accepted answer and how it came about.
 struct Accepted<A> {
@@ -284,7 +287,9 @@ impl Calls {
                 Ok(answer) => {
                     self.reused.fetch_add(1, Ordering::Relaxed);
                     event(CallEventKind::Reused);
-                    record.warnings.into_iter().for_each(|warning| (self.options.on_warning)(warning));
+                    for warning in record.warnings {
+                        (self.options.on_warning)(warning);
+                    }
                     return Ok(answer);
                 }
                 Err(reason) => {
@@ -398,7 +403,7 @@ impl Calls {
                     Err(RoleError::UnusableAnswer {
                         player: card.player.clone(),
                         complaint: shortened(&complaint, MAX_COMPLAINT),
-                        raw: shortened(R::raw(&answer), 2000),
+                        raw: shortened(&R::raw(&answer), 2000),
                     })
                 }
             });
@@ -470,7 +475,9 @@ impl Calls {
             request.read_answer(&folder).map_err(|reason| crate::BookError::Write { reason, path })
         })
         .await??;
-        warnings.into_iter().for_each(|warning| (self.options.on_warning)(warning));
+        for warning in warnings {
+            (self.options.on_warning)(warning);
+        }
         Ok(kept)
     }
 
@@ -490,7 +497,7 @@ impl Calls {
     }
 
     /// The lock of a name: two calls under one name run one after the other, the second takes the first's record.
-    fn turn(&self, role: Role, name: &CallName) -> Arc<tokio::sync::Mutex<()>> {
+    fn turn(&self, role: Role, name: &CallName) -> Turn {
         let mut names = self.names.lock().unwrap_or_else(PoisonError::into_inner);
         Arc::clone(names.entry((role, name.clone())).or_default())
     }

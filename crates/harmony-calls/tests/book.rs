@@ -1,5 +1,7 @@
 //! Records on disk: every role's answer comes back, half-written ones are ignored, recordings are replayed.
 
+#![expect(clippy::unwrap_used, reason = "helpers of tests")]
+
 mod common;
 
 use std::sync::Arc;

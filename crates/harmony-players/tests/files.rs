@@ -1,5 +1,7 @@
 //! The folder as a language model, with a thread as the one who answers.
 
+#![expect(clippy::unwrap_used, reason = "helpers of tests")]
+
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;

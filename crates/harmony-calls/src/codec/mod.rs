@@ -44,8 +44,8 @@ pub(crate) trait Recordable: Clone + Send + Sync + 'static {
         Usage::default()
     }
     /// The answer as text, to be shown with a complaint about it.
-    fn raw(_answer: &Self::Answer) -> &str {
-        ""
+    fn raw(_answer: &Self::Answer) -> String {
+        String::new()
     }
     /// The request with a complaint about the previous answer; the same request for roles that take none.
     fn again(&self, _complaint: &str, _raw: &str) -> Self {

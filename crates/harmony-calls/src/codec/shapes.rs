@@ -67,7 +67,7 @@ impl Recordable for MeshRequest {
         let path = out.folder().join("answer.glb");
         harmony_io::write_mesh_glb(&path, "object", Arc::clone(&answer.mesh), Value::Null)
             .map_err(|error| write_failed(out, "answer.glb", &error))?;
-        let points = |part: &ConvexPart| part.points.iter().map(|p| p.to_array()).collect();
+        let points = |part: &ConvexPart| part.points.iter().copied().map(Into::into).collect();
         out.json(
             "answer.json",
             &MeshSheet {

@@ -80,8 +80,8 @@ impl Recordable for VlmRequest {
         answer.usage
     }
 
-    fn raw(answer: &VlmAnswer) -> &str {
-        &answer.raw
+    fn raw(answer: &VlmAnswer) -> String {
+        answer.raw.clone()
     }
 
     fn again(&self, complaint: &str, raw: &str) -> Self {

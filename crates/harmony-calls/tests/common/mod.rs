@@ -1,5 +1,5 @@
 //! Scripted players and small requests.
-#![allow(dead_code, reason = "every test file uses its own part")]
+#![allow(dead_code, clippy::unwrap_used, reason = "every test file uses its own part of these helpers")]
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -112,7 +112,7 @@ impl Segmenter for Everyone {
         self.count();
         let size = ImageSize::new(request.image.width(), request.image.height());
         let size = if self.hostile { ImageSize::new(3, 3) } else { size };
-        let mask = |i: usize| Mask::from_fn(size, |x, y| (x + y) as usize % (i + 2) == 0);
+        let mask = |i: usize| Mask::from_fn(size, |x, y| ((x + y) as usize).is_multiple_of(i + 2));
         Ok((0..request.prompts.len()).map(|i| SegmentedMask { mask: mask(i), score: None }).collect())
     }
 }

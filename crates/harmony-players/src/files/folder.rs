@@ -1,5 +1,6 @@
 //! The folder of one question.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::{fs, io};
@@ -197,7 +198,8 @@ fn write_question(folder: &Path, number: u32, request: &VlmRequest, key: String)
         let file = image_file(i, &picture.caption);
         write_atomic(&folder.join(&file), &rgb_png(&picture.image)?)?;
         let (width, height) = picture.image.dimensions();
-        images.push_str(&format!("### {}\n\n{width} x {height} pixels\n\n![{file}]({file})\n\n", picture.caption));
+        let caption = &picture.caption;
+        let _ = write!(images, "### {caption}\n\n{width} x {height} pixels\n\n![{file}]({file})\n\n");
     }
     let json = |file: &str, value: &Value| -> Result<(), QuestionError> {
         let path = folder.join(file);
@@ -228,6 +230,6 @@ mod tests {
         assert_eq!(image_file(0, "IMAGE 1: the photo"), "image_1_the_photo.png");
         assert_eq!(image_file(1, "../../etc/passwd"), "image_2_etc_passwd.png");
         assert_eq!(image_file(2, "IMAGE 3:"), "image_3.png");
-        assert_eq!(slug("3_furniture__Sofa é/..", 80), "3_furniture__sofa____");
+        assert_eq!(slug("3_furniture__Sofa é/..", 80), "3_furniture__sofa_____");
     }
 }

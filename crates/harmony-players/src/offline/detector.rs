@@ -70,7 +70,7 @@ fn assign(phrases: &[PhraseRequest], regions: &[Region], level: Level, height: f
 fn place(region: &Region, level: Level, height: f64) -> f64 {
     let (top, bottom) = (region.bounds.y0 / height.max(1.0), region.bounds.y1 / height.max(1.0));
     match level {
-        Level::Ceiling => 1.0 - ((top + bottom) / 2.0 / 0.4).min(1.0),
+        Level::Ceiling => 1.0 - (f64::midpoint(top, bottom) / 0.4).min(1.0),
         Level::Furniture => ((bottom - 0.35) / 0.3).clamp(0.0, 1.0),
         Level::Wall => ((0.85 - bottom) / 0.2).clamp(0.2, 1.0),
         Level::Decoration => {

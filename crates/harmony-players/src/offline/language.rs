@@ -53,7 +53,7 @@ fn answer(kind: QuestionKind, request: &VlmRequest) -> Result<Value, RoleError> 
         QuestionKind::Fronts | QuestionKind::Orient => serde_json::to_value(answers::fronts(facts)),
         QuestionKind::Review => serde_json::to_value(answers::review()),
         QuestionKind::Lights => serde_json::to_value(answers::lights(facts)),
-        QuestionKind::LightingReview => Ok(answers::lighting_review(facts)),
+        QuestionKind::LightingReview => serde_json::to_value(answers::lighting_review(facts)),
     };
     answer.map_err(|error| super::not_capable(format!("the answer can't be written: {error}")))
 }

@@ -1,6 +1,6 @@
 //! Blender Cycles, where there is a Blender.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use async_trait::async_trait;
 use harmony_lighting::{CyclesJob, CyclesRenderer, LitError};
@@ -23,10 +23,11 @@ impl CyclesLit {
 #[derive(Debug, Clone, Copy)]
 pub struct NoLit;
 
-/// Cycles if it is here.
+/// Cycles if it is here. Looking starts a program or two, so it is done once.
 pub(super) fn found() -> Arc<dyn LitRenderer> {
-    match CyclesLit::find() {
-        Some(cycles) => Arc::new(cycles),
+    static FOUND: OnceLock<Option<CyclesLit>> = OnceLock::new();
+    match FOUND.get_or_init(CyclesLit::find) {
+        Some(cycles) => Arc::new(cycles.clone()),
         None => Arc::new(NoLit),
     }
 }

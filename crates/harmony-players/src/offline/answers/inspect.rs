@@ -71,7 +71,7 @@ fn about(candidate: &Candidate, level: Option<Level>, hosts: &[(String, PixelBox
     if level == Some(Level::Decoration) {
         object.on_top_of = candidate.host.clone().or_else(|| host_under(candidate.bounds?, hosts));
     }
-    object.notes = "by rule; nobody looked at it".to_owned();
+    object.notes = "by rule; nobody looked at it".into();
     object
 }
 

@@ -1,6 +1,6 @@
 //! `lights` and `lighting_review`: by measured brightness.
 
-use harmony_lighting::{LightingDelta, LightingSpec, PointLightSpec, WindowSpec};
+use harmony_lighting::{LightingDelta, LightingSpec, LightingVerdict, PointLightSpec, WindowSpec};
 use harmony_scene::{LightKind, Lighting};
 use serde_json::Value;
 
@@ -50,9 +50,7 @@ pub fn lights(facts: &Value) -> LightingSpec {
 
 /// Facts: `proposed`, the correction that was measured between photo and preview; it is taken as it is. Without one
 /// nothing is changed.
-pub fn lighting_review(facts: &Value) -> Value {
-    match serde_json::from_value::<LightingDelta>(facts["proposed"].clone()) {
-        Ok(_) => facts["proposed"].clone(),
-        Err(_) => serde_json::json!({"converged": true}),
-    }
+pub fn lighting_review(facts: &Value) -> LightingDelta {
+    serde_json::from_value(facts["proposed"].clone())
+        .unwrap_or_else(|_| LightingDelta { verdict: LightingVerdict::Converged, ..LightingDelta::default() })
 }
