@@ -154,7 +154,7 @@ fn folders(root: &Path) -> Vec<String> {
     let mut names: Vec<String> = std::fs::read_dir(root)
         .unwrap()
         .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
-        .filter(|name| name != "README.md")
+        .filter(|name| name != "README.md" && !name.starts_with('.'))
         .collect();
     names.sort();
     names
