@@ -1,6 +1,6 @@
 //! What a pose costs: disagreement with mask, point map, prior size and relations, in one number.
 
-use harmony_scene::Pose;
+use harmony_scene::{PixelBox, Pose};
 
 use crate::Item;
 use crate::anchoring::{Anchoring, Frame, USUAL_GAP, YawRule, prior_scale, size_of};
@@ -8,6 +8,10 @@ use crate::view::{Match, View};
 
 /// Weight of the free edges' mean relative error beside `1 - IoU`.
 const EDGES: f64 = 0.4;
+
+/// Share of the IoU that counts only pixels which what is placed leaves visible: it keeps an object from being
+/// right in the image but inside its host. Not all of it, for what is placed may itself be a little off.
+const STRICT: f64 = 0.4;
 
 /// Cost of a metre of (soft) depth difference.
 const DEPTH_PER_METRE: f64 = 2.0;
@@ -70,7 +74,7 @@ impl Judge<'_> {
     pub(crate) fn cost(&self, pose: &Pose) -> (f64, Match) {
         let item = self.frame.item;
         let m = self.view.compare(item.shape.proxy(), pose);
-        let mut cost = 1.0 - m.iou;
+        let mut cost = 1.0 - (1.0 - STRICT) * m.iou - STRICT * m.strict_iou;
         cost += EDGES * self.edge_error(&m);
         if self.use_depth {
             if let Some(d) = m.soft_depth {
@@ -100,25 +104,20 @@ impl Judge<'_> {
         (cost, m)
     }
 
-    /// Mean distance of the outline's free edges to the mask's, relative to the mask's size, at most 1.
+    /// Mean error of the outline's edges, see [`edge_errors`]; over four, so that an object with one free edge is not
+    /// judged by it alone.
     fn edge_error(&self, m: &Match) -> f64 {
-        let Some(outline) = m.outline else { return 1.0 };
-        let b = &self.view.mask_box;
-        let (w, h) = (b.width().max(4.0), b.height().max(4.0));
-        let errors = [
-            (outline.x0 - b.x0).abs() / w,
-            (outline.y0 - b.y0).abs() / h,
-            (outline.x1 - b.x1).abs() / w,
-            (outline.y1 - b.y1).abs() / h,
-        ];
-        let (mut sum, mut n) = (0.0, 0.0);
-        for (e, free) in errors.iter().zip(self.view.free) {
-            if free {
-                sum += e.min(1.0);
-                n += 1.0;
-            }
-        }
-        // The mean over four, so that an object with one free edge is not judged by it alone.
-        if n > 0.0 { sum / 4.0 } else { 0.0 }
+        m.outline.map_or(1.0, |o| edge_errors(self.view, &o).iter().map(|e| e.min(1.0)).sum::<f64>() / 4.0)
     }
+}
+
+/// Distance of each edge of an outline to the mask's, relative to the mask's size: left, top, right, bottom.
+///
+/// Where the mask is cut, the outline may go on beyond it, but must reach it.
+pub(crate) fn edge_errors(view: &View, outline: &PixelBox) -> [f64; 4] {
+    let b = &view.mask_box;
+    let (w, h) = (b.width().max(4.0), b.height().max(4.0));
+    // Positive where the outline reaches beyond the mask.
+    let beyond = [(b.x0 - outline.x0) / w, (b.y0 - outline.y0) / h, (outline.x1 - b.x1) / w, (outline.y1 - b.y1) / h];
+    std::array::from_fn(|i| if view.free[i] { beyond[i].abs() } else { (-beyond[i]).max(0.0) })
 }

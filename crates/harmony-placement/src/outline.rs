@@ -3,7 +3,7 @@
 use harmony_scene::Pose;
 
 use crate::anchoring::{Frame, Parameters};
-use crate::cost::size_deviations;
+use crate::cost::{edge_errors, size_deviations};
 use crate::optimise::nelder_mead;
 use crate::view::{View, outline_of};
 
@@ -12,6 +12,9 @@ const EVALUATIONS: usize = 140;
 
 /// Cost of one sigma of size against one squared relative edge error.
 const SIZE: f64 = 0.01;
+
+/// Cost of one first step away from the start.
+const TETHER: f64 = 1e-3;
 
 /// Moves and scales an object until its outline meets the mask's free edges, its size staying near the prior.
 ///
@@ -30,18 +33,17 @@ pub(crate) fn fit(frame: &Frame, view: &View, pose: &Pose, size_sigma: f64) -> O
         }
         frame.pose(&numbers)
     };
-    let b = &view.mask_box;
-    let (w, h) = (b.width().max(4.0), b.height().max(4.0));
+    let start: Vec<f64> = free.iter().map(|(i, _)| origin[*i]).collect();
+    let steps: Vec<f64> = free.iter().map(|(i, s)| if *i < 2 { 4.0 * s } else { 2.0 * s }).collect();
     let cost = |x: &[f64]| {
         let pose = pose_of(x);
         let points = frame.item.shape.hulls().iter().flatten().copied();
         let Some(o) = outline_of(&frame.scene.camera, points, &pose) else { return 10.0 };
-        let errors = [(o.x0 - b.x0) / w, (o.y0 - b.y0) / h, (o.x1 - b.x1) / w, (o.y1 - b.y1) / h];
-        let edges: f64 = errors.iter().zip(view.free).filter(|(_, f)| *f).map(|(e, _)| e * e).sum();
+        let edges: f64 = edge_errors(view, &o).iter().map(|e| e * e).sum();
+        // What no edge decides stays where the start was.
+        let moved: f64 = (0..x.len().min(2)).map(|i| ((x[i] - start[i]) / steps[i]).powi(2)).sum();
         let sizes: f64 = size_deviations(frame.item, &pose).iter().map(|d| (d / size_sigma.max(1e-3)).powi(2)).sum();
-        edges + SIZE * sizes
+        edges + SIZE * sizes + TETHER * moved
     };
-    let start: Vec<f64> = free.iter().map(|(i, _)| origin[*i]).collect();
-    let steps: Vec<f64> = free.iter().map(|(i, s)| if *i < 2 { 4.0 * s } else { 2.0 * s }).collect();
     Some(pose_of(&nelder_mead(&start, &steps, EVALUATIONS, 0.01, cost).at))
 }

@@ -20,10 +20,10 @@ fn found_against_true() {
     let wanted = std::env::var("HARMONY_OBJECT").ok();
     let kind = if std::env::var_os("HARMONY_DENSE").is_some() { PointMapKind::Metric } else { PointMapKind::RoomBox };
     let Some(gt) = GtRoom::load(&name) else { return };
-    let mut scene = gt.scene(Some(kind));
+    let mut scene = gt.scene(Some(kind), &Noise::default());
     let settings = PlacementSettings::default();
     for level in Level::ALL {
-        let mut items = gt.items(level, &Noise { size: 0.15, seed: 7 });
+        let mut items = gt.items(level, &Noise { size: 0.15, seed: 7, ..Noise::default() });
         scene.upcoming = gt.upcoming(level);
         if let Some(i) = items.iter().position(|i| wanted.as_deref() == Some(i.id.as_str())) {
             let item = Arc::new(items.swap_remove(i));
@@ -79,10 +79,10 @@ fn found_against_true() {
 fn collisions_of_the_truth() {
     for name in room::names().unwrap_or_default() {
         let gt = GtRoom::load(&name).unwrap();
-        let mut scene = gt.scene(None);
+        let mut scene = gt.scene(None, &Noise::default());
         let settings = PlacementSettings::default();
         for level in Level::ALL {
-            for item in gt.items(level, &Noise { size: 0.0, seed: 7 }) {
+            for item in gt.items(level, &Noise::default()) {
                 let truth = gt.truth(item.id.as_str()).unwrap();
                 let pose = Pose::new(truth.position(), truth.yaw(), 1.0);
                 let support = match (&item.relations.on_top_of, level) {

@@ -66,8 +66,6 @@ pub(crate) struct Match {
     pub(crate) depth_residual: Option<f64>,
     /// Share of the mask that has depth to compare with.
     pub(crate) depth_share: f64,
-    /// Share of the silhouette that the mask shows.
-    pub(crate) visible_share: f64,
 }
 
 /// The mask of another object.
@@ -169,13 +167,11 @@ impl View {
     pub(crate) fn compare(&self, mesh: &Mesh, pose: &Pose) -> Match {
         let depth = self.draw(mesh, pose);
         let (mut both, mut union, mut strict_both, mut strict_union) = (0.0, self.mask_count, 0.0, self.mask_count);
-        let mut drawn = 0.0;
         let mut differences: Vec<f32> = Vec::new();
         for (i, z) in depth.iter().copied().enumerate() {
             if z <= 0.0 {
                 continue;
             }
-            drawn += 1.0;
             let s = self.scene[i];
             let behind = s > 0.0 && z > s + HIDING_TOLERANCE;
             if self.mask[i] {
@@ -208,7 +204,6 @@ impl View {
             strict_iou: strict_both / strict_union,
             outline: outline_of(&self.full, mesh.positions.iter().map(|p| p.as_dvec3()), pose),
             depth_share: differences.len() as f64 / self.mask_count,
-            visible_share: if drawn > 0.0 { both / drawn } else { 0.0 },
             ..Match::default()
         };
         if differences.len() >= 4 {
@@ -355,34 +350,39 @@ fn free_edges(mask: &Mask, b: &PixelBox, neighbours: &[Neighbour]) -> [bool; 4] 
     if !neighbours.iter().any(|n| n.may_hide) {
         return free;
     }
-    // Of the mask's pixels within this band of an edge, the share with a hiding neighbour just outside decides.
-    let band = |extent: f64| (extent * 0.02).clamp(1.0, 6.0) as i64;
-    for (edge, free) in free.iter_mut().enumerate() {
-        if !*free {
-            continue;
-        }
-        let horizontal = edge % 2 == 0;
-        let depth = band(if horizontal { b.width() } else { b.height() });
-        let (dx, dy) = [(-1, 0), (0, -1), (1, 0), (0, 1)][edge];
-        let (mut seen, mut cut) = (0, 0);
-        let (x0, x1, y0, y1) = (b.x0 as i64, b.x1 as i64, b.y0 as i64, b.y1 as i64);
-        let (xs, ys) = match edge {
-            0 => (x0..(x0 + depth).min(x1), y0..y1),
-            1 => (x0..x1, y0..(y0 + depth).min(y1)),
-            2 => ((x1 - depth).max(x0)..x1, y0..y1),
-            _ => (x0..x1, (y1 - depth).max(y0)..y1),
-        };
-        for y in ys {
-            for x in xs.clone() {
-                // Boundary pixels on that side only.
-                if mask.get(x, y) && !mask.get(x + dx, y + dy) {
-                    seen += 1;
-                    let touches = (1..=4).any(|k| hiding(neighbours, x + k * dx, y + k * dy));
-                    cut += i32::from(touches);
-                }
-            }
-        }
-        *free = seen > 0 && cut * 5 < seen * 2;
+    for (edge, free) in free.iter_mut().enumerate().filter(|(_, f)| **f) {
+        let (all, extreme) = side(mask, b, neighbours, edge);
+        // Hidden along most of its side, or where it would end.
+        *free = all < 0.5 && extreme < 0.4;
     }
     free
+}
+
+/// Shares of an edge's outermost pixels that have a hiding neighbour just outside: of the whole side, and of the
+/// band in which the edge of the box was measured.
+fn side(mask: &Mask, b: &PixelBox, neighbours: &[Neighbour], edge: usize) -> (f64, f64) {
+    let (x0, x1, y0, y1) = (b.x0 as i64, b.x1 as i64, b.y0 as i64, b.y1 as i64);
+    let across = if edge % 2 == 0 { b.width() } else { b.height() };
+    let band = (across * 0.02).clamp(1.0, 6.0) as i64;
+    let (dx, dy) = [(-1, 0), (0, -1), (1, 0), (0, 1)][edge];
+    let lines = if edge % 2 == 0 { y0..y1 } else { x0..x1 };
+    let (mut all, mut all_cut, mut near, mut near_cut) = (0.0, 0.0, 0.0, 0.0);
+    for line in lines {
+        let outermost = match edge {
+            0 => (x0..x1).find(|x| mask.get(*x, line)).map(|x| (x, line, x - x0)),
+            1 => (y0..y1).find(|y| mask.get(line, *y)).map(|y| (line, y, y - y0)),
+            2 => (x0..x1).rev().find(|x| mask.get(*x, line)).map(|x| (x, line, x1 - 1 - x)),
+            _ => (y0..y1).rev().find(|y| mask.get(line, *y)).map(|y| (line, y, y1 - 1 - y)),
+        };
+        let Some((x, y, inset)) = outermost else { continue };
+        let cut = f64::from(u8::from((1..=4).any(|k| hiding(neighbours, x + k * dx, y + k * dy))));
+        all += 1.0;
+        all_cut += cut;
+        if inset < band {
+            near += 1.0;
+            near_cut += cut;
+        }
+    }
+    let share = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 1.0 };
+    (share(all_cut, all), share(near_cut, near))
 }

@@ -18,10 +18,23 @@ const SLAB: f64 = 0.03;
 /// Objects with fewer visible pixels are not asked for.
 const FEWEST_PIXELS: u64 = 200;
 
-/// How far the given sizes are off.
+/// How far what is given is off.
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Noise {
-    /// Largest relative error of a side.
+    /// Largest relative error of a side of the prior size.
     pub size: f64,
+    /// Largest relative error of a side of the mesh: its proportions are wrong.
+    pub mesh: f64,
+    /// Whether placement may correct proportions.
+    pub may_stretch: bool,
+    /// Masks are grown or shrunk by up to this many pixels.
+    pub mask_px: f64,
+    /// Pitch error of the camera, radians.
+    pub pitch: f64,
+    /// Relative error of its focal length.
+    pub focal: f64,
+    /// Relative error of the depths.
+    pub depth: f64,
     /// Seed.
     pub seed: u64,
 }
@@ -161,14 +174,20 @@ impl GtRoom {
     }
 
     /// The empty scene with the point map of a kind.
-    pub fn scene(&self, kind: Option<PointMapKind>) -> PartialScene {
+    pub fn scene(&self, kind: Option<PointMapKind>, noise_of: &Noise) -> PartialScene {
+        let mut camera = self.camera;
+        camera.intrinsics.fx *= 1.0 + noise_of.focal;
+        camera.intrinsics.fy *= 1.0 + noise_of.focal;
+        camera.rotation = Mat3::from_rotation_x(noise_of.pitch) * camera.rotation;
+        camera.translation = -(camera.rotation * self.camera.centre());
         let points = kind.map(|kind| {
-            let map = PointMap::from_depth(kind, self.camera.size, self.camera.intrinsics, &self.depth);
-            let rotation = self.camera.rotation.transpose();
-            let room_from_points = Similarity { scale: 1.0, rotation, translation: self.camera.centre() };
+            let depth: Vec<f32> = self.depth.iter().map(|z| z * (1.0 + noise_of.depth) as f32).collect();
+            let map = PointMap::from_depth(kind, camera.size, camera.intrinsics, &depth);
+            let rotation = camera.rotation.transpose();
+            let room_from_points = Similarity { scale: 1.0, rotation, translation: camera.centre() };
             RoomPoints::new(&map, &room_from_points)
         });
-        PartialScene::new(self.room.clone(), self.camera, points, None)
+        PartialScene::new(self.room.clone(), camera, points, None)
     }
 
     fn mask(&self, index: u32) -> Mask {
@@ -203,14 +222,21 @@ impl GtRoom {
                 // What a model that picks one of four panels can know.
                 let quarter = std::f64::consts::FRAC_PI_2;
                 let yaw = if turns { YawHint::About((o.yaw / quarter).round() * quarter) } else { YawHint::Unknown };
+                let grow = (noise_of.mask_px * noise(noise_of.seed, &o.id, 11)).round() as i32;
+                let wrong = |i: u64| 1.0 + noise_of.mesh * noise(noise_of.seed, &o.id, 20 + i);
+                let mut mesh = Arc::clone(&o.mesh);
+                if noise_of.mesh > 0.0 {
+                    let by = glam::DVec3::new(wrong(0), wrong(1), wrong(2)).as_vec3();
+                    Arc::make_mut(&mut mesh).map(|p| p * by, |n| n / by);
+                }
                 Item {
                     id: ObjectId::new(&o.id).unwrap(),
                     index: o.index,
                     level: o.level,
                     label: o.label.clone(),
-                    shape: Arc::new(Shape::from_parts(Arc::clone(&o.mesh), &convex_parts(&o.mesh))),
+                    shape: Arc::new(Shape::from_parts(Arc::clone(&mesh), &convex_parts(&mesh))),
                     size: Size::from_vec(size),
-                    mask: self.mask(o.index),
+                    mask: self.mask(o.index).dilated(grow),
                     occluders: None,
                     relations: o.relations.clone(),
                     placement: Placement::default(),
@@ -220,6 +246,7 @@ impl GtRoom {
                         soft: o.label.contains("teddy"),
                         planar: o.planar,
                         hangs: o.level == Level::Ceiling || o.label.contains("curtain"),
+                        may_stretch: noise_of.may_stretch,
                         ..Traits::default()
                     },
                     yaw,
