@@ -143,7 +143,7 @@ impl<'a> Face<'a> {
     /// The four sides of a hole, from the face outward, a door's threshold among them.
     fn reveals(&mut self, hole: &Rect, depth: f64) {
         // NaN makes no reveals either.
-        if !(depth > 0.0) {
+        if depth.is_nan() || depth <= 0.0 {
             return;
         }
         let outward = -self.surface.normal() * depth;

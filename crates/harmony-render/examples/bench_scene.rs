@@ -174,10 +174,10 @@ fn write_scene(folder: &Path, objects: &[Placed], camera: &Camera) -> Result<(),
     let (rotation, centre) = (camera.rotation.transpose(), camera.centre());
     writeln!(text, "{}", numbers(rotation.to_cols_array().iter().chain(&centre.to_array())))?;
     for (i, o) in objects.iter().enumerate() {
-        let flat = |v: &[Vec3]| v.iter().flat_map(|p| p.to_array()).collect::<Vec<f32>>();
+        let flat = |v: &[Vec3]| v.iter().flat_map(Vec3::to_array).collect::<Vec<f32>>();
         write_vectors(&folder.join(format!("{i}.positions")), flat(&o.mesh.positions).into_iter())?;
         write_vectors(&folder.join(format!("{i}.normals")), flat(&o.mesh.normals).into_iter())?;
-        write_vectors(&folder.join(format!("{i}.uvs")), o.mesh.uvs.iter().flat_map(|t| t.to_array()))?;
+        write_vectors(&folder.join(format!("{i}.uvs")), o.mesh.uvs.iter().flat_map(Vec2::to_array))?;
         let indices: Vec<u8> = o.mesh.triangles().flatten().flat_map(u32::to_le_bytes).collect();
         fs::write(folder.join(format!("{i}.indices")), indices)?;
         if let Some(texture) = &o.mesh.materials[0].texture {

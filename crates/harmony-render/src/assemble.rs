@@ -146,7 +146,11 @@ impl<'b> Output<'b> {
         Self { x: range(w.x0, w.size.width), y: range(w.y0, w.size.height), layout, bands }
     }
 
-    #[inline(always)] // called once for each triangle of the scene, from one hot place
+    #[expect(
+        clippy::inline_always,
+        reason = "runs for each triangle of the scene, from one hot place: 10 % of a frame"
+    )]
+    #[inline(always)]
     fn add(&mut self, v: [Projected; 3], faces: Faces, triangle: u32) {
         let [a, b, c] = v;
         let spread = self.layout.spread;

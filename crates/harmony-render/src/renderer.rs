@@ -1,7 +1,7 @@
 //! The rasteriser's front door.
 
 use std::fmt;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{LazyLock, Mutex, PoisonError};
 
 use harmony_scene::{Camera, PixelBox};
 use image::RgbaImage;
@@ -16,7 +16,8 @@ use crate::{DepthFrame, Frame, Instance, RenderOptions, Window, WindowFrame};
 
 /// Draws frames, and keeps the texture pyramids and buffers that the next frame needs again.
 ///
-/// One value can be shared by threads. Textures are recognised by their `Arc`; drop the renderer to free them.
+/// One value can be shared by threads. Textures are recognised by their `Arc`, and let go at the end of a pass when
+/// nobody else holds them.
 #[derive(Default)]
 pub struct Renderer {
     textures: MipCache,
@@ -131,7 +132,7 @@ impl Renderer {
                 mine().for_each(|p| band.draw(draw, p));
                 if let Some(options) = &options {
                     if multisample {
-                        resolve::multisampled(draw, options, x0, y0, width, mine(), color);
+                        resolve::multisampled(draw, options, x0, y0, width, &mine(), color);
                     } else {
                         resolve::single(draw, options, &band, color);
                     }
@@ -173,24 +174,31 @@ impl Scratch {
     }
 }
 
-/// [`Renderer::render`] with nothing cached.
-pub fn render(camera: &Camera, instances: &[Instance], options: &RenderOptions) -> Frame {
-    Renderer::new().render(camera, instances, options)
+/// The renderer behind the free functions: buffers and texture pyramids carry over between calls anywhere in the
+/// process; textures that nobody holds any more are forgotten at the end of each call.
+fn shared() -> &'static Renderer {
+    static SHARED: LazyLock<Renderer> = LazyLock::new(Renderer::new);
+    &SHARED
 }
 
-/// [`Renderer::render_window`] with nothing cached.
+/// [`Renderer::render`] of a renderer that the whole process shares.
+pub fn render(camera: &Camera, instances: &[Instance], options: &RenderOptions) -> Frame {
+    shared().render(camera, instances, options)
+}
+
+/// [`Renderer::render_window`] of a renderer that the whole process shares.
 pub fn render_window(
     camera: &Camera,
     instances: &[Instance],
     options: &RenderOptions,
     window: PixelBox,
 ) -> WindowFrame {
-    Renderer::new().render_window(camera, instances, options, window)
+    shared().render_window(camera, instances, options, window)
 }
 
-/// [`Renderer::render_depth_ids`] with nothing cached.
+/// [`Renderer::render_depth_ids`] of a renderer that the whole process shares.
 pub fn render_depth_ids(camera: &Camera, instances: &[Instance], options: &RenderOptions) -> DepthFrame {
-    Renderer::new().render_depth_ids(camera, instances, options)
+    shared().render_depth_ids(camera, instances, options)
 }
 
 /// The box of the image that an instance can touch, cut to the image, or `None` when it is not in view.
@@ -202,7 +210,7 @@ pub fn projected_window(camera: &Camera, instance: &Instance, near: f64) -> Opti
     for p in &instance.mesh.positions {
         let room = instance.linear * p.as_dvec3() + instance.translation;
         let c = camera.to_camera(room);
-        if !(c.z >= near) {
+        if c.z.is_nan() || c.z < near {
             behind = true;
             continue;
         }

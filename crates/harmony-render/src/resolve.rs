@@ -91,7 +91,7 @@ pub(crate) fn multisampled<'p>(
     x0: i32,
     y0: i32,
     width: usize,
-    pieces: impl Iterator<Item = &'p [Piece]> + Clone,
+    pieces: &(impl Iterator<Item = &'p [Piece]> + Clone),
     color: &mut [u8],
 ) {
     let n = color.len() / 4;

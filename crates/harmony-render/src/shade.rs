@@ -137,8 +137,9 @@ impl Meeting {
         let size = Vec2::new(w, h);
         let (x2, y2) = ((self.uv_dx * size).length_squared(), (self.uv_dy * size).length_squared());
         let (longest, shortest) = (x2.max(y2), x2.min(y2));
+        let long = longest > 4.0 * shortest.max(1.0);
         // Twice as long as wide is left to one probe.
-        if most <= 1 || !(longest > 4.0 * shortest.max(1.0)) {
+        if most <= 1 || !long {
             return texture.sample(self.uv.x, self.uv.y, longest);
         }
         let probes = ((longest / shortest.max(1.0)).sqrt() as u32 + 1).min(most);

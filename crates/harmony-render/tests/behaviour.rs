@@ -273,7 +273,7 @@ fn four_samples_measure_partial_coverage_and_leave_depth_and_ids_alone() {
             .map(|c| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) })
             .sum()
     };
-    let want = (0.3 - 3.0 / 24.0 + 1.0) / 2.0 * 10_000.0;
+    let want = (0.3 - 3.0 / 24.0 + 1.0) * 5_000.0;
     assert!((linear(&four) - want).abs() <= 12.0, "{} for {want}", linear(&four));
     let levels: std::collections::BTreeSet<u8> = four.color.pixels().map(|p| p[0]).collect();
     assert_eq!(levels.len(), 5, "0 to 4 of 4 samples: {levels:?}");
