@@ -1,8 +1,18 @@
 //! Cleaning and orienting meshes that came from elsewhere.
 
-use glam::DMat3;
+use std::collections::HashMap;
 
-use crate::Mesh;
+use glam::{DMat3, DVec3, Vec2, Vec3};
+use meshopt::{SimplifyOptions, VertexDataAdapter};
+
+use crate::{Group, Material, Mesh};
+
+/// Positions closer than this share of the mesh's diagonal are the same.
+const WELD: f32 = 1e-6;
+/// Triangles with a height below this share of the mesh's diagonal have no area.
+const FLAT: f32 = 1e-7;
+/// Largest error of the simplification, as a share of the mesh's extent.
+const MAX_ERROR: f32 = 0.05;
 
 /// What [`clean`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -18,10 +28,111 @@ pub struct CleanReport {
 }
 
 /// Drops broken, degenerate and unused geometry, welds equal vertices, and simplifies to at most `max_triangles`.
+///
+/// Simplification: edge collapses by quadric error (Garland and Heckbert 1997, as in meshoptimizer), borders and
+/// texture seams kept; when these keep it above the budget, without regard to topology. Missing normals and texture
+/// coordinates are made up. The result may be empty; [`Mesh::check`] tells.
 pub fn clean(mesh: &Mesh, max_triangles: usize) -> (Mesh, CleanReport) {
-    let _ = max_triangles;
-    let n = mesh.triangle_count();
-    (mesh.clone(), CleanReport { triangles_in: n, triangles_out: n, ..CleanReport::default() })
+    let mut report = CleanReport { triangles_in: mesh.triangle_count(), ..CleanReport::default() };
+    let count = mesh.positions.len();
+    let finite = |i: u32| mesh.positions.get(i as usize).is_some_and(|p| p.is_finite() && p.abs().max_element() < 1e9);
+    let used = mesh.triangles().filter(|t| t.iter().all(|i| finite(*i))).flatten().map(|i| mesh.positions[i as usize]);
+    let (lo, hi) = used.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
+    let diagonal = if lo.is_finite() { (hi - lo).length() } else { 0.0 };
+    let normals_known = mesh.normals.len() == count;
+    let uvs_known = mesh.uvs.len() == count;
+
+    let mut out = Mesh { materials: mesh.materials.clone(), ..Mesh::default() };
+    if out.materials.is_empty() {
+        out.materials.push(Material::plain("body", [0.5; 3]));
+    }
+    let mut weld: HashMap<([i64; 3], [i32; 3], [i32; 2]), u32> = HashMap::new();
+    let step = (diagonal * WELD).max(f32::MIN_POSITIVE);
+    for group in &mesh.groups {
+        let mut triangles = Vec::with_capacity(group.triangles.len());
+        for t in &group.triangles {
+            if !t.iter().all(|i| finite(*i)) {
+                continue;
+            }
+            let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
+            let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+            let height = (b - a).cross(c - a).length() / longest.max(f32::MIN_POSITIVE);
+            if !(height > diagonal * FLAT) {
+                continue;
+            }
+            let face = (b - a).cross(c - a).normalize_or(Vec3::Y);
+            let corner = |i: u32| {
+                let k = i as usize;
+                let normal = if normals_known { mesh.normals[k].normalize_or(face) } else { Vec3::ZERO };
+                let uv = if uvs_known && mesh.uvs[k].is_finite() { mesh.uvs[k] } else { Vec2::ZERO };
+                (mesh.positions[k], if normal.is_finite() { normal } else { face }, uv)
+            };
+            let welded = t.map(|i| {
+                let (p, n, uv) = corner(i);
+                let key = (
+                    ((p - lo) / step).to_array().map(|v| v.round() as i64),
+                    (n * 100.0).to_array().map(|v| v.round() as i32),
+                    (uv * 16_384.0).to_array().map(|v| v.round() as i32),
+                );
+                *weld.entry(key).or_insert_with(|| {
+                    out.positions.push(p);
+                    out.normals.push(n);
+                    out.uvs.push(uv);
+                    (out.positions.len() - 1) as u32
+                })
+            });
+            if welded[0] != welded[1] && welded[1] != welded[2] && welded[2] != welded[0] {
+                triangles.push(welded);
+            }
+        }
+        let material = if group.material < out.materials.len() { group.material } else { 0 };
+        out.groups.push(Group { material, triangles });
+    }
+    report.dropped = report.triangles_in - out.triangle_count();
+    if out.triangle_count() > max_triangles {
+        simplify(&mut out, max_triangles);
+    }
+    out.groups.retain(|g| !g.triangles.is_empty());
+    compact(&mut out);
+    if !normals_known {
+        out.recompute_normals();
+    }
+    report.vertices_removed = count.saturating_sub(out.positions.len());
+    report.triangles_out = out.triangle_count();
+    (out, report)
+}
+
+fn simplify(mesh: &mut Mesh, max_triangles: usize) {
+    let share = max_triangles as f64 / mesh.triangle_count().max(1) as f64;
+    let bytes = meshopt::typed_to_bytes(&mesh.positions);
+    let Ok(vertices) = VertexDataAdapter::new(bytes, size_of::<Vec3>(), 0) else { return };
+    for group in &mut mesh.groups {
+        let indices: Vec<u32> = group.triangles.iter().flatten().copied().collect();
+        let target = ((indices.len() / 3) as f64 * share).floor() as usize * 3;
+        let mut reduced = meshopt::simplify(&indices, &vertices, target, MAX_ERROR, SimplifyOptions::empty(), None);
+        if reduced.len() > target {
+            reduced = meshopt::simplify_sloppy(&reduced, &vertices, target, 1.0, None);
+        }
+        reduced.truncate(target);
+        group.triangles = reduced.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+    }
+}
+
+/// Leaves out vertices that no triangle uses.
+fn compact(mesh: &mut Mesh) {
+    let mut new_index = vec![u32::MAX; mesh.positions.len()];
+    let (mut positions, mut normals, mut uvs) = (Vec::new(), Vec::new(), Vec::new());
+    for i in mesh.groups.iter_mut().flat_map(|g| &mut g.triangles).flatten() {
+        let k = *i as usize;
+        if new_index[k] == u32::MAX {
+            new_index[k] = positions.len() as u32;
+            positions.push(mesh.positions[k]);
+            normals.push(mesh.normals[k]);
+            uvs.push(mesh.uvs[k]);
+        }
+        *i = new_index[k];
+    }
+    (mesh.positions, mesh.normals, mesh.uvs) = (positions, normals, uvs);
 }
 
 /// Turns the mesh by `canonical_from_mesh`, then centres it in x and z with its bottom at y = 0.
@@ -30,7 +141,68 @@ pub fn canonicalise(mesh: &mut Mesh, canonical_from_mesh: DMat3) {
     mesh.map(|p| r * p, |n| r * n);
     if let Some(b) = mesh.bounds() {
         let c = b.centre();
-        let shift = glam::DVec3::new(c.x, b.min.y, c.z).as_vec3();
+        let shift = DVec3::new(c.x, b.min.y, c.z).as_vec3();
         mesh.map(|p| p - shift, |n| n);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::Size;
+
+    use super::*;
+    use crate::{PartModel, TemplateParams, template};
+
+    fn ball() -> Mesh {
+        let json = r#"{"parts":[{"shape":"sphere"}]}"#;
+        PartModel::from_json(json).unwrap().build(Size { width: 1.0, height: 1.0, depth: 1.0 }).unwrap().mesh
+    }
+
+    #[test]
+    fn broken_geometry_goes_and_the_rest_stays() {
+        let mut mesh = ball();
+        let good = mesh.triangle_count();
+        let n = mesh.positions.len() as u32;
+        mesh.positions.extend([Vec3::new(f32::NAN, 0.0, 0.0), Vec3::X, Vec3::splat(0.1)]);
+        mesh.normals.extend([Vec3::Y; 3]);
+        mesh.uvs.extend([Vec2::ZERO; 3]);
+        mesh.groups[0].triangles.extend([[0, 1, n], [0, 1, 99_999], [2, 2, 3], [0, 1, 1]]);
+        mesh.groups.push(Group { material: 77, triangles: vec![[0, n + 1, n + 2]] });
+        let (cleaned, report) = clean(&mesh, 1_000_000);
+        cleaned.check().unwrap();
+        assert_eq!(report.dropped, 4);
+        assert_eq!(cleaned.triangle_count(), good + 1);
+        assert!(clean(&Mesh::default(), 100).0.check().is_err());
+    }
+
+    #[test]
+    fn a_budget_is_kept_and_the_shape_too() {
+        let size = Size { width: 2.0, height: 0.9, depth: 0.9 };
+        let sofa = template("sofa", &TemplateParams::default(), size).build(size).unwrap().mesh;
+        // the small budget costs the sofa its feet
+        for (budget, tolerance) in [(1500, 0.1), (400, 0.2)] {
+            let (small, report) = clean(&sofa, budget);
+            small.check().unwrap();
+            assert!(report.triangles_out <= budget && report.triangles_out > budget / 3, "{report:?}");
+            let (a, b) = (sofa.bounds().unwrap(), small.bounds().unwrap());
+            assert!((a.size() - b.size()).abs().max_element() < tolerance, "{a:?} {b:?}");
+        }
+        let ball = ball();
+        let (small, _) = clean(&ball, ball.triangle_count() / 4);
+        for t in small.triangles() {
+            let middle = t.map(|i| small.positions[i as usize]).into_iter().sum::<Vec3>() / 3.0;
+            let r = middle.distance(Vec3::new(0.0, 0.5, 0.0));
+            assert!((0.4..=0.51).contains(&r), "{r}");
+        }
+    }
+
+    #[test]
+    fn canonical_meshes_stand_on_the_floor_in_the_middle() {
+        let mut mesh = ball();
+        mesh.map(|p| p * Vec3::new(1.0, 2.0, 0.5) + Vec3::new(3.0, -4.0, 5.0), |n| n);
+        canonicalise(&mut mesh, DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2));
+        let b = mesh.bounds().unwrap();
+        assert!(b.min.y.abs() < 1e-5 && b.centre().x.abs() < 1e-5 && b.centre().z.abs() < 1e-5, "{b:?}");
+        assert!((b.size() - DVec3::new(1.0, 0.5, 2.0)).abs().max_element() < 1e-4, "{b:?}");
     }
 }

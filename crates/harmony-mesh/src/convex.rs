@@ -99,3 +99,44 @@ fn farthest(points: &[DVec3], direction: DVec3, out: &mut Vec<usize>) {
         out.push(i);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::Size;
+
+    use super::*;
+    use crate::PartModel;
+
+    #[test]
+    fn a_table_keeps_the_room_below_it_free() {
+        let json = r#"{"parts":[{"shape":"box","from":[0,0.9,0],"to":[1,1,1]},
+            {"shape":"box","from":[0,0,0],"to":[0.08,0.92,0.08],"mirror":"xz"}]}"#;
+        let size = Size { width: 1.2, height: 0.75, depth: 0.8 };
+        let mesh = PartModel::from_json(json).unwrap().build(size).unwrap().mesh;
+        let parts = convex_parts(&mesh);
+        assert!((2..=MAX_PIECES).contains(&parts.len()), "{}", parts.len());
+        let middle = Vec3::new(0.0, 0.35, 0.0);
+        for part in &parts {
+            assert!((4..=MAX_HULL_POINTS).contains(&part.points.len()));
+            // some direction separates the piece from the middle of the room under the top
+            let free = (0..200).any(|k| {
+                let a = k as f32 * 2.399_963;
+                let y = 1.0 - k as f32 / 100.0;
+                let r = (1.0 - y * y).max(0.0).sqrt();
+                let d = Vec3::new(r * a.cos(), y, r * a.sin());
+                part.points.iter().all(|p| (*p - middle).dot(d) > 0.05)
+            });
+            assert!(free, "{part:?}");
+        }
+    }
+
+    #[test]
+    fn flat_and_broken_meshes_get_a_box() {
+        let mut mesh = Mesh { positions: vec![Vec3::ZERO, Vec3::X, Vec3::Z], ..Mesh::default() };
+        assert!(convex_parts(&mesh).is_empty());
+        mesh.groups.push(crate::Group { material: 0, triangles: vec![[0, 1, 2], [0, 1, 9]] });
+        let parts = convex_parts(&mesh);
+        assert_eq!(parts.len(), 1);
+        assert_eq!(parts[0].points.len(), 8);
+    }
+}

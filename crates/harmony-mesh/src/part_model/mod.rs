@@ -216,7 +216,8 @@ pub struct Part {
     /// Axis of cylinder, lathe, extrusion and bent board.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<Axis>,
-    /// Radius at the far end relative to the near end of a cylinder (0: a cone; > 1: widens).
+    /// Radius at the far end relative to the near end of a cylinder (0: a cone; > 1: widens); height of a bent
+    /// board's ends relative to its middle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub top: Option<f64>,
     /// Number of flat sides of a cylinder (3 to 64); left out it is round.

@@ -69,10 +69,10 @@ pub(super) fn sofa(m: &mut Maker, p: &TemplateParams) {
     if left > 0.0 {
         arm_piece([0.0, arm]).into_iter().for_each(|a| m.add(a));
     }
-    if right > 0.0 && !chaise {
+    if right > 0.0 {
         arm_piece([w - arm, w]).into_iter().for_each(|a| m.add(a));
     }
-    let inner = [left + 0.004, w - if chaise { 0.0 } else { right } - 0.004];
+    let inner = [left + 0.004, w - right - 0.004];
     let seats = p.seats.unwrap_or(((inner[1] - inner[0]) / 0.72).round().max(1.0) as u32).clamp(1, 8);
     let step = (inner[1] - inner[0]) / f64::from(seats);
     let tufted = p.back == Some(BackStyle::Tufted);
@@ -162,14 +162,8 @@ pub(super) fn armchair(m: &mut Maker, p: &TemplateParams) {
     let leg = (0.16 * h).min(0.14);
     let seat = 0.5 * h;
     let shell = 0.1 * w.min(d);
-    let arms = Piece::new(Shape::Back, "body", [0.0, w], [leg * 1.1, h * 0.74], [0.0, d * 0.86]);
-    m.add(arms.bend(215.0).thick(shell, s));
-    // the rim falls from the back to the arms in two steps
-    for (top, half, depth) in [(0.88, 0.47, 0.5), (1.0, 0.4, 0.3)] {
-        let x = [w * (0.5 - half), w * (0.5 + half)];
-        let back = Piece::new(Shape::Back, "body", x, [h * 0.5, h * top], [0.0, d * depth]);
-        m.add(back.bend(if top < 1.0 { 150.0 } else { 110.0 }).thick(shell * 0.98, s).round(0.5 * shell));
-    }
+    let back = Piece::new(Shape::Back, "body", [0.0, w], [leg * 1.1, h], [0.0, d * 0.9]);
+    m.add(back.bend(220.0).top(0.66).thick(shell, s).round(0.5 * shell));
     let base = Piece::new(
         Shape::Cylinder,
         "body",
@@ -238,11 +232,8 @@ pub(super) fn chair(m: &mut Maker, p: &TemplateParams) {
         }
         BackStyle::Tufted => channels(m, "seat", [0.0, w], [seat - thick * 0.4, h], [z0, z0 + 0.09]),
         BackStyle::Curved => {
-            let mid = seat + (h - seat) * 0.55;
-            let low = Piece::new(Shape::Back, "seat", [0.0, w], [seat - thick * 0.3, mid], [0.0, d * 0.6]);
-            m.add(low.bend(170.0).thick(0.045_f64.min(d * 0.2), s));
-            let high = Piece::new(Shape::Back, "seat", [w * 0.04, w * 0.96], [seat, h], [0.0, d * 0.36]);
-            m.add(high.bend(125.0).thick(0.045_f64.min(d * 0.2), s));
+            let shell = Piece::new(Shape::Back, "seat", [0.0, w], [seat - thick * 0.3, h], [0.0, d * 0.62]);
+            m.add(shell.bend(175.0).top(0.5).thick(0.045_f64.min(d * 0.2), s));
         }
         BackStyle::Solid => {
             let shell = Piece::new(Shape::Back, "seat", [0.01, w - 0.01], [seat + 0.06, h], [z0, z0 + d * 0.16]);

@@ -154,6 +154,12 @@ pub(super) fn back(b: &mut SolidBuilder, half: DVec3, part: &Part, whole: &Whole
     let mut angles: Vec<(f64, f64)> = vec![(-alpha, edge), (-alpha * (1.0 - 2.0 * lead), 0.0)];
     angles.extend((1..stations).map(|k| (alpha * (2.0 * k as f64 / stations as f64 - 1.0), 0.0)));
     angles.extend([(alpha * (1.0 - 2.0 * lead), 0.0), (alpha, edge)]);
+    let ends = part.top.unwrap_or(1.0).clamp(0.1, 1.0);
+    // the rim falls towards the ends
+    let level = |a: f64, y: f64| {
+        let t = ((a.abs() / alpha - 0.3) / 0.6).clamp(0.0, 1.0);
+        -hy + (y + hy) * (1.0 - (1.0 - ends) * t * t * (3.0 - 2.0 * t))
+    };
     let place = |i: usize, k: usize| {
         let (a, inset) = angles[i];
         let (p, inward) = curve(a);
@@ -161,7 +167,7 @@ pub(super) fn back(b: &mut SolidBuilder, half: DVec3, part: &Part, whole: &Whole
         let s = s - n * inset.min(hw * 0.9).min(hy * 0.9) * f64::from(u8::from(corner_steps > 0));
         let q = p + inward * (hw + s.x);
         let normal = DVec3::new(inward.x * n.x, n.y, inward.y * n.x);
-        (DVec3::new(q.x, s.y, q.y), normal.normalize_or(DVec3::Y))
+        (DVec3::new(q.x, level(a, s.y), q.y), normal.normalize_or(DVec3::Y))
     };
     let n = loop_points.len();
     if corner_steps == 0 {
@@ -187,9 +193,9 @@ pub(super) fn back(b: &mut SolidBuilder, half: DVec3, part: &Part, whole: &Whole
         let wedge = (0..=4).flat_map(|k| {
             let a = angle(2 * s) + (angle(2 * s + 2) - angle(2 * s)) * f64::from(k) / 4.0;
             let (p, inward) = curve(a);
-            [p, p + inward * thickness]
+            [(a, p), (a, p + inward * thickness)]
         });
-        b.piece(wedge.flat_map(|q| [-hy, hy].map(|y| DVec3::new(q.x, y, q.y))).collect());
+        b.piece(wedge.flat_map(|(a, q)| [-hy, hy].map(|y| DVec3::new(q.x, level(a, y), q.y))).collect());
     }
     // exactly into the box
     b.map_points(|lo, hi, p| {

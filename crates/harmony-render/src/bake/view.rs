@@ -1,0 +1,181 @@
+//! What the photo shows of the mesh.
+
+use glam::{DMat3, DVec2, DVec3, Vec3};
+use harmony_mesh::{Group, Mesh};
+use harmony_scene::{Camera, Mask, Pose};
+use image::RgbImage;
+
+use super::BakeOptions;
+use super::texels::Texel;
+use crate::{Instance, RenderOptions, render_depth_ids};
+
+/// Most samples along one side of a texel.
+const MAX_SAMPLES: f64 = 4.0;
+
+/// The mesh posed before the camera, with the photo.
+pub(super) struct View<'a> {
+    camera: &'a Camera,
+    photo: &'a RgbImage,
+    pose: Pose,
+    linear: DMat3,
+    normal_map: DMat3,
+    eye: DVec3,
+    /// Pixels whose colours are surely the object's.
+    safe: Mask,
+    /// Planar depth of the mesh, metres; 0 where it is not.
+    depth: Vec<f32>,
+    /// Material index plus one.
+    slots: Vec<u32>,
+    min_cosine: f64,
+}
+
+impl<'a> View<'a> {
+    /// `None` when photo, mask and camera do not belong together or the pose is degenerate.
+    pub fn new(
+        mesh: &Mesh,
+        pose: &Pose,
+        camera: &'a Camera,
+        photo: &'a RgbImage,
+        visible: &Mask,
+        options: &BakeOptions,
+    ) -> Option<Self> {
+        let size = camera.size;
+        let linear = pose.linear();
+        let sound = linear.determinant().abs() > 1e-12 && linear.is_finite() && pose.position.is_finite();
+        if photo.dimensions() != (size.width, size.height) || visible.size() != size || !sound {
+            return None;
+        }
+        // each slot is an instance, so that the ids tell which slot is in front
+        let pieces: Vec<Mesh> = mesh
+            .groups
+            .iter()
+            .map(|g| Mesh { groups: vec![Group { material: 0, triangles: g.triangles.clone() }], ..mesh.clone() })
+            .collect();
+        let instances: Vec<Instance> = pieces
+            .iter()
+            .zip(&mesh.groups)
+            .map(|(piece, g)| Instance::posed(piece, pose, g.material as u32 + 1))
+            .collect();
+        let frame = render_depth_ids(camera, &instances, &RenderOptions::default());
+        if frame.depth.len() != size.pixels() {
+            return None;
+        }
+        Some(Self {
+            camera,
+            photo,
+            pose: *pose,
+            linear,
+            normal_map: linear.inverse().transpose(),
+            eye: camera.centre(),
+            safe: shrunk(visible, options.erode_px.clamp(0, 64)),
+            depth: frame.depth,
+            slots: frame.ids,
+            min_cosine: options.min_cosine,
+        })
+    }
+
+    /// Photo colour (sRGB, 0 to 255) of a texel's surface point after reflection, with the cosine under which it is
+    /// seen; `None` where it is hidden, turned away, or off the object's pixels.
+    pub fn color(&self, texel: &Texel, mirror: [f32; 3]) -> Option<([f32; 3], f64)> {
+        let flip = Vec3::from_array(mirror);
+        let point = self.pose.position + self.linear * (texel.point * flip).as_dvec3();
+        let normal = (self.normal_map * (texel.normal * flip).as_dvec3()).try_normalize()?;
+        let cosine = normal.dot((self.eye - point).try_normalize()?);
+        if cosine < self.min_cosine {
+            return None;
+        }
+        let pixel = self.camera.project(point).filter(|p| self.camera.contains(*p))?;
+        let depth = self.camera.depth(point);
+        // within a pixel a slanted surface changes depth by this much
+        let slope = depth / self.camera.intrinsics.fx * (1.0 - cosine * cosine).max(0.0).sqrt() / cosine;
+        let tolerance = (0.003 + 0.0015 * depth + 1.5 * slope).min(0.06);
+        let front = self.front(pixel, texel.slot, depth)?;
+        let itself = flip == Vec3::ONE;
+        // a mirrored point must lie on the surface; the point itself does
+        if depth - front > tolerance || (!itself && front - depth > tolerance) {
+            return None;
+        }
+        let steps = texel.steps.map(|s| {
+            let next = point + self.linear * (s * flip).as_dvec3();
+            self.camera.project(next).map_or(DVec2::ZERO, |p| p - pixel)
+        });
+        Some((self.filtered(pixel, steps)?, cosine))
+    }
+
+    /// Depth of the slot at a pixel: there, or at the neighbour that comes nearest to `depth`.
+    fn front(&self, pixel: DVec2, slot: usize, depth: f64) -> Option<f64> {
+        let (w, h) = (self.camera.size.width as i64, self.camera.size.height as i64);
+        let (x, y) = (pixel.x as i64, pixel.y as i64);
+        let at = |x: i64, y: i64| {
+            let i = (y * w + x) as usize;
+            (self.slots[i] == slot as u32 + 1).then(|| f64::from(self.depth[i]))
+        };
+        if let Some(z) = at(x, y) {
+            return Some(z);
+        }
+        let near = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy)));
+        near.filter(|(x, y)| *x >= 0 && *y >= 0 && *x < w && *y < h)
+            .filter_map(|(x, y)| at(x, y))
+            .min_by(|a, b| (a - depth).abs().total_cmp(&(b - depth).abs()))
+    }
+
+    /// Mean photo colour over a texel's footprint, of the pixels that are surely the object's.
+    fn filtered(&self, pixel: DVec2, [a, b]: [DVec2; 2]) -> Option<[f32; 3]> {
+        let (x, y) = (pixel.x as i64, pixel.y as i64);
+        if !self.safe.get(x, y) {
+            return None;
+        }
+        let count = |v: DVec2| if v.is_finite() { v.length().round().clamp(1.0, MAX_SAMPLES) } else { 1.0 };
+        let (n, m) = (count(a), count(b));
+        let (mut sum, mut weight) = ([0.0_f32; 3], 0.0);
+        for i in 0..n as u32 {
+            for j in 0..m as u32 {
+                let offset = a * ((f64::from(i) + 0.5) / n - 0.5) + b * ((f64::from(j) + 0.5) / m - 0.5);
+                let p = pixel + if n * m > 1.0 { offset } else { DVec2::ZERO };
+                if self.safe.get(p.x.floor() as i64, p.y.floor() as i64) {
+                    let c = bilinear(self.photo, p);
+                    sum = [sum[0] + c[0], sum[1] + c[1], sum[2] + c[2]];
+                    weight += 1.0;
+                }
+            }
+        }
+        if weight > 0.0 { Some(sum.map(|s| s / weight)) } else { Some(bilinear(self.photo, pixel)) }
+    }
+
+    /// Adds the colours of each slot's sure pixels to its channels.
+    pub fn collect(&self, channels: &mut [[Vec<u8>; 3]]) {
+        let width = self.camera.size.width as usize;
+        for (i, slot) in self.slots.iter().enumerate() {
+            let Some(own) = (*slot as usize).checked_sub(1).and_then(|s| channels.get_mut(s)) else { continue };
+            if self.safe.bits()[i] {
+                let pixel = self.photo.get_pixel((i % width) as u32, (i / width) as u32).0;
+                for (channel, value) in own.iter_mut().zip(pixel) {
+                    channel.push(value);
+                }
+            }
+        }
+    }
+}
+
+/// The mask shrunk; a thin object keeps what it has.
+fn shrunk(mask: &Mask, radius: i32) -> Mask {
+    let all = mask.count();
+    let fits = (1..=radius).rev().map(|r| mask.dilated(-r)).find(|safe| safe.count() * 3 >= all);
+    fits.unwrap_or_else(|| mask.clone())
+}
+
+fn bilinear(photo: &RgbImage, p: DVec2) -> [f32; 3] {
+    let (w, h) = (i64::from(photo.width()), i64::from(photo.height()));
+    let (x, y) = (p.x - 0.5, p.y - 0.5);
+    let (x0, y0) = (x.floor(), y.floor());
+    let (fx, fy) = ((x - x0) as f32, (y - y0) as f32);
+    let at = |dx: i64, dy: i64| {
+        photo.get_pixel((x0 as i64 + dx).clamp(0, w - 1) as u32, (y0 as i64 + dy).clamp(0, h - 1) as u32).0
+    };
+    let (a, b, c, d) = (at(0, 0), at(1, 0), at(0, 1), at(1, 1));
+    std::array::from_fn(|k| {
+        let top = f32::from(a[k]) * (1.0 - fx) + f32::from(b[k]) * fx;
+        let bottom = f32::from(c[k]) * (1.0 - fx) + f32::from(d[k]) * fx;
+        top * (1.0 - fy) + bottom * fy
+    })
+}
