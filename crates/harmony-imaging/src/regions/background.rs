@@ -4,11 +4,11 @@ use super::UNKNOWN_SURFACE;
 use crate::color::{distance_squared, farthest_points, nearest};
 
 /// Weight of a difference of lightness: light falls off over a surface, hue stays.
-const LIGHTNESS: f32 = 0.5;
+const LIGHTNESS: f32 = 0.35;
 /// Clusters a surface's colours are put in.
 const CLUSTERS: usize = 6;
 /// A cluster of this share of its surface's (weighted) pixels counts as bare surface.
-const BARE_SHARE: f32 = 0.22;
+const BARE_SHARE: f32 = 0.16;
 
 /// Bare colours of every surface, lightness scaled.
 pub(super) struct Background {

@@ -5,7 +5,7 @@ use image::RgbImage;
 
 use super::cut::{Known, Problem};
 use super::{SegmentPrompt, SegmentSettings};
-use crate::color::lab_from_rgb8;
+use crate::color::{distance_squared, lab_from_rgb8};
 use crate::distance::signed_distance;
 use crate::polygon::rasterize;
 use crate::resample::{Window, resize_window};
@@ -14,6 +14,12 @@ use crate::resample::{Window, resize_window};
 const OUTLINE_ODDS: f32 = 2.2;
 /// Log odds of an unprompted box: at its centre, and how much less in its corners.
 const BOX_ODDS: (f32, f32) = (1.6, 3.2);
+/// Log odds added in a box that is edged on all its sides.
+const FILLED_ODDS: f32 = 1.5;
+/// Colour step that is an edge, Lab units.
+const EDGE_STEP: f32 = 9.0;
+/// Share of a side that is an edge: from here it may be the object's, from here it surely is.
+const EDGED_SHARE: (f32, f32) = (0.55, 0.85);
 /// Log odds against the object inside another object's outline, and inside another, smaller box.
 const EXCLUDED_ODDS: (f32, f32) = (4.0, 0.8);
 
@@ -134,12 +140,13 @@ pub(super) fn problem(
 ) -> Problem {
     let (width, height) = (frame.work.width as usize, frame.work.height as usize);
     let size = crate::size_of(photo);
+    let lab = frame.lab(photo);
     let (mut known, mut prior) = match usable_outline(prompt) {
         Some(outline) => {
             let error = outline_error_px(outline, size, settings) * frame.scale();
             from_outline(outline, error as f32, frame)
         }
-        None => from_box(bounds, frame, size, settings),
+        None => from_box(bounds, frame, size, &lab, settings),
     };
     exclude(prompt, bounds, frame, &mut known, &mut prior);
     let color_weight = if usable_outline(prompt).is_some() { 0.6 } else { 1.0 } * settings.color_weight as f32;
@@ -168,7 +175,13 @@ fn from_outline(outline: &[[f64; 2]], error: f32, frame: &Frame) -> (Vec<Known>,
 }
 
 /// Background outside the box; inside, the centre more likely than the corners.
-fn from_box(bounds: &PixelBox, frame: &Frame, photo: ImageSize, settings: &SegmentSettings) -> (Vec<Known>, Vec<f32>) {
+fn from_box(
+    bounds: &PixelBox,
+    frame: &Frame,
+    photo: ImageSize,
+    lab: &[[f32; 3]],
+    settings: &SegmentSettings,
+) -> (Vec<Known>, Vec<f32>) {
     let b = frame.box_to_work(bounds);
     let slack = (b.width() * settings.box_error, b.height() * settings.box_error);
     // An object cut by the photo's border goes on behind it: no falling off towards that side.
@@ -183,6 +196,9 @@ fn from_box(bounds: &PixelBox, frame: &Frame, photo: ImageSize, settings: &Segme
         bounds.y0 <= 1.0,
         bounds.y1 >= f64::from(photo.height) - 1.0,
     ];
+    // What is edged all along its box fills it: its corners are as likely as its centre.
+    let fills = box_support(&b, cut, slack, lab, frame.work);
+    let (middle, fall) = (BOX_ODDS.0 + FILLED_ODDS * fills, BOX_ODDS.1 * (1.0 - fills));
     let mut known = Vec::with_capacity(frame.work.pixels());
     let mut prior = Vec::with_capacity(frame.work.pixels());
     for y in 0..frame.work.height {
@@ -197,11 +213,49 @@ fn from_box(bounds: &PixelBox, frame: &Frame, photo: ImageSize, settings: &Segme
                 let (u, v) = (reach(b.x0, b.x1, cut[0], cut[1], x), reach(b.y0, b.y1, cut[2], cut[3], y));
                 let r = (u.powi(4) + v.powi(4)).sqrt() as f32;
                 let beyond = if outside > 0.0 { 2.0 } else { 0.0 };
-                prior.push(BOX_ODDS.0 - BOX_ODDS.1 * r.min(1.4) - beyond);
+                prior.push(middle - fall * r.min(1.4) - beyond);
             }
         }
     }
     (known, prior)
+}
+
+/// How surely all sides of a box (but those cut by the photo's border: left, right, top, bottom) are straight edges of
+/// one thing, 0 to 1: the share of the weakest side's length with a colour step across one line near that side.
+fn box_support(b: &PixelBox, cut: [bool; 4], slack: (f64, f64), lab: &[[f32; 3]], work: ImageSize) -> f32 {
+    let (w, h) = (i64::from(work.width), i64::from(work.height));
+    let color = |x: i64, y: i64| (x >= 0 && y >= 0 && x < w && y < h).then(|| lab[(y * w + x) as usize]);
+    if b.width() < 12.0 || b.height() < 12.0 || cut.iter().all(|c| *c) {
+        return 0.0;
+    }
+    let mut weakest = 1.0_f32;
+    for (side, _) in cut.iter().enumerate().filter(|(_, is_cut)| !**is_cut) {
+        let (at, from, to, reach) = match side {
+            0 => (b.x0, b.y0, b.y1, slack.0),
+            1 => (b.x1, b.y0, b.y1, slack.0),
+            2 => (b.y0, b.x0, b.x1, slack.1),
+            _ => (b.y1, b.x0, b.x1, slack.1),
+        };
+        let inset = (to - from) * 0.06;
+        let (from, to) = ((from + inset) as i64, (to - inset) as i64);
+        let reach = reach.ceil() as i64 + 1;
+        let mut best = 0.0_f32;
+        for line in at.round() as i64 - reach..=at.round() as i64 + reach {
+            let edged = (from..to)
+                .filter(|along| {
+                    let pair = if side < 2 {
+                        (color(line - 2, *along), color(line + 1, *along))
+                    } else {
+                        (color(*along, line - 2), color(*along, line + 1))
+                    };
+                    matches!(pair, (Some(a), Some(b)) if distance_squared(a, b) > EDGE_STEP * EDGE_STEP)
+                })
+                .count();
+            best = best.max(edged as f32 / (to - from).max(1) as f32);
+        }
+        weakest = weakest.min(best);
+    }
+    ((weakest - EDGED_SHARE.0) / (EDGED_SHARE.1 - EDGED_SHARE.0)).clamp(0.0, 1.0)
 }
 
 /// Lowers the odds where other objects are known to be.

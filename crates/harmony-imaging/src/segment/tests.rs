@@ -49,6 +49,30 @@ fn a_rough_outline_is_pulled_to_the_edge_and_never_left_far() {
 }
 
 #[test]
+fn a_picture_frame_fills_its_box_though_its_colours_are_many() {
+    // Quarters in four colours, one of them nearly the wall's.
+    let photo = RgbImage::from_fn(240, 180, |x, y| {
+        let wall = Rgb([180, 176, 170]);
+        if !(60..180).contains(&x) || !(50..130).contains(&y) {
+            return wall;
+        }
+        if !(64..176).contains(&x) || !(54..126).contains(&y) {
+            return Rgb([60, 40, 30]);
+        }
+        match (x < 120, y < 90) {
+            (true, true) => Rgb([182, 178, 172]),
+            (false, true) => Rgb([60, 120, 200]),
+            (true, false) => Rgb([40, 140, 60]),
+            (false, false) => Rgb([220, 200, 60]),
+        }
+    });
+    let truth = Mask::from_fn(ImageSize::new(240, 180), |x, y| (60..180).contains(&x) && (50..130).contains(&y));
+    let bounds = PixelBox { x0: 58.0, y0: 51.0, x1: 182.0, y1: 129.0 };
+    let cut = segment_box(&photo, &SegmentPrompt::from_box(bounds), &SegmentSettings::default());
+    assert!(cut.mask.iou(&truth) > 0.95, "{}", cut.mask.iou(&truth));
+}
+
+#[test]
 fn odd_prompts_give_masks_and_no_panic() {
     let (photo, _) = disc(80, 60, (40.0, 30.0), 15.0);
     let settings = SegmentSettings::default();

@@ -53,13 +53,13 @@ pub fn complete_surface(texture: &RgbaImage, settings: &TextureSettings) -> Rgba
     if size.pixels() == 0 {
         return texture.clone();
     }
+    let texture = &without_odd_islands(texture);
     let work = size.fit_within(settings.working_px.clamp(16, 4096));
     if work != size {
         let small = complete_surface(&resize_rgba(texture, work), settings);
         let filled = resize_rgba(&small, size);
         return merge(texture, |x, y| *filled.get_pixel(x, y));
     }
-    let texture = &without_odd_islands(texture);
     let observed = texture.pixels().filter(|p| p.0[3] >= 128).count();
     let Some(base) = Base::of(texture).filter(|_| observed >= LEAST_OBSERVED) else {
         let plain = grain(texture, settings.seed);
