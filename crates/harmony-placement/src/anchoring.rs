@@ -46,6 +46,15 @@ pub(crate) enum YawRule {
         /// One sigma, radians.
         sigma: f64,
     },
+    /// Towards a placed object, from wherever the object stands; the deviation has a price.
+    Facing {
+        /// Index into the placed objects.
+        target: usize,
+        /// Where the search starts, radians.
+        start: f64,
+        /// One sigma, radians.
+        sigma: f64,
+    },
     /// Only the image tells.
     Free(f64),
 }
@@ -54,7 +63,7 @@ impl YawRule {
     /// Where the search starts.
     pub(crate) fn start(self) -> f64 {
         match self {
-            Self::Fixed(yaw) | Self::About { yaw, .. } | Self::Free(yaw) => yaw,
+            Self::Fixed(yaw) | Self::About { yaw, .. } | Self::Facing { start: yaw, .. } | Self::Free(yaw) => yaw,
         }
     }
 }

@@ -4,6 +4,7 @@ use harmony_scene::{PixelBox, Pose};
 
 use crate::Item;
 use crate::anchoring::{Anchoring, Frame, USUAL_GAP, YawRule, prior_scale, size_of};
+use crate::first_pose::facing;
 use crate::view::{Match, View};
 
 /// Weight of the free edges' mean relative error beside `1 - IoU`.
@@ -87,7 +88,7 @@ impl Judge<'_> {
             // Quadratic near the prior, linear far from it: a wrong prior must not outvote the mask.
             cost += weight * if d.abs() < 2.0 { d * d } else { 4.0 * d.abs() - 4.0 };
         }
-        if let YawRule::About { yaw, sigma } = self.frame.yaw {
+        if let Some((yaw, sigma)) = self.expected_yaw(pose) {
             let d = angle_between(pose.yaw, yaw).abs() / sigma.max(1e-3);
             cost += YAW * if d < 2.0 { d * d } else { 4.0 * d - 4.0 };
         }
@@ -102,6 +103,18 @@ impl Judge<'_> {
             cost += 1.0;
         }
         (cost, m)
+    }
+
+    /// The yaw that the relations let expect at a pose, with its sigma.
+    fn expected_yaw(&self, pose: &Pose) -> Option<(f64, f64)> {
+        match self.frame.yaw {
+            YawRule::About { yaw, sigma } => Some((yaw, sigma)),
+            YawRule::Facing { target, sigma, .. } => {
+                let yaw = facing(pose.position, self.frame.scene.placed.get(target)?)?;
+                Some((yaw, sigma))
+            }
+            YawRule::Fixed(_) | YawRule::Free(_) => None,
+        }
     }
 
     /// Mean error of the outline's edges, see [`edge_errors`]; over four, so that an object with one free edge is not

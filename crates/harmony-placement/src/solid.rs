@@ -1,11 +1,15 @@
 //! Convex parts in the room: do they meet, and how far must one go in a direction until they don't.
 
+use std::cell::OnceCell;
+use std::sync::Arc;
+
 use harmony_scene::{Pose as RoomPose, Vec3};
 use parry3d::math::{Pose, Vector};
 use parry3d::query::{ShapeCastOptions, cast_shapes};
 use parry3d::shape::ConvexPolyhedron;
 
 use crate::Item;
+use crate::anchoring::reach;
 
 /// Parts thinner than this are thickened, so that they have a hull, metres.
 const THINNEST: f64 = 1e-3;
@@ -22,10 +26,12 @@ struct Part {
     high: Vec3,
 }
 
-/// An object's convex parts in the room.
+/// An object's convex parts in the room. Hulls are built when they are first needed: most objects are never near.
 #[derive(Debug, Clone)]
 pub(crate) struct Solid {
-    parts: Vec<Part>,
+    item: Arc<Item>,
+    pose: RoomPose,
+    parts: OnceCell<Vec<Part>>,
     pub(crate) low: Vec3,
     pub(crate) high: Vec3,
 }
@@ -64,20 +70,24 @@ fn part(points: &[Vec3]) -> Option<Part> {
 
 impl Solid {
     /// The parts of an object in a pose. Parts without volume are left out.
-    pub(crate) fn new(item: &Item, pose: &RoomPose) -> Self {
-        let mut parts = Vec::new();
-        for hull in item.shape.hulls() {
-            let points: Vec<Vec3> = hull.iter().map(|p| pose.point(*p)).collect();
-            parts.extend(part(&points));
-        }
-        let (low, high) = parts.iter().fold((Vec3::MAX, Vec3::MIN), |(l, h), p| (l.min(p.low), h.max(p.high)));
-        Self { parts, low, high }
+    pub(crate) fn new(item: &Arc<Item>, pose: &RoomPose) -> Self {
+        let (low, high) = reach(item, pose);
+        let (low, high) = (low + pose.position, high + pose.position);
+        Self { item: Arc::clone(item), pose: *pose, parts: OnceCell::new(), low, high }
+    }
+
+    fn parts(&self) -> &[Part] {
+        self.parts.get_or_init(|| {
+            let room = |hull: &Vec<Vec3>| hull.iter().map(|p| self.pose.point(*p)).collect::<Vec<_>>();
+            self.item.shape.hulls().iter().filter_map(|h| part(&room(h))).collect()
+        })
     }
 
     /// The same parts elsewhere.
     pub(crate) fn moved(&self, by: Vec3) -> Self {
         let mut out = self.clone();
-        for p in &mut out.parts {
+        out.pose.position += by;
+        for p in out.parts.get_mut().into_iter().flatten() {
             p.centre += by;
             p.low += by;
             p.high += by;
@@ -93,8 +103,8 @@ impl Solid {
         if boxes_meet(self.low, self.high, other.low, other.high, direction).is_none() {
             return out;
         }
-        for a in &self.parts {
-            for b in &other.parts {
+        for a in self.parts() {
+            for b in other.parts() {
                 out.extend(meeting(a, b, direction));
             }
         }
@@ -186,7 +196,7 @@ mod tests {
     #[test]
     fn two_boxes_meet_over_the_sum_of_their_widths() {
         let scene = empty_room();
-        let item = boxed(&scene, Vec3::new(0.6, 0.5, 0.4), Vec3::new(2.0, 0.0, 2.0), 0.0);
+        let item = Arc::new(boxed(&scene, Vec3::new(0.6, 0.5, 0.4), Vec3::new(2.0, 0.0, 2.0), 0.0));
         let a = Solid::new(&item, &RoomPose::new(Vec3::new(2.0, 0.0, 2.0), 0.0, 1.0));
         let b = Solid::new(&item, &RoomPose::new(Vec3::new(2.2, 0.1, 2.1), 0.0, 1.0));
         let meetings = a.meetings(&b, Vec3::X);
@@ -213,7 +223,7 @@ mod tests {
             x in -0.3_f64..0.3, z in -0.3_f64..0.3, yaw_a in 0.0_f64..3.1, yaw_b in 0.0_f64..3.1, k in 0_usize..16,
         ) {
             let scene = empty_room();
-            let item = boxed(&scene, Vec3::new(0.8, 0.5, 0.4), Vec3::new(2.0, 0.0, 2.0), 0.0);
+            let item = Arc::new(boxed(&scene, Vec3::new(0.8, 0.5, 0.4), Vec3::new(2.0, 0.0, 2.0), 0.0));
             let a = Solid::new(&item, &RoomPose::new(Vec3::new(2.0 + x, 0.0, 2.0 + z), yaw_a, 1.0));
             let b = Solid::new(&item, &RoomPose::new(Vec3::new(2.0, 0.0, 2.0), yaw_b, 1.0));
             let all = directions_around();
