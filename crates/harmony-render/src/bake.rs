@@ -4,8 +4,10 @@
 //! photo's colour. The others are completed: first from the photo again, where the camera sees the point's mirror image
 //! in the object's plane of symmetry (x = 0, then z = 0, then both); else from what was observed of the same slot
 //! nearby, on faces that point the same way if possible, with the fine texture of the best observed patch; last from
-//! the slot's own colour.
+//! the slot's own colour. The gaps of large patterned faces (rugs, table tops) are filled from the face itself by
+//! patches.
 
+mod exemplar;
 mod fill;
 mod pyramid;
 mod texels;
@@ -65,6 +67,9 @@ pub struct SlotColour {
 /// Reflections that are tried in turn for a point that is not seen itself.
 const MIRRORS: [[f32; 3]; 3] = [[-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]];
 
+/// Weight of a mirrored colour in the means, relative to one seen at its place.
+const MIRROR_WEIGHT: f32 = 0.25;
+
 /// Puts the photo's pixels on the mesh and completes what was not seen.
 ///
 /// `mesh` is in its canonical frame with a unique unwrap, `pose` carries it into the room, `visible` holds the photo
@@ -86,7 +91,9 @@ pub fn bake_texture(
         texels.par_iter_mut().for_each(|t| look(t, view));
         seen = texels.iter().filter(|t| t.direct).count();
     }
-    fill::complete(&mut texels, mesh, &colors, side as usize);
+    let mut made_up = fill::made_up(&texels, mesh, &colors, side as usize);
+    exemplar::improve(&mut made_up, &texels, side as usize);
+    fill::blend(&mut texels, &made_up);
     let texture = Arc::new(paint(&texels, side));
     let mut mesh = mesh.clone();
     for material in &mut mesh.materials {
@@ -112,16 +119,18 @@ pub fn slot_colors(
 
 /// Takes the photo's colour of a texel, or of its mirror image.
 fn look(texel: &mut Texel, view: &View) {
-    if let Some((color, cosine)) = view.color(texel, [1.0; 3]) {
-        texel.color = Some(color);
-        texel.weight = (cosine * cosine) as f32;
+    if let Some(sight) = view.color(texel, [1.0; 3]) {
+        texel.color = Some(sight.color);
+        texel.weight = (sight.cosine * sight.cosine) as f32;
+        texel.share = sight.share;
         texel.direct = true;
         return;
     }
     for mirror in MIRRORS {
-        if let Some((color, cosine)) = view.color(texel, mirror) {
-            texel.color = Some(color);
-            texel.weight = 0.25 * (cosine * cosine) as f32;
+        if let Some(sight) = view.color(texel, mirror) {
+            texel.color = Some(sight.color);
+            texel.weight = MIRROR_WEIGHT * (sight.cosine * sight.cosine) as f32;
+            texel.share = sight.share;
             return;
         }
     }

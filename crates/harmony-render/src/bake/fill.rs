@@ -30,26 +30,36 @@ const ROUGHEST: f32 = 14.0;
 /// A texture's quarters are about equally rough: largest ratio of their deviations.
 const UNEVEN: f32 = 1.8;
 
-/// Gives every texel a colour.
-pub(super) fn complete(texels: &mut [Texel], mesh: &Mesh, colors: &[SlotColour], side: usize) {
-    let Some(bounds) = mesh.bounds() else { return };
-    let diagonal = bounds.size().length().max(1e-6) as f32;
+/// A made-up colour for every texel that is not wholly the photo's.
+pub(super) fn made_up(texels: &[Texel], mesh: &Mesh, colors: &[SlotColour], side: usize) -> Vec<[f32; 3]> {
+    let diagonal = mesh.bounds().map_or(1.0, |b| b.size().length().max(1e-6)) as f32;
     let means = Means::new(texels, diagonal);
     let patches: Vec<Option<Patch>> = (0..mesh.materials.len()).map(|slot| Patch::find(texels, slot, side)).collect();
-    texels.par_iter_mut().for_each(|texel| {
-        if texel.color.is_some() {
-            return;
+    let color = |texel: &Texel| {
+        if texel.share >= 1.0 {
+            return texel.color.unwrap_or_default();
         }
-        let own = colors[texel.slot].rgb.map(f32::from);
-        let mut color = means.at(texel, own);
+        let mut color = means.at(texel, colors[texel.slot].rgb.map(f32::from));
         if let Some(patch) = &patches[texel.slot] {
             let detail = patch.at(texel.at % side, texel.at / side);
             for (c, d) in color.iter_mut().zip(detail) {
                 *c = (*c + STRENGTH * d).clamp(0.0, 255.0);
             }
         }
-        texel.color = Some(color);
-    });
+        color
+    };
+    texels.par_iter().map(color).collect()
+}
+
+/// Mixes the photo's colours with the made-up ones by their share.
+pub(super) fn blend(texels: &mut [Texel], made_up: &[[f32; 3]]) {
+    for (texel, made_up) in texels.iter_mut().zip(made_up) {
+        let mixed = match texel.color {
+            Some(seen) => [0, 1, 2].map(|k| made_up[k] + (seen[k] - made_up[k]) * texel.share),
+            None => *made_up,
+        };
+        texel.color = Some(mixed);
+    }
 }
 
 /// Side of the box that a normal points to, 0 to 5.

@@ -16,12 +16,16 @@ pub(super) struct Texel {
     pub normal: Vec3,
     /// Steps on the surface from one texel to the next, along the texture's x and y.
     pub steps: [Vec3; 2],
+    /// Which connected piece of the unwrap: its smallest vertex index.
+    pub chart: u32,
     /// sRGB, 0 to 255.
     pub color: Option<[f32; 3]>,
     /// How much the colour is to be trusted.
     pub weight: f32,
     /// Taken from the photo at its own place.
     pub direct: bool,
+    /// Share of the photo's colour, 0 to 1; the rest is made up. Less than 1 near the mask's border and at grazing view.
+    pub share: f32,
 }
 
 /// All texels on triangles of the unwrap; slots that keep their colour are left out. Triangles too small to hold the
@@ -29,6 +33,7 @@ pub(super) struct Texel {
 pub(super) fn surface(mesh: &Mesh, side: u32, plain: &[String]) -> Vec<Texel> {
     let mut taken = vec![false; (side * side) as usize];
     let mut texels = Vec::new();
+    let charts = charts(mesh);
     for only_touched in [false, true] {
         for group in &mesh.groups {
             if mesh.materials.get(group.material).is_none_or(|m| plain.contains(&m.name)) {
@@ -40,7 +45,7 @@ pub(super) fn surface(mesh: &Mesh, side: u32, plain: &[String]) -> Vec<Texel> {
                     let at = (y * side + x) as usize;
                     if !taken[at] {
                         taken[at] = true;
-                        texels.push(t.texel(mesh, at, group.material, w));
+                        texels.push(t.texel(mesh, &charts, at, group.material, w));
                     }
                 };
                 if only_touched {
@@ -52,6 +57,26 @@ pub(super) fn surface(mesh: &Mesh, side: u32, plain: &[String]) -> Vec<Texel> {
         }
     }
     texels
+}
+
+/// For each vertex the smallest index of its connected piece.
+fn charts(mesh: &Mesh) -> Vec<u32> {
+    fn root(parent: &mut [u32], mut i: u32) -> u32 {
+        while parent[i as usize] != i {
+            let up = parent[parent[i as usize] as usize];
+            parent[i as usize] = up;
+            i = up;
+        }
+        i
+    }
+    let mut parent: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+    for [a, b, c] in mesh.triangles() {
+        for other in [b, c] {
+            let (x, y) = (root(&mut parent, a), root(&mut parent, other));
+            parent[x.max(y) as usize] = x.min(y);
+        }
+    }
+    (0..parent.len() as u32).map(|i| root(&mut parent, i)).collect()
 }
 
 /// A triangle in the texture.
@@ -109,7 +134,7 @@ impl Flat {
         }
     }
 
-    fn texel(&self, mesh: &Mesh, at: usize, slot: usize, w: [f32; 3]) -> Texel {
+    fn texel(&self, mesh: &Mesh, charts: &[u32], at: usize, slot: usize, w: [f32; 3]) -> Texel {
         let mix = |v: &[Vec3]| v[self.corners[0]] * w[0] + v[self.corners[1]] * w[1] + v[self.corners[2]] * w[2];
         Texel {
             at,
@@ -117,9 +142,11 @@ impl Flat {
             point: mix(&mesh.positions),
             normal: mix(&mesh.normals).normalize_or(Vec3::Y),
             steps: self.steps,
+            chart: charts[self.corners[0]],
             color: None,
             weight: 0.0,
             direct: false,
+            share: 0.0,
         }
     }
 }

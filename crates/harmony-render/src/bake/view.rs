@@ -12,6 +12,21 @@ use crate::{Instance, RenderOptions, render_depth_ids};
 /// Most samples along one side of a texel.
 const MAX_SAMPLES: f64 = 4.0;
 
+/// Width of the zone along the mask's border in which made-up colours are mixed in, pixels.
+const INNER: i32 = 3;
+/// Cosines above the smallest one over which the photo's share grows to 1.
+const GRAZING: f64 = 0.2;
+
+/// A colour found in the photo.
+pub(super) struct Sight {
+    /// sRGB, 0 to 255.
+    pub color: [f32; 3],
+    /// Between normal and view.
+    pub cosine: f64,
+    /// How far it should count, 0 to 1.
+    pub share: f32,
+}
+
 /// The mesh posed before the camera, with the photo.
 pub(super) struct View<'a> {
     camera: &'a Camera,
@@ -22,6 +37,8 @@ pub(super) struct View<'a> {
     eye: DVec3,
     /// Pixels whose colours are surely the object's.
     safe: Mask,
+    /// The same, further and further from the border.
+    inner: Vec<Mask>,
     /// Planar depth of the mesh, metres; 0 where it is not.
     depth: Vec<f32>,
     /// Material index plus one.
@@ -60,23 +77,25 @@ impl<'a> View<'a> {
         if frame.depth.len() != size.pixels() {
             return None;
         }
+        let safe = shrunk(visible, options.erode_px.clamp(0, 64));
         Some(Self {
+            inner: (1..=INNER).map(|r| safe.dilated(-r)).collect(),
+            safe,
             camera,
             photo,
             pose: *pose,
             linear,
             normal_map: linear.inverse().transpose(),
             eye: camera.centre(),
-            safe: shrunk(visible, options.erode_px.clamp(0, 64)),
             depth: frame.depth,
             slots: frame.ids,
             min_cosine: options.min_cosine,
         })
     }
 
-    /// Photo colour (sRGB, 0 to 255) of a texel's surface point after reflection, with the cosine under which it is
-    /// seen; `None` where it is hidden, turned away, or off the object's pixels.
-    pub fn color(&self, texel: &Texel, mirror: [f32; 3]) -> Option<([f32; 3], f64)> {
+    /// What the photo shows of a texel's surface point after reflection; `None` where it is hidden, turned away, or off
+    /// the object's pixels.
+    pub fn color(&self, texel: &Texel, mirror: [f32; 3]) -> Option<Sight> {
         let flip = Vec3::from_array(mirror);
         let point = self.pose.position + self.linear * (texel.point * flip).as_dvec3();
         let normal = (self.normal_map * (texel.normal * flip).as_dvec3()).try_normalize()?;
@@ -99,7 +118,11 @@ impl<'a> View<'a> {
             let next = point + self.linear * (s * flip).as_dvec3();
             self.camera.project(next).map_or(DVec2::ZERO, |p| p - pixel)
         });
-        Some((self.filtered(pixel, steps)?, cosine))
+        let color = self.filtered(pixel, steps)?;
+        let frontal = ((cosine - self.min_cosine) / GRAZING).clamp(0.0, 1.0) as f32;
+        let inner = self.inner.iter().filter(|m| m.get(pixel.x as i64, pixel.y as i64)).count();
+        let share = frontal * (inner as f32 + 1.0) / (INNER as f32 + 1.0);
+        Some(Sight { color, cosine, share })
     }
 
     /// Depth of the slot at a pixel: there, or at the neighbour that comes nearest to `depth`.

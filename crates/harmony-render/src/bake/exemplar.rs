@@ -1,0 +1,108 @@
+//! Gaps of large patterned faces are filled from the face itself.
+
+use std::collections::BTreeMap;
+
+use harmony_imaging::inpaint::{FillSettings, Sources, fill};
+use harmony_scene::{ImageSize, Mask};
+use image::{Rgb, RgbImage};
+use rayon::prelude::*;
+
+use super::texels::Texel;
+
+/// Shortest side of a face, texels.
+const SHORTEST: usize = 40;
+/// Share of the face's rectangle that it must fill.
+const RECTANGULAR: f64 = 0.9;
+/// Share of the face that must have been seen, and that must be missing.
+const SEEN: f64 = 0.3;
+const MISSING: f64 = 0.02;
+/// Standard deviation of the seen colours from which the face has a pattern, sRGB steps.
+const PATTERN: f64 = 9.0;
+/// Most faces of an object that are filled so, largest first.
+const FACES: usize = 4;
+/// Longest side at which patches are matched, texels.
+const WORKING_PX: u32 = 256;
+/// A colour seen with less than this share counts as missing.
+const SURE: f32 = 0.5;
+
+/// One chart's texels, as indices into the list.
+struct Face {
+    members: Vec<usize>,
+    low: [usize; 2],
+    size: ImageSize,
+}
+
+/// Replaces the made-up colours of large faces with a pattern.
+pub(super) fn improve(made_up: &mut [[f32; 3]], texels: &[Texel], side: usize) {
+    let mut charts: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    for (i, texel) in texels.iter().enumerate() {
+        charts.entry(texel.chart).or_default().push(i);
+    }
+    let mut faces: Vec<Face> = charts.into_values().filter_map(|m| Face::new(m, texels, side)).collect();
+    faces.sort_by_key(|f| std::cmp::Reverse(f.members.len()));
+    faces.truncate(FACES);
+    let filled: Vec<RgbImage> = faces.par_iter().map(|f| f.filled(made_up, texels, side)).collect();
+    for (face, image) in faces.iter().zip(&filled) {
+        for i in &face.members {
+            let (x, y) = face.place(texels[*i].at, side);
+            made_up[*i] = image.get_pixel(x, y).0.map(f32::from);
+        }
+    }
+}
+
+fn known(texel: &Texel) -> bool {
+    texel.color.is_some() && texel.share >= SURE
+}
+
+impl Face {
+    /// `None` when the chart is small, not rectangular, wholly known, hardly known, or of one colour.
+    fn new(members: Vec<usize>, texels: &[Texel], side: usize) -> Option<Self> {
+        let at = |i: &usize| [texels[*i].at % side, texels[*i].at / side];
+        let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+        for p in members.iter().map(at) {
+            for k in 0..2 {
+                low[k] = low[k].min(p[k]);
+                high[k] = high[k].max(p[k] + 1);
+            }
+        }
+        let (w, h) = (high[0].checked_sub(low[0])?, high[1].checked_sub(low[1])?);
+        let n = members.len() as f64;
+        if w.min(h) < SHORTEST || n < RECTANGULAR * (w * h) as f64 {
+            return None;
+        }
+        let seen: Vec<&Texel> = members.iter().map(|i| &texels[*i]).filter(|t| known(t)).collect();
+        let share = seen.len() as f64 / n;
+        if share < SEEN || share > 1.0 - MISSING || spread(&seen) < PATTERN {
+            return None;
+        }
+        Some(Self { members, low, size: ImageSize::new(w as u32, h as u32) })
+    }
+
+    fn place(&self, at: usize, side: usize) -> (u32, u32) {
+        ((at % side - self.low[0]) as u32, (at / side - self.low[1]) as u32)
+    }
+
+    fn filled(&self, made_up: &[[f32; 3]], texels: &[Texel], side: usize) -> RgbImage {
+        let mut image = RgbImage::new(self.size.width, self.size.height);
+        let mut hole = Mask::from_fn(self.size, |_, _| true);
+        for i in &self.members {
+            let (x, y) = self.place(texels[*i].at, side);
+            let seen = texels[*i].color.filter(|_| known(&texels[*i]));
+            let color = seen.unwrap_or(made_up[*i]);
+            image.put_pixel(x, y, Rgb(color.map(|c| c.round().clamp(0.0, 255.0) as u8)));
+            hole.set(x, y, seen.is_none());
+        }
+        fill(&image, &hole, Sources::Anywhere, &FillSettings { working_px: WORKING_PX, ..FillSettings::default() })
+    }
+}
+
+/// Standard deviation of the colours, mean over the channels.
+fn spread(texels: &[&Texel]) -> f64 {
+    let n = texels.len().max(1) as f64;
+    let channel = |k: usize| {
+        let values = || texels.iter().filter_map(|t| t.color).map(|c| f64::from(c[k]));
+        let mean = values().sum::<f64>() / n;
+        (values().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
+    };
+    (channel(0) + channel(1) + channel(2)) / 3.0
+}
