@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use harmony_scene::{Level, Mask, ObjectId, Support, Wall, Warning};
+use harmony_scene::{Level, Mask, ObjectId, Support, Wall, Warning, WarningKind};
 
 use crate::anchoring::{Anchoring, Frame, LARGEST_GAP, YawRule};
 use crate::cost::angle_between;
@@ -12,6 +12,9 @@ use crate::{Evidence, GroupReport, Item, OrderReport, PartialScene, Placed, Plac
 
 /// Objects that agree less with their mask than this are placed anew when the level is complete.
 const DOUBTFUL_IOU: f64 = 0.8;
+
+/// Objects of less confidence get a warning.
+const LOW_CONFIDENCE: f64 = 0.4;
 
 /// Two objects that no move separated.
 #[derive(Debug, Clone, PartialEq)]
@@ -129,9 +132,51 @@ pub fn place_level(
     for object in &mut report.objects {
         if let Some(p) = scene.find(&object.id) {
             object.evidence = p.evidence;
+            let given = p.item.relations.on_top_of.as_ref();
+            object.rehosted_to = match &p.support {
+                Support::Object { id } if given.is_some_and(|g| g != id) => Some(id.clone()),
+                _ => None,
+            };
         }
     }
+    report.warnings = level.map_or(Vec::new(), |level| warnings(scene, level, &report));
     report
+}
+
+/// What a person should know about a level.
+fn warnings(scene: &PartialScene, level: Level, report: &LevelReport) -> Vec<Warning> {
+    let mut out = Vec::new();
+    let mut tell = |object: Option<&ObjectId>, kind: WarningKind, message: String| {
+        out.push(Warning { phase: level.folder().to_owned(), object: object.cloned(), kind, message });
+    };
+    for id in &report.order.broken_cycles {
+        let message = "its relations go in a circle; one was left out of the placement order".to_owned();
+        tell(Some(id), WarningKind::AnswerRepaired, message);
+    }
+    for id in &report.order.ignored {
+        let message = format!("the given placement order names {id}, which is unknown or named twice");
+        tell(None, WarningKind::AnswerRepaired, message);
+    }
+    for (id, error) in &report.dropped {
+        tell(Some(id), WarningKind::ObjectDropped, format!("it could not be placed: {error}"));
+    }
+    for u in &report.unresolved {
+        let other = u.b.as_ref().map_or_else(|| "a wall".to_owned(), ToString::to_string);
+        let message = format!("it stays {:.2} m deep in {other}: no move separates them", u.penetration);
+        tell(Some(&u.a), WarningKind::Fallback, message);
+    }
+    for object in &report.objects {
+        if let Some(host) = &object.rehosted_to {
+            let message = format!("it was placed on {host}, where its box lies, not on the given host");
+            tell(Some(&object.id), WarningKind::AnswerRepaired, message);
+        }
+        let confidence = scene.find(&object.id).map_or(0.0, |p| p.confidence().overall);
+        if confidence < LOW_CONFIDENCE {
+            let message = format!("mask, depth and neighbours agree little with its pose ({confidence:.2})");
+            tell(Some(&object.id), WarningKind::LowConfidence, message);
+        }
+    }
+    out
 }
 
 /// Places every object of the level once more, now that all its neighbours are there: what was excused as perhaps

@@ -20,10 +20,14 @@ fn found_against_true() {
     let wanted = std::env::var("HARMONY_OBJECT").ok();
     let kind = if std::env::var_os("HARMONY_DENSE").is_some() { PointMapKind::Metric } else { PointMapKind::RoomBox };
     let Some(gt) = GtRoom::load(&name) else { return };
-    let mut scene = gt.scene(Some(kind), &Noise::default());
+    let mut noise = Noise { size: 0.15, seed: 7, ..Noise::default() };
+    if std::env::var_os("HARMONY_NOISE").is_some() {
+        noise = Noise { mesh: 0.1, mask_px: 2.0, pitch: 0.014, focal: 0.03, depth: 0.03, ..noise };
+    }
+    let mut scene = gt.scene(Some(kind), &noise);
     let settings = PlacementSettings::default();
     for level in Level::ALL {
-        let mut items = gt.items(level, &Noise { size: 0.15, seed: 7, ..Noise::default() });
+        let mut items = gt.items(level, &noise);
         scene.upcoming = gt.upcoming(level);
         if let Some(i) = items.iter().position(|i| wanted.as_deref() == Some(i.id.as_str())) {
             let item = Arc::new(items.swap_remove(i));
@@ -40,7 +44,7 @@ fn found_against_true() {
                 let truth = gt.truth(item.id.as_str()).unwrap();
                 let starter = Starter { scene: &scene, item: &item, view: &view, settings: &settings };
                 for h in starter.all() {
-                    let judge = cost::Judge { view: &view, frame: h.frame, size_sigma: 0.2, use_depth: false };
+                    let judge = cost::Judge { view: &view, frame: h.frame, size_sigma: 0.2, use_depth: scene.points.as_ref().is_some_and(RoomPoints::is_dense) };
                     let (c, m) = judge.cost(&h.pose);
                     println!(
                         "  start {:?} yaw {:.2} scale {:.2} {:?} price {} cost {c:.3} iou {:.3} {:?}",

@@ -1,6 +1,7 @@
 //! One object, from its hypotheses to a pose: the paper's two coupled steps, then a bounded local search.
 
 use harmony_scene::{Pose, Support};
+use rayon::prelude::*;
 
 use crate::anchoring::{Frame, Parameters};
 use crate::cost::{Judge, angle_between};
@@ -52,11 +53,10 @@ pub(crate) fn solve<'a>(
     settings: &'a PlacementSettings,
 ) -> Solution<'a> {
     let starter = Starter { scene, item, view, settings };
-    let mut tries: Vec<Solution<'a>> = Vec::new();
     let mut hypotheses = starter.all();
     if settings.refinement {
         let fitted: Vec<Hypothesis<'a>> = hypotheses
-            .iter()
+            .par_iter()
             .filter_map(|h| {
                 Some(Hypothesis { pose: outline::fit(&h.frame, view, &h.pose, settings.size_sigma)?, ..h.clone() })
             })
@@ -64,11 +64,15 @@ pub(crate) fn solve<'a>(
         hypotheses.extend(fitted);
         hypotheses = distinct(hypotheses);
     }
-    for Hypothesis { frame, pose, price } in hypotheses {
-        let (cost, seen) = judge(view, frame, settings).cost(&pose);
-        let first = Solution { frame, pose, cost: cost + price, seen, first_iou: seen.iou, rounds: 0, renders: 1 };
-        tries.push(if settings.refinement { rounds(first, price, view, settings, 1) } else { first });
-    }
+    let mut tries: Vec<Solution<'a>> = hypotheses
+        .into_par_iter()
+        .map(|Hypothesis { frame, pose, price }| {
+            let (cost, seen) = judge(view, frame, settings).cost(&pose);
+            let (cost, first_iou) = (cost + price, seen.iou);
+            let first = Solution { frame, pose, cost, seen, first_iou, rounds: 0, renders: 1 };
+            if settings.refinement { rounds(first, price, view, settings, 1) } else { first }
+        })
+        .collect();
     tries.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     if !settings.refinement || tries.len() == 1 && tries[0].rounds == 0 {
         return tries.swap_remove(0);
@@ -83,7 +87,7 @@ pub(crate) fn solve<'a>(
     let tries = kept;
     let count = tries.len();
     let mut finals: Vec<Solution<'a>> = tries
-        .into_iter()
+        .into_par_iter()
         .map(|t| {
             let price = t.cost - judge(view, t.frame, settings).cost(&t.pose).0;
             let t = rounds(t, price, view, settings, settings.max_rounds);

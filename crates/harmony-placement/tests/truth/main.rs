@@ -17,6 +17,8 @@ struct Errors {
     size: Vec<f64>,
     yaw_deg: Vec<f64>,
     iou: Vec<f64>,
+    /// Spent in placement itself.
+    seconds: f64,
 }
 
 fn median(values: &[f64]) -> f64 {
@@ -30,7 +32,8 @@ fn share_above(values: &[f64], limit: f64) -> f64 {
 }
 
 impl Errors {
-    fn print(&self, name: &str, seconds: f64) {
+    fn print(&self, name: &str) {
+        let seconds = self.seconds;
         let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
         println!(
             "{name:<28} n {:>3}  position median {:.3} mean {:.3} >0.2: {:>4.1} %  size median {:.3}  yaw median {:>5.2} mean {:>5.1} >30: {:>4.1} %  IoU {:.3}  {seconds:.1} s",
@@ -51,6 +54,7 @@ impl Errors {
         self.size.extend(&other.size);
         self.yaw_deg.extend(&other.yaw_deg);
         self.iou.extend(&other.iou);
+        self.seconds += other.seconds;
     }
 }
 
@@ -64,7 +68,9 @@ fn place_room(name: &str, kind: PointMapKind, noise: &Noise, settings: &Placemen
         let items = gt.items(level, noise);
         scene.upcoming = gt.upcoming(level);
         let count = items.len();
+        let begun = Instant::now();
         let report: LevelReport = place_level(&mut scene, items, None, settings);
+        errors.seconds += begun.elapsed().as_secs_f64();
         assert_eq!(report.objects.len() + report.dropped.len(), count, "every item is placed or dropped");
         if detail {
             for u in &report.unresolved {
@@ -109,17 +115,15 @@ fn place_room(name: &str, kind: PointMapKind, noise: &Noise, settings: &Placemen
 fn measure(title: &str, kind: PointMapKind, noise: &Noise, settings: &PlacementSettings) -> Option<Errors> {
     let mut all = Errors::default();
     let only = std::env::var("HARMONY_ROOM").ok();
-    let begun = Instant::now();
     for name in room::names()? {
         if only.as_ref().is_some_and(|o| *o != name) {
             continue;
         }
-        let begun = Instant::now();
         let errors = place_room(&name, kind, noise, settings)?;
-        errors.print(&format!("  {name}"), begun.elapsed().as_secs_f64());
+        errors.print(&format!("  {name}"));
         all.add(&errors);
     }
-    all.print(title, begun.elapsed().as_secs_f64());
+    all.print(title);
     Some(all)
 }
 
