@@ -114,7 +114,7 @@ pub fn dominant_colors(photo: &RgbImage, mask: &Mask, count: usize) -> Vec<Domin
         .map(|(pixel, _)| lab_from_rgb8(pixel.0))
         .collect();
     let mut clusters = cluster(&labs, count);
-    clusters.sort_by(|a, b| b.1.cmp(&a.1));
+    clusters.sort_by_key(|c| std::cmp::Reverse(c.1));
     clusters
         .into_iter()
         .map(|(lab, n)| DominantColor { color: rgb8_from_lab(lab), share: n as f64 / labs.len() as f64 })

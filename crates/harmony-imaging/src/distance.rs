@@ -94,7 +94,7 @@ mod tests {
                 assert!((fast[y * w + x] - slow).abs() < 1e-4, "at {x} {y}");
             }
         }
-        assert!(distance_to(&vec![false; 12], 4, 3).iter().all(|d| d.is_infinite()));
+        assert!(distance_to(&[false; 12], 4, 3).iter().all(|d| d.is_infinite()));
         assert!(distance_to(&[], 0, 0).is_empty());
     }
 

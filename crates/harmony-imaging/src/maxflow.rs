@@ -325,8 +325,8 @@ mod tests {
             let pull: Vec<i32> = (0..w * h).map(|_| random(41) - 20).collect();
             let mut graph = GridGraph::new(w, h, &vec![true; w * h]);
             let mut edges = Vec::new();
-            for node in 0..w * h {
-                graph.pull(node, pull[node]);
+            for (node, amount) in pull.iter().enumerate() {
+                graph.pull(node, *amount);
                 for d in [0, 2, 4, 6] {
                     let (x, y) = ((node % w) as i32 + STEPS[d].0, (node / w) as i32 + STEPS[d].1);
                     if x >= 0 && y >= 0 && x < w as i32 && y < h as i32 {

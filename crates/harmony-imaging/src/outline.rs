@@ -4,6 +4,13 @@ use harmony_scene::Mask;
 
 use crate::components;
 
+/// Ways along pixel edges: right, down, left, up.
+const STEP: [(i64, i64); 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];
+/// The pixel ahead of a corner on the left of each way.
+const LEFT: [(i64, i64); 4] = [(0, -1), (0, 0), (-1, 0), (-1, -1)];
+/// And on its right.
+const RIGHT: [(i64, i64); 4] = [(0, 0), (-1, 0), (-1, -1), (0, -1)];
+
 /// The outer outline of the largest connected part of a mask, simplified so that it stays within `tolerance` pixels
 /// (Douglas-Peucker); clockwise on the screen, in pixel coordinates (pixel corners). Empty for an empty mask.
 pub fn trace_outline(mask: &Mask, tolerance: f64) -> Vec<[f64; 2]> {
@@ -20,11 +27,7 @@ pub fn trace_outline(mask: &Mask, tolerance: f64) -> Vec<[f64; 2]> {
     };
     let Some(start) = labels.iter().position(|l| *l == largest as u32) else { return Vec::new() };
     let start = ((start % w) as i64, (start / w) as i64);
-    // Walk along pixel edges with the set on the right hand; directions right, down, left, up.
-    const STEP: [(i64, i64); 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];
-    // The pixels ahead of a corner, to the left and to the right of the way.
-    const LEFT: [(i64, i64); 4] = [(0, -1), (0, 0), (-1, 0), (-1, -1)];
-    const RIGHT: [(i64, i64); 4] = [(0, 0), (-1, 0), (-1, -1), (0, -1)];
+    // Walk along pixel edges with the set on the right hand.
     let (mut at, mut way) = (start, 0_usize);
     let mut points = Vec::new();
     for _ in 0..4 * (w + 1) * (h + 1) {

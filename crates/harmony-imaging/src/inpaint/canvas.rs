@@ -133,9 +133,9 @@ impl Canvas {
                 }
             };
             if sweep % 2 == 0 {
-                cells.iter().for_each(&mut relax)
+                cells.iter().for_each(&mut relax);
             } else {
-                cells.iter().rev().for_each(&mut relax)
+                cells.iter().rev().for_each(&mut relax);
             }
             if most < 0.02 {
                 break;

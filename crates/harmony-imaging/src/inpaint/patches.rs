@@ -164,7 +164,7 @@ impl<'a> Matcher<'a> {
             .enumerate();
         bands.for_each(|(band, ((source, cost), offset))| {
             let first = band * span;
-            let step: i64 = if pass % 2 == 0 { -1 } else { 1 };
+            let step: i64 = if pass.is_multiple_of(2) { -1 } else { 1 };
             let n = source.len();
             for k in 0..n {
                 let local = if step < 0 { k } else { n - 1 - k };

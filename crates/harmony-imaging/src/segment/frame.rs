@@ -186,7 +186,7 @@ fn from_box(
     let slack = (b.width() * settings.box_error, b.height() * settings.box_error);
     // An object cut by the photo's border goes on behind it: no falling off towards that side.
     let reach = |low: f64, high: f64, at_low: bool, at_high: bool, v: f64| {
-        let (centre, half) = ((low + high) / 2.0, ((high - low) / 2.0).max(0.5));
+        let (centre, half) = (f64::midpoint(low, high), ((high - low) / 2.0).max(0.5));
         let r = (v - centre) / half;
         if (r < 0.0 && at_low) || (r > 0.0 && at_high) { 0.0 } else { r.abs() }
     };

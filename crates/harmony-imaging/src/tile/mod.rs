@@ -70,7 +70,7 @@ pub fn complete_surface(texture: &RgbaImage, settings: &TextureSettings) -> Rgba
         height: size.height as usize,
         pixels: texture
             .enumerate_pixels()
-            .map(|(x, y, p)| if p.0[3] >= 128 { detail(p, base.at(x, y)) } else { [0.0; 4] })
+            .map(|(x, y, p)| if p.0[3] >= 128 { detail(*p, base.at(x, y)) } else { [0.0; 4] })
             .collect(),
         hole: texture.pixels().map(|p| p.0[3] < 128).collect(),
         source: vec![true; size.pixels()],
@@ -100,17 +100,11 @@ pub fn make_tile(texture: &RgbaImage, tile_px: u32, settings: &TextureSettings) 
             flat_tile(&whole, &vec![true; observed.len()], side, settings.seed)
         })
     });
-    match tile.flatten() {
-        Some(colors) => RgbaImage::from_fn(side, side, |x, y| opaque(colors[(y * side + x) as usize])),
-        None => {
-            let median = base::median(texture).unwrap_or([128.0; 3]);
-            let mut plain = RgbaImage::from_pixel(side, side, opaque(median));
-            for p in plain.pixels_mut() {
-                p.0[3] = 255;
-            }
-            grain(&plain, settings.seed)
-        }
+    if let Some(colors) = tile.flatten() {
+        return RgbaImage::from_fn(side, side, |x, y| opaque(colors[(y * side + x) as usize]));
     }
+    let median = base::median(texture).unwrap_or([128.0; 3]);
+    grain(&RgbaImage::from_pixel(side, side, opaque(median)), settings.seed)
 }
 
 /// The texture without small islands of observed texels whose median is far from that of the whole.
@@ -151,7 +145,7 @@ fn flat_tile(texture: &RgbaImage, observed: &[bool], side: u32, seed: u64) -> Op
     let colors: Vec<Color> = texture
         .enumerate_pixels()
         .map(|(x, y, p)| {
-            let d = detail(p, base.at(x, y));
+            let d = detail(*p, base.at(x, y));
             std::array::from_fn(|c| base.median[c] + d[c])
         })
         .collect();
@@ -161,7 +155,7 @@ fn flat_tile(texture: &RgbaImage, observed: &[bool], side: u32, seed: u64) -> Op
 }
 
 /// What a texel differs from the field by.
-fn detail(p: &Rgba<u8>, field: Color) -> [f32; 4] {
+fn detail(p: Rgba<u8>, field: Color) -> [f32; 4] {
     [f32::from(p.0[0]) - field[0], f32::from(p.0[1]) - field[1], f32::from(p.0[2]) - field[2], 0.0]
 }
 

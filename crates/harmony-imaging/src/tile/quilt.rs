@@ -16,6 +16,9 @@ const TRIES: usize = 240;
 /// Places a block needs to be chosen from, for each block of the tile.
 const LEAST_CHOICE: usize = 6;
 
+/// Capacity that no seam is worth.
+const CERTAIN: i32 = 1 << 24;
+
 /// A texture to take blocks from.
 pub(super) struct Sample<'a> {
     pub width: usize,
@@ -169,7 +172,6 @@ fn seam(block: usize, pair: impl Fn(usize, usize) -> Option<(Color, Color)>) -> 
     let overlapped: Vec<bool> = mismatch.iter().map(Option::is_some).collect();
     let mut keep: Vec<bool> = overlapped.iter().map(|o| !o).collect();
     let mut graph = GridGraph::new(block, block, &overlapped);
-    const CERTAIN: i32 = 1 << 24;
     for node in 0..graph.pixels().len() {
         let i = graph.pixels()[node] as usize;
         let (x, y) = (i % block, i / block);
