@@ -9,6 +9,7 @@
 
 mod exemplar;
 mod fill;
+mod lattice;
 mod pyramid;
 mod texels;
 mod view;

@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use harmony_imaging::inpaint::{FillSettings, Sources, fill};
-use harmony_scene::{ImageSize, Mask};
-use image::{Rgb, RgbImage};
+use harmony_imaging::tile::{TextureSettings, complete_surface};
+use harmony_scene::ImageSize;
+use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
+use super::lattice::Picture;
 use super::texels::Texel;
 
 /// Shortest side of a face, texels.
@@ -41,11 +42,12 @@ pub(super) fn improve(made_up: &mut [[f32; 3]], texels: &[Texel], side: usize) {
     let mut faces: Vec<Face> = charts.into_values().filter_map(|m| Face::new(m, texels, side)).collect();
     faces.sort_by_key(|f| std::cmp::Reverse(f.members.len()));
     faces.truncate(FACES);
-    let filled: Vec<RgbImage> = faces.par_iter().map(|f| f.filled(made_up, texels, side)).collect();
+    let filled: Vec<RgbaImage> = faces.par_iter().map(|f| f.filled(texels, side)).collect();
     for (face, image) in faces.iter().zip(&filled) {
         for i in &face.members {
             let (x, y) = face.place(texels[*i].at, side);
-            made_up[*i] = image.get_pixel(x, y).0.map(f32::from);
+            let [r, g, b, _] = image.get_pixel(x, y).0.map(f32::from);
+            made_up[*i] = [r, g, b];
         }
     }
 }
@@ -82,18 +84,27 @@ impl Face {
         ((at % side - self.low[0]) as u32, (at / side - self.low[1]) as u32)
     }
 
-    fn filled(&self, made_up: &[[f32; 3]], texels: &[Texel], side: usize) -> RgbImage {
-        let mut image = RgbImage::new(self.size.width, self.size.height);
-        let mut hole = Mask::from_fn(self.size, |_, _| true);
+    fn filled(&self, texels: &[Texel], side: usize) -> RgbaImage {
+        let (w, h) = (self.size.width as usize, self.size.height as usize);
+        let mut picture = Picture { width: w, height: h, pixels: vec![None; w * h] };
+        let mut image = RgbaImage::new(self.size.width, self.size.height);
         for i in &self.members {
             let (x, y) = self.place(texels[*i].at, side);
-            let seen = texels[*i].color.filter(|_| known(&texels[*i]));
-            let color = seen.unwrap_or(made_up[*i]);
-            image.put_pixel(x, y, Rgb(color.map(|c| c.round().clamp(0.0, 255.0) as u8)));
-            hole.set(x, y, seen.is_none());
+            picture.pixels[y as usize * w + x as usize] = texels[*i].color.filter(|_| known(&texels[*i]));
         }
-        fill(&image, &hole, Sources::Anywhere, &FillSettings { working_px: WORKING_PX, ..FillSettings::default() })
+        picture.continue_pattern();
+        for (pixel, color) in image.pixels_mut().zip(&picture.pixels) {
+            if let Some(color) = color {
+                *pixel = rgba(*color);
+            }
+        }
+        complete_surface(&image, &TextureSettings { working_px: WORKING_PX, ..TextureSettings::default() })
     }
+}
+
+fn rgba(color: [f32; 3]) -> Rgba<u8> {
+    let [r, g, b] = color.map(|c| c.round().clamp(0.0, 255.0) as u8);
+    Rgba([r, g, b, 255])
 }
 
 /// Standard deviation of the colours, mean over the channels.
