@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2Swizzles as _};
+use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2Swizzles as _, Vec3};
 use harmony_scene::{MaterialCategory, Size};
 
 use super::shapes::{self, Whole};
@@ -22,6 +22,8 @@ pub(super) const MAX_SIDE: f64 = 50.0;
 const THINNEST: f64 = 2e-4;
 /// From this many parts on, curves are divided more coarsely.
 const MANY: usize = 36;
+/// Most convex pieces.
+const MAX_CONVEX: usize = 48;
 /// Colour of a slot that is not described.
 const UNKNOWN_COLOR: [u8; 3] = [150, 145, 138];
 
@@ -256,7 +258,23 @@ fn assemble(model: &PartModel, built: Vec<(String, Solid)>, wanted: DVec3) -> Bu
         }
         convex.extend(solid.pieces.iter().map(|p| ConvexPart { points: hull_points(p) }));
     }
-    BuiltModel { mesh, convex, slots, plain_slots }
+    BuiltModel { mesh, convex: largest(convex), slots, plain_slots }
+}
+
+/// Drops the smallest pieces of many (handles, books).
+fn largest(mut parts: Vec<ConvexPart>) -> Vec<ConvexPart> {
+    if parts.len() > MAX_CONVEX {
+        let extent = |part: &ConvexPart| {
+            let (lo, hi) = part
+                .points
+                .iter()
+                .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi): (Vec3, Vec3), p| (lo.min(*p), hi.max(*p)));
+            (hi - lo).element_product()
+        };
+        parts.sort_by(|a, b| extent(b).total_cmp(&extent(a)));
+        parts.truncate(MAX_CONVEX);
+    }
+    parts
 }
 
 /// Lowest corner and size of a chart's unwrapped box.

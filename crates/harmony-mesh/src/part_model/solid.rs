@@ -220,6 +220,11 @@ impl SolidBuilder {
         self.solid.pieces.push(points);
     }
 
+    /// Points collected so far.
+    pub fn points(&self) -> &[DVec3] {
+        &self.solid.points
+    }
+
     /// Moves all points and pieces by `f(lowest, highest, point)`; nothing may be added afterwards.
     pub fn map_points(&mut self, f: impl Fn(DVec3, DVec3, DVec3) -> DVec3) {
         let lo = self.solid.points.iter().fold(DVec3::INFINITY, |a, p| a.min(*p));

@@ -48,9 +48,10 @@ fn build(request: &MeshRequest) -> Result<GeneratedMesh, RoleError> {
         notes.push(format!("there is no template for {:?}: it is a plain body of its size", request.label));
         "plain body".to_owned()
     };
+    let params = request.params.with_label(&request.label);
     let usual = catalogue::default_size(&name);
     for (size, note) in [(request.size, None), (usual, Some("the size can't be built; a usual one was taken"))] {
-        let mut model = template(&name, &request.params, size);
+        let mut model = template(&name, &params, size);
         colour(&mut model, request);
         if let Ok(done) = built(&model, size) {
             notes.extend(note.map(str::to_owned));

@@ -12,6 +12,9 @@ use crate::part_model::{LeafHabit, Part};
 /// Most leaves of a part.
 const MAX_LEAVES: u32 = 300;
 
+/// Width of what collides, as a share of the foliage's.
+const CORE: f64 = 0.65;
+
 /// One blade: a bent, pointed leaf.
 struct Blade {
     base: DVec3,
@@ -55,7 +58,9 @@ pub(super) fn leaves(b: &mut SolidBuilder, half: DVec3, part: &Part) {
         let (c, h) = ((lo + hi) / 2.0, (hi - lo) / 2.0);
         (p - c) * half / h.max(DVec3::splat(1e-9))
     });
-    b.piece_of_all();
+    // leaves give way: the solid core of the foliage is narrower
+    let core = b.points().iter().map(|p| *p * DVec3::new(CORE, 1.0, CORE)).collect();
+    b.piece(core);
 }
 
 /// Unit vector towards (azimuth about +Y from +Z, elevation).
