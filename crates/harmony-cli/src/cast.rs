@@ -105,8 +105,7 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
 fn files_options(request: &CastRequest<'_>) -> FilesOptions {
     let tell = Arc::clone(&request.tell);
     let mut options = FilesOptions::new(&request.questions);
-    options.patience =
-        (request.timeout_minutes > 0.0).then(|| Duration::from_secs_f64(request.timeout_minutes * 60.0));
+    options.patience = (request.timeout_minutes > 0.0).then(|| Duration::from_secs_f64(request.timeout_minutes * 60.0));
     options.on_event = Arc::new(move |event| match event {
         FilesEvent::Waiting { folder, open, answered, .. } => {
             tell(format!("waiting for {}/answer.json ({open} open, {answered} answered)", folder.display()));

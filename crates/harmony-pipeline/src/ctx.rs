@@ -70,9 +70,9 @@ impl PhaseError {
             Self::Role(error) => error.hint().map(ToOwned::to_owned),
             Self::File(error) => error.hint().map(ToOwned::to_owned),
             Self::Folder { source, .. } => harmony_io::atomic::io_hint(source).map(ToOwned::to_owned),
-            Self::Internal { .. } => {
-                Some("this is a fault of the program; what was obtained is kept, and running again goes on from it".into())
-            }
+            Self::Internal { .. } => Some(
+                "this is a fault of the program; what was obtained is kept, and running again goes on from it".into(),
+            ),
             _ => None,
         }
     }
@@ -172,8 +172,7 @@ impl PhaseCtx<'_> {
     fn file_in(&self, phase: &str, relative: &str) -> Result<PathBuf, PhaseError> {
         let path = self.run.join(phase).join(relative);
         if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder)
-                .map_err(|source| PhaseError::Folder { path: folder.to_owned(), source })?;
+            std::fs::create_dir_all(folder).map_err(|source| PhaseError::Folder { path: folder.to_owned(), source })?;
         }
         Ok(path)
     }

@@ -60,8 +60,7 @@ pub fn filter_boxes(detections: Vec<Detection>, settings: &FilterSettings) -> (V
             }
         }
     }
-    let mut kept: Vec<Detection> =
-        detections.into_iter().zip(&keep).filter(|(_, k)| **k).map(|(d, _)| d).collect();
+    let mut kept: Vec<Detection> = detections.into_iter().zip(&keep).filter(|(_, k)| **k).map(|(d, _)| d).collect();
     if kept.len() > settings.max_candidates {
         kept.sort_by(|a, b| belief(b).partial_cmp(&belief(a)).unwrap_or(std::cmp::Ordering::Equal));
         for extra in kept.split_off(settings.max_candidates) {
@@ -84,7 +83,10 @@ pub fn filter_masks(found: &[(Detection, Mask)], settings: &FilterSettings) -> V
     for (i, (detection, mask)) in found.iter().enumerate() {
         let least = (settings.min_area * mask.size().pixels() as f64).max(4.0);
         if (areas[i] as f64) < least {
-            verdict[i] = Some(format!("the mask of {} has {} pixels, at least {least:.0} are needed", detection.label, areas[i]));
+            verdict[i] = Some(format!(
+                "the mask of {} has {} pixels, at least {least:.0} are needed",
+                detection.label, areas[i]
+            ));
         }
     }
     for i in 0..found.len() {

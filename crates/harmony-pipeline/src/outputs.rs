@@ -5,7 +5,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use harmony_calls::CallSummary;
-use harmony_io::{GlbNode, GlbScene, NodeTransform, Segment, glb::TextureEncoding, picture, save_segmentation, write_json};
+use harmony_io::{
+    GlbNode, GlbScene, NodeTransform, Segment, glb::TextureEncoding, picture, save_segmentation, write_json,
+};
 use harmony_mesh::{Mesh, catalogue::light_slot};
 use harmony_render::canonical_camera;
 use harmony_scene::{
@@ -111,9 +113,7 @@ pub fn write(
     let segments: Vec<Segment<'_>> = scene
         .objects
         .iter()
-        .filter_map(|object| {
-            masks.iter().find(|(id, _)| *id == object.id).map(|(_, mask)| Segment { object, mask })
-        })
+        .filter_map(|object| masks.iter().find(|(id, _)| *id == object.id).map(|(_, mask)| Segment { object, mask }))
         .collect();
     save_segmentation(run, original, &segments)?;
     Ok(scene)
@@ -320,7 +320,10 @@ pub fn report_data(state: &SceneState, scene: &Scene, log: &[CallSummary], run: 
             facts: vec![
                 Fact::new("type", scene.room.room_type.clone()),
                 Fact::new("size W x D x H", format!("{:.2} x {:.2} x {:.2} m", e.width, e.depth, e.height)),
-                Fact::new("faces seen", scene.room.seen.iter().map(|s: &Surface| s.name()).collect::<Vec<_>>().join(", ")),
+                Fact::new(
+                    "faces seen",
+                    scene.room.seen.iter().map(|s: &Surface| s.name()).collect::<Vec<_>>().join(", "),
+                ),
             ],
         },
         camera: Evidence {
@@ -330,7 +333,13 @@ pub fn report_data(state: &SceneState, scene: &Scene, log: &[CallSummary], run: 
             facts: vec![
                 Fact::new("horizontal field of view", format!("{:.1} deg", camera.horizontal_fov().to_degrees())),
                 Fact::new("height", format!("{:.2} m", camera.centre().y)),
-                Fact::new("position", format!("({:.2}, {:.2}, {:.2}) m", scene.camera.centre[0], scene.camera.centre[1], scene.camera.centre[2])),
+                Fact::new(
+                    "position",
+                    format!(
+                        "({:.2}, {:.2}, {:.2}) m",
+                        scene.camera.centre[0], scene.camera.centre[1], scene.camera.centre[2]
+                    ),
+                ),
             ],
         },
         ..ReportData::default()

@@ -185,7 +185,11 @@ impl Stage<'_> {
             Ok(value) => {
                 self.mark(name, PhaseState::Done, "done".to_owned(), None)?;
                 let seconds = started.elapsed().as_secs_f64();
-                (self.progress)(ProgressEvent::PhaseDone { phase: name.to_owned(), seconds, outcome: "done".to_owned() });
+                (self.progress)(ProgressEvent::PhaseDone {
+                    phase: name.to_owned(),
+                    seconds,
+                    outcome: "done".to_owned(),
+                });
                 Ok(Some(value))
             }
             Err(error) => {
@@ -237,15 +241,18 @@ fn finish(
     file.questions_per_object = questions as f64 / (file.objects.max(1)) as f64;
     file.bill = Bill::of(&log);
     file.answers = calls.book().answers_digest("")?;
-    let written = outputs::write(&request.run, &state, request.photo.original_size, lit, &warnings.sorted())
-        .and_then(|scene| {
+    let written =
+        outputs::write(&request.run, &state, request.photo.original_size, lit, &warnings.sorted()).and_then(|scene| {
             let mut report = outputs::report_data(&state, &scene, &log, &request.run);
             report.title.clone_from(&request.title);
             report.profile.clone_from(&request.profile);
             report.phases = report_phases(file, state.partial.placed.len());
             report.facts = vec![
                 harmony_viewer::Fact::new("program", GENERATOR),
-                harmony_viewer::Fact::new("questions for each placed object", format!("{:.2}", file.questions_per_object)),
+                harmony_viewer::Fact::new(
+                    "questions for each placed object",
+                    format!("{:.2}", file.questions_per_object),
+                ),
             ];
             harmony_viewer::write_report(&request.run, &scene, &report)?;
             Ok(scene)
@@ -257,8 +264,7 @@ fn finish(
             outcome.failure.get_or_insert(failure);
         }
     }
-    let missing: Vec<&str> =
-        REQUIRED.iter().copied().filter(|path| !request.run.join(path).is_file()).collect();
+    let missing: Vec<&str> = REQUIRED.iter().copied().filter(|path| !request.run.join(path).is_file()).collect();
     if !missing.is_empty() && outcome.failure.is_none() {
         outcome.failure = Some(("files".to_owned(), format!("not written: {}", missing.join(", ")), None));
     }
@@ -278,7 +284,11 @@ fn report_phases(file: &RunFile, objects: usize) -> Vec<harmony_viewer::PhaseRep
                 PhaseState::Running => harmony_viewer::PhaseStatus::Pending,
             },
             seconds: file.bill.by_phase.get(name).map_or(0.0, |line| line.latency_ms as f64 / 1000.0),
-            outcome: if name.starts_with('6') { format!("{objects} objects in the scene") } else { entry.outcome.clone() },
+            outcome: if name.starts_with('6') {
+                format!("{objects} objects in the scene")
+            } else {
+                entry.outcome.clone()
+            },
         })
         .collect()
 }

@@ -7,9 +7,7 @@ use harmony_mesh::{Mesh, PartModel};
 use harmony_placement::PartialScene;
 use harmony_prompts::{InspectedObject, LayoutAnswer};
 use harmony_roles::Detection;
-use harmony_scene::{
-    Camera, Level, Lighting, Mask, ObjectId, PointMap, Similarity, Surface, SurfaceMaterial,
-};
+use harmony_scene::{Camera, Level, Lighting, Mask, ObjectId, PointMap, Similarity, Surface, SurfaceMaterial};
 use image::{RgbImage, RgbaImage};
 use serde_json::Value;
 

@@ -59,13 +59,21 @@ pub fn empty_room(state: &SceneState) -> Arc<RgbImage> {
     let camera = &state.partial.camera;
     let picture = if state.surfaces.is_empty() {
         let shell = shell(&room_only, Vec::new());
-        let options =
-            RenderOptions { multisample: true, lighting: Lighting::HeadLight, background: OUTSIDE, ..RenderOptions::default() };
+        let options = RenderOptions {
+            multisample: true,
+            lighting: Lighting::HeadLight,
+            background: OUTSIDE,
+            ..RenderOptions::default()
+        };
         DynamicImage::ImageRgba8(render(camera, &[Instance::in_room(&shell, 1)], &options).color).to_rgb8()
     } else {
         scene_from(&room_only, camera, Vec::new())
     };
-    Arc::new(if state.surfaces.is_empty() { with_room_lines(picture, &state.partial.room, camera, true) } else { picture })
+    Arc::new(if state.surfaces.is_empty() {
+        with_room_lines(picture, &state.partial.room, camera, true)
+    } else {
+        picture
+    })
 }
 
 /// The photo with the room's edges drawn in.
@@ -169,8 +177,12 @@ fn outline(picture: &mut RgbImage, mask: &Mask, color: [u8; 3]) {
 pub fn mesh_view(mesh: &Mesh, yaw_index: usize, px: u32) -> RgbaImage {
     let bounds = mesh.bounds().unwrap_or(Bounds { min: DVec3::splat(-0.5), max: DVec3::splat(0.5) });
     let camera = mesh_view_camera(&bounds, yaw_index, ImageSize::new(px, px));
-    let options =
-        RenderOptions { multisample: true, lighting: Lighting::HeadLight, background: [245, 245, 245, 255], ..RenderOptions::default() };
+    let options = RenderOptions {
+        multisample: true,
+        lighting: Lighting::HeadLight,
+        background: [245, 245, 245, 255],
+        ..RenderOptions::default()
+    };
     render(&camera, &[Instance::in_room(mesh, 1)], &options).color
 }
 
@@ -221,7 +233,15 @@ pub fn line(p: &Placed) -> String {
     let iou = p.evidence.silhouette_iou.map_or(String::new(), |v| format!(", outline agreement {v:.2}"));
     format!(
         "- {}: {}, at ({:.2}, {:.2}, {:.2}), yaw {:.0} deg, size {:.2} x {:.2} x {:.2} m, {on}{iou}",
-        p.item.id, p.item.label, at.x, at.y, at.z, p.pose.yaw.to_degrees(), s.width, s.height, s.depth
+        p.item.id,
+        p.item.label,
+        at.x,
+        at.y,
+        at.z,
+        p.pose.yaw.to_degrees(),
+        s.width,
+        s.height,
+        s.depth
     )
 }
 

@@ -44,7 +44,12 @@ fn found_against_true() {
                 let truth = gt.truth(item.id.as_str()).unwrap();
                 let starter = Starter { scene: &scene, item: &item, view: &view, settings: &settings };
                 for h in starter.all() {
-                    let judge = cost::Judge { view: &view, frame: h.frame, size_sigma: 0.2, use_depth: scene.points.as_ref().is_some_and(RoomPoints::is_dense) };
+                    let judge = cost::Judge {
+                        view: &view,
+                        frame: h.frame,
+                        size_sigma: 0.2,
+                        use_depth: scene.points.as_ref().is_some_and(RoomPoints::is_dense),
+                    };
                     let (c, m) = judge.cost(&h.pose);
                     println!(
                         "  start {:?} yaw {:.2} scale {:.2} {:?} price {} cost {c:.3} iou {:.3} {:?}",

@@ -6,9 +6,7 @@
 use std::collections::BTreeSet;
 
 use harmony_mesh::{PART_MODEL_GUIDE, PartModel, TemplateParams};
-use harmony_scene::{
-    DepthPosition, Level, MaterialCategory, PlacementType, SurfacePosition, Wall, WallAffinity,
-};
+use harmony_scene::{DepthPosition, Level, MaterialCategory, PlacementType, SurfacePosition, Wall, WallAffinity};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -246,7 +244,8 @@ pub fn inspect(vars: &InspectVars) -> Question {
 impl InspectAnswer {
     /// A well-formed answer about some other picture.
     pub fn example() -> Self {
-        let mut sofa = InspectedObject::plain("sofa_01", "sofa", InspectedSize { width: 2.1, height: 0.82, depth: 0.9 });
+        let mut sofa =
+            InspectedObject::plain("sofa_01", "sofa", InspectedSize { width: 2.1, height: 0.82, depth: 0.9 });
         sofa.description = "three-seat sofa, light grey woven fabric, rounded arms, short dark wooden legs".into();
         sofa.occlusion = Occlusion::Partly;
         sofa.wall_affinity = WallAffinity::Back;

@@ -182,8 +182,7 @@ pub struct LayoutPin {
 
 /// The question.
 pub fn layout(vars: &LayoutVars) -> Question {
-    let measured =
-        if vars.measured.is_empty() { "Nothing is measured yet.".to_owned() } else { vars.measured.clone() };
+    let measured = if vars.measured.is_empty() { "Nothing is measured yet.".to_owned() } else { vars.measured.clone() };
     let prompt = fill(
         include_str!("../templates/layout.md"),
         &[("width", vars.width.to_string()), ("height", vars.height.to_string()), ("measured", measured)],

@@ -82,8 +82,7 @@ pub struct FrontsObject {
 
 /// Asks whether completed objects are right.
 pub fn completed(vars: &CompletedVars) -> Question {
-    let prompt =
-        fill(include_str!("../templates/completed.md"), &[("objects", vars.objects.join("\n"))]);
+    let prompt = fill(include_str!("../templates/completed.md"), &[("objects", vars.objects.join("\n"))]);
     let example = CompletedAnswer {
         objects: vec![
             CompletedObject { id: "table_01".into(), matches: true, hint: String::new() },

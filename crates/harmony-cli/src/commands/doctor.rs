@@ -30,7 +30,12 @@ pub fn run(args: &Args) -> Result<u8> {
             println!("\n{}", status.role.folder());
             last = Some(status.role);
         }
-        println!("  {} {:12} {}", if status.available { "ok     " } else { "missing" }, status.player.player, status.detail);
+        println!(
+            "  {} {:12} {}",
+            if status.available { "ok     " } else { "missing" },
+            status.player.player,
+            status.detail
+        );
         if !status.available {
             if let Some(hint) = &status.hint {
                 println!("          hint: {hint}");

@@ -168,7 +168,12 @@ fn report(args: &Args, outcome: &RunOutcome) -> u8 {
         let e = scene.room.extents;
         println!(
             "{}: {:.2} x {:.2} x {:.2} m, {} objects, {} warnings",
-            scene.room.room_type, e.width, e.depth, e.height, scene.objects.len(), scene.warnings.len()
+            scene.room.room_type,
+            e.width,
+            e.depth,
+            e.height,
+            scene.objects.len(),
+            scene.warnings.len()
         );
     }
     let bill = &outcome.file.bill.total;

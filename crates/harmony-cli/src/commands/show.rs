@@ -38,7 +38,10 @@ pub fn run(args: &Args) -> Result<u8> {
     }
     println!(
         "  calls: {}, tokens {} in / {} out, {:.2} questions for each placed object",
-        file.bill.total.calls, file.bill.total.usage.input_tokens, file.bill.total.usage.output_tokens, file.questions_per_object
+        file.bill.total.calls,
+        file.bill.total.usage.input_tokens,
+        file.bill.total.usage.output_tokens,
+        file.questions_per_object
     );
     let Ok(scene) = harmony_io::read_json::<Scene>(&args.run.join("scene.json")) else {
         println!("no scene yet");

@@ -41,10 +41,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         }
         GeometryAnswer::NoDepth { .. } => match exif_focal {
             Some(focal_px) => FocalPrior { focal_px, sigma: 0.03 },
-            None => FocalPrior {
-                focal_px: TYPICAL_FOCAL * f64::from(size.width.max(size.height)),
-                sigma: 0.25,
-            },
+            None => FocalPrior { focal_px: TYPICAL_FOCAL * f64::from(size.width.max(size.height)), sigma: 0.25 },
         },
     };
     let view = estimate_view(&gray, Some(focal));
@@ -70,13 +67,25 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
                     let method = format!("closed form from the point map ({})", words(&json!(c.evidence.method)));
                     let confidence = c.evidence.confidence;
                     let points = Some((map, c.room_from_points));
-                    (c.camera.resized(size), c.extents, c.seen, c.anchor, points, json!(c.evidence), method, confidence, because)
+                    (
+                        c.camera.resized(size),
+                        c.extents,
+                        c.seen,
+                        c.anchor,
+                        points,
+                        json!(c.evidence),
+                        method,
+                        confidence,
+                        because,
+                    )
                 }
                 Err(error) => {
                     ctx.warn(
                         WarningKind::Fallback,
                         None,
-                        format!("the point map could not be calibrated ({error}); the room comes from the photo's lines"),
+                        format!(
+                            "the point map could not be calibrated ({error}); the room comes from the photo's lines"
+                        ),
                     );
                     from_box(ctx, by_box)
                 }
@@ -104,8 +113,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     };
     let room_points = points.as_ref().map(|(map, similarity)| RoomPoints::new(map, similarity));
     let partial = PartialScene::new(room, camera, room_points, Some(anchor));
-    let layout =
-        Layout { answer, camera, points, evidence, method, confidence, because };
+    let layout = Layout { answer, camera, points, evidence, method, confidence, because };
     let state = SceneState {
         photo: working,
         layout,
@@ -147,9 +155,16 @@ fn from_box(ctx: &PhaseCtx<'_>, found: harmony_geometry::RoomBox) -> Found {
     }
     let e = &found.evidence;
     let because = if e.pins_used > 0 {
-        format!("{} of {} pinned points, {:.1} px RMS; vanishing points {:.2}", e.pins_used, e.pins_given, e.pin_rms_px, e.view_confidence)
+        format!(
+            "{} of {} pinned points, {:.1} px RMS; vanishing points {:.2}",
+            e.pins_used, e.pins_given, e.pin_rms_px, e.view_confidence
+        )
     } else {
-        format!("{:.0} % of the box's edges lie on image lines; vanishing points {:.2}", e.edge_support * 100.0, e.view_confidence)
+        format!(
+            "{:.0} % of the box's edges lie on image lines; vanishing points {:.2}",
+            e.edge_support * 100.0,
+            e.view_confidence
+        )
     };
     let method = format!("room box from {}", words(&json!(e.method)));
     let evidence = json!(found.evidence);
@@ -194,9 +209,8 @@ async fn ask(
 
 /// The layout answer in the words of the calibration.
 fn prior_from(answer: &LayoutAnswer, size: ImageSize) -> LayoutPrior {
-    let pixel = |p: &[f64; 2]| {
-        glam::DVec2::new(p[0] * f64::from(size.width) / 1000.0, p[1] * f64::from(size.height) / 1000.0)
-    };
+    let pixel =
+        |p: &[f64; 2]| glam::DVec2::new(p[0] * f64::from(size.width) / 1000.0, p[1] * f64::from(size.height) / 1000.0);
     let c = &answer.camera;
     let edges = answer
         .pins

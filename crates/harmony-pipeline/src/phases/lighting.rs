@@ -23,8 +23,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneStat
     ctx.step("materials and light sources");
     write_materials(ctx, &state)?;
     let objects = outputs::scene_objects(&state);
-    let mut lighting =
-        lights_from_scene(&state.partial.room, &objects, |id| state.mesh_of(id).map(|mesh| &**mesh));
+    let mut lighting = lights_from_scene(&state.partial.room, &objects, |id| state.mesh_of(id).map(|mesh| &**mesh));
     ask_sources(ctx, &state, &mut lighting).await?;
     state.lighting = Some(lighting.clone());
     let lit = if ctx.path_tracer { relight(ctx, &mut state).await? } else { None };
@@ -32,7 +31,8 @@ pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneStat
         ctx.warn(
             WarningKind::NotAvailable,
             None,
-            "no path tracer here (see `harmony doctor`): render_lit.png is left out and the flat render stands in".into(),
+            "no path tracer here (see `harmony doctor`): render_lit.png is left out and the flat render stands in"
+                .into(),
         );
     }
     ctx.write_json("lights.json", state.lighting.as_ref().unwrap_or(&lighting))?;
@@ -104,11 +104,10 @@ async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Option<Rg
     let preview_camera = state.partial.camera.resized(size.fit_within(s.preview_px));
     let reference = shrunk(&state.photo, &preview_camera);
     let mut rounds = Vec::new();
-    let mut preview =
-        match render(ctx, "preview_0", &glb, room, preview_camera, &lighting, s.preview_samples).await? {
-            Some(image) => image,
-            None => return Ok(None),
-        };
+    let mut preview = match render(ctx, "preview_0", &glb, room, preview_camera, &lighting, s.preview_samples).await? {
+        Some(image) => image,
+        None => return Ok(None),
+    };
     for round in 1..=s.rounds {
         let before = assess(&reference, &preview, None);
         let measured = propose(&before, &lighting);
@@ -227,4 +226,3 @@ fn mean_luminance(photo: &RgbImage) -> f64 {
 fn mask_luminance(state: &SceneState, mask: &harmony_scene::Mask) -> Option<f64> {
     harmony_imaging::color::median_color(&state.photo, mask).map(luminance)
 }
-

@@ -26,8 +26,11 @@ pub async fn candidates(
     let with_boxes = ctx.boxes_from_vlm;
     let wanted = ask_list(ctx, level, state, with_boxes).await?;
     let size = state.partial.camera.size;
-    let (found, hosts) =
-        if with_boxes { listed_boxes(&wanted, size) } else { (detect(ctx, level, state, &wanted).await?, BTreeMap::new()) };
+    let (found, hosts) = if with_boxes {
+        listed_boxes(&wanted, size)
+    } else {
+        (detect(ctx, level, state, &wanted).await?, BTreeMap::new())
+    };
     let (found, mut dropped) = filter_boxes(found, &ctx.settings.filters);
 
     let prompts: Vec<SegmentPrompt> = found
@@ -43,8 +46,7 @@ pub async fn candidates(
     let masks = if prompts.is_empty() {
         Vec::new()
     } else {
-        let request =
-            SegmentRequest { name: ctx.call("segment"), image: state.photo.clone(), prompts };
+        let request = SegmentRequest { name: ctx.call("segment"), image: state.photo.clone(), prompts };
         ctx.calls.segment(&request).await?
     };
     let pairs: Vec<_> = found.into_iter().zip(masks).map(|(d, m)| ((d, m.mask), m.score)).collect();
@@ -66,8 +68,7 @@ pub async fn candidates(
         let key = |d: &Detection| (d.bounds.x0, d.bounds.y0);
         key(&a.0.0).partial_cmp(&key(&b.0.0)).unwrap_or(std::cmp::Ordering::Equal)
     });
-    let mut counters: BTreeMap<String, usize> =
-        state.prepared.keys().map(|id| (stem(id.as_str()), 0)).collect();
+    let mut counters: BTreeMap<String, usize> = state.prepared.keys().map(|id| (stem(id.as_str()), 0)).collect();
     for id in state.prepared.keys() {
         *counters.entry(stem(id.as_str())).or_default() += 1;
     }
@@ -129,8 +130,7 @@ async fn ask_list(
     } else {
         Vec::new()
     };
-    let question =
-        list(&ListVars { level, room_type: state.layout.answer.room.room_type.clone(), with_boxes, placed });
+    let question = list(&ListVars { level, room_type: state.layout.answer.room.room_type.clone(), with_boxes, placed });
     let facts = json!({
         "level": level,
         "with_boxes": with_boxes,
@@ -138,8 +138,7 @@ async fn ask_list(
         "extents": state.partial.room.extents,
     });
     let pictures = list_pictures(level, state);
-    let answer: ListAnswer =
-        ctx.ask("list", question, pictures, facts, |answer: &ListAnswer| answer.check()).await?;
+    let answer: ListAnswer = ctx.ask("list", question, pictures, facts, |answer: &ListAnswer| answer.check()).await?;
     Ok(answer)
 }
 
@@ -151,8 +150,7 @@ fn listed_boxes(wanted: &ListAnswer, size: ImageSize) -> (Vec<Detection>, BTreeM
     for item in &wanted.items {
         for instance in &item.instances {
             let [x0, y0, x1, y1] = instance.bounds;
-            let bounds =
-                PixelBox { x0: x0 * kx, y0: y0 * ky, x1: x1 * kx, y1: y1 * ky }.clamped(size);
+            let bounds = PixelBox { x0: x0 * kx, y0: y0 * ky, x1: x1 * kx, y1: y1 * ky }.clamped(size);
             let outline = (instance.outline.len() >= 3)
                 .then(|| instance.outline.iter().map(|p| [p[0] * kx, p[1] * ky]).collect());
             let detection = Detection {
@@ -232,9 +230,7 @@ pub fn boxed(photo: &RgbImage, candidates: &[Candidate]) -> RgbImage {
     let boxes: Vec<LabelledBox> = candidates
         .iter()
         .enumerate()
-        .filter_map(|(i, c)| {
-            Some(LabelledBox { bounds: c.mask.bounds()?, label: c.id.to_string(), color: palette(i) })
-        })
+        .filter_map(|(i, c)| Some(LabelledBox { bounds: c.mask.bounds()?, label: c.id.to_string(), color: palette(i) }))
         .collect();
     draw_boxes(photo, &boxes)
 }

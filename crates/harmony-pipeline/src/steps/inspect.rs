@@ -79,7 +79,13 @@ async fn ask(
                 let host = c.host_hint.as_ref().map_or(String::new(), |h| format!(", listed on {h}"));
                 format!(
                     "- {}: {} (\"{}\"), box [{:.0}, {:.0}, {:.0}, {:.0}]{host}",
-                    c.id, c.detection.label, c.detection.phrase, b.x0 * kx, b.y0 * ky, b.x1 * kx, b.y1 * ky
+                    c.id,
+                    c.detection.label,
+                    c.detection.phrase,
+                    b.x0 * kx,
+                    b.y0 * ky,
+                    b.x1 * kx,
+                    b.y1 * ky
                 )
             })
             .collect(),

@@ -11,9 +11,7 @@ use harmony_prompts::{
     CompletedAnswer, CompletedVars, FrontsAnswer, FrontsVars, InspectedObject, Occlusion, completed, fronts,
 };
 use harmony_roles::{EditKind, EditRequest, GeneratedMesh, MeshFrame, MeshRequest, Picture};
-use harmony_scene::{
-    Level, MaterialCategory, ObjectId, PbrFactors, Physical, Size, SurfaceMaterial, WarningKind,
-};
+use harmony_scene::{Level, MaterialCategory, ObjectId, PbrFactors, Physical, Size, SurfaceMaterial, WarningKind};
 use image::RgbaImage;
 use serde_json::json;
 
@@ -49,8 +47,16 @@ pub async fn all(
                 state.dropped.push((candidate.id.to_string(), ctx.phase.to_owned(), reason));
             }
             None => {
-                ctx.warn(WarningKind::ObjectDropped, Some(candidate.id.clone()), "nothing was said about it".to_owned());
-                state.dropped.push((candidate.id.to_string(), ctx.phase.to_owned(), "nothing was said about it".into()));
+                ctx.warn(
+                    WarningKind::ObjectDropped,
+                    Some(candidate.id.clone()),
+                    "nothing was said about it".to_owned(),
+                );
+                state.dropped.push((
+                    candidate.id.to_string(),
+                    ctx.phase.to_owned(),
+                    "nothing was said about it".into(),
+                ));
             }
         }
     }
@@ -61,7 +67,9 @@ pub async fn all(
     for (completed, mesh) in completed.into_iter().zip(meshes) {
         match mesh? {
             Some(mesh) if mesh.frame == MeshFrame::Raw => raw.push((completed, mesh)),
-            Some(mesh) => ready.push((completed, mesh, json!({ "frame": "canonical as made", "front_local_axis": "+z" }))),
+            Some(mesh) => {
+                ready.push((completed, mesh, json!({ "frame": "canonical as made", "front_local_axis": "+z" })))
+            }
             None => {
                 let id = completed.candidate.id;
                 ctx.warn(WarningKind::ObjectDropped, Some(id.clone()), "no mesh could be made of it".to_owned());
@@ -100,8 +108,7 @@ async fn complete(
         done.push(Completed { candidate, inspected, image: Arc::new(crop) });
     }
     if editor_draws {
-        let hidden: Vec<usize> =
-            (0..done.len()).filter(|i| done[*i].inspected.occlusion != Occlusion::None).collect();
+        let hidden: Vec<usize> = (0..done.len()).filter(|i| done[*i].inspected.occlusion != Occlusion::None).collect();
         edit_all(ctx, state, &mut done, &hidden, &[]).await?;
         let hints = inspect_completed(ctx, state, &done, &hidden).await?;
         let again: Vec<usize> = hidden.iter().zip(&hints).filter(|(_, h)| h.is_some()).map(|(i, _)| *i).collect();
@@ -169,7 +176,10 @@ async fn inspect_completed(
     }
     let cells: Vec<Cell<'_>> = pictures.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
     let question = completed(&CompletedVars {
-        objects: which.iter().map(|i| format!("- {}: {}", done[*i].candidate.id, done[*i].inspected.description)).collect(),
+        objects: which
+            .iter()
+            .map(|i| format!("- {}: {}", done[*i].candidate.id, done[*i].inspected.description))
+            .collect(),
     });
     let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(contact_sheet(&cells, 2, 300)) };
     let asked = ids.clone();

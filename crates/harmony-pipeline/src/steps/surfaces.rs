@@ -31,11 +31,19 @@ pub fn openings(state: &SceneState) -> Vec<Opening> {
             let at = wall.coordinates(p.pose.position);
             // The frame covers the wall's edge all around.
             let inset = 0.03_f64.min(size.width * 0.1);
-            let u = [(at.x - size.width / 2.0 + inset).max(0.02), (at.x + size.width / 2.0 - inset).min(wall.length(&e) - 0.02)];
+            let u = [
+                (at.x - size.width / 2.0 + inset).max(0.02),
+                (at.x + size.width / 2.0 - inset).min(wall.length(&e) - 0.02),
+            ];
             let y0 = if kind == OpeningKind::Door { 0.0 } else { (at.y + inset).max(0.02) };
             let y = [y0, (at.y + size.height - inset).min(e.height - 0.02)];
-            (u[1] - u[0] > 0.1 && y[1] - y[0] > 0.1)
-                .then(|| Opening { kind, wall, u, y, object: Some(p.item.id.clone()) })
+            (u[1] - u[0] > 0.1 && y[1] - y[0] > 0.1).then(|| Opening {
+                kind,
+                wall,
+                u,
+                y,
+                object: Some(p.item.id.clone()),
+            })
         })
         .collect()
 }
@@ -57,9 +65,10 @@ pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), Phase
             image: state.photo.clone(),
             mask: Some(Arc::new(objects.clone())),
             object: None,
-            instruction: "Remove all furniture, wall objects, lamps and decorations. Keep the room itself exactly as it \
+            instruction:
+                "Remove all furniture, wall objects, lamps and decorations. Keep the room itself exactly as it \
                           is: floor, walls, ceiling, corners, light, camera."
-                .to_owned(),
+                    .to_owned(),
         };
         let edited = ctx.calls.edit(&request).await?;
         let image = Arc::new(DynamicImage::ImageRgba8(edited.image).to_rgb8());
@@ -92,7 +101,9 @@ pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), Phase
     for (surface, observed, image) in textures {
         let image = match (observed, surface.wall(), donor) {
             (0..64, Some(_), Some(color)) => plain(color),
-            (0..64, None, Some(color)) if surface == Surface::Ceiling => plain(color.map(|c| c.saturating_add((255 - c) / 2))),
+            (0..64, None, Some(color)) if surface == Surface::Ceiling => {
+                plain(color.map(|c| c.saturating_add((255 - c) / 2)))
+            }
             _ => image,
         };
         let folder = format!("textures/{}.png", surface.name());

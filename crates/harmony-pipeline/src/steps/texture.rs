@@ -44,7 +44,12 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
         };
         let Some(model) = &prepared.part_model else { continue };
         let options = BakeOptions {
-            plain_slots: model.slots.iter().filter(|s| s.texture == TextureMode::Plain).map(|s| s.name.clone()).collect(),
+            plain_slots: model
+                .slots
+                .iter()
+                .filter(|s| s.texture == TextureMode::Plain)
+                .map(|s| s.name.clone())
+                .collect(),
             ..BakeOptions::default()
         };
         jobs.push((id, prepared.mesh.clone(), placed.pose, visible, options));
