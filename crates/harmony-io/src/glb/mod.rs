@@ -218,7 +218,7 @@ pub struct ReadLimits {
 
 impl Default for ReadLimits {
     fn default() -> Self {
-        Self { bytes: 512 << 20, triangles: 8_000_000, vertices: 8_000_000, nodes: 20_000, texture_pixels: 256 << 20 }
+        Self { bytes: 512 << 20, triangles: 8_000_000, vertices: 8_000_000, nodes: 20_000, texture_pixels: 128 << 20 }
     }
 }
 

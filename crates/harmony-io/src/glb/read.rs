@@ -30,12 +30,20 @@ const UNDERSTOOD: [&str; 14] = [
     "EXT_texture_webp",
 ];
 
+/// Length of the JSON for a node with all that belongs to it, generously.
+const JSON_BYTES_PER_NODE: usize = 1024;
+
 /// Reads a file's meshes.
 pub(super) fn read(bytes: &[u8], limits: &ReadLimits) -> Result<LoadedGlb, GlbError> {
     if bytes.len() as u64 > limits.bytes {
         return Err(GlbError::TooLarge { what: "bytes", count: bytes.len() as u64, limit: limits.bytes });
     }
     let (text, binary) = chunks(bytes)?;
+    // Parsed JSON takes many times its text's memory, so the text is bounded by what so many nodes can need.
+    let most = limits.nodes.saturating_mul(JSON_BYTES_PER_NODE).max(1 << 16);
+    if text.len() > most {
+        return Err(GlbError::TooLarge { what: "bytes of JSON", count: text.len() as u64, limit: most as u64 });
+    }
     let doc: Document = serde_json::from_slice(text)?;
     if !doc.asset.version.starts_with("2.") {
         return Err(GlbError::Version { version: doc.asset.version.chars().take(20).collect() });

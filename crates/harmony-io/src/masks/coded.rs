@@ -19,6 +19,8 @@ const BLACK: u8 = 24;
 const SMEARED: f64 = 0.0005;
 /// Share of pixels without an area from which an image is no segmentation at all.
 const NOT_FLAT: f64 = 0.2;
+/// Largest channel difference to its area's colour that JPEG leaves in a flat area; photos vary more.
+const FLAT: u8 = 16;
 /// How far smeared edges reach, pixels.
 const EDGE_ROUNDS: usize = 8;
 
@@ -141,7 +143,7 @@ fn background(
     out
 }
 
-/// Labels of a smeared image: areas first, then their edges; also the number of pixels that were in no area.
+/// Labels of a smeared image: areas first, then their edges; also the number of pixels that are in no flat area.
 fn smeared(size: ImageSize, pixels: &[[u8; 3]], min_pixels: usize) -> (Vec<Option<u32>>, Vec<[u8; 3]>, usize) {
     let (w, h) = (size.width as usize, size.height as usize);
     // A pixel is inside an area when its eight neighbours have nearly its colour.
@@ -175,7 +177,8 @@ fn smeared(size: ImageSize, pixels: &[[u8; 3]], min_pixels: usize) -> (Vec<Optio
     };
     let mut labels: Vec<Option<u32>> =
         pixels.iter().zip(&interior).map(|(c, inside)| if *inside { nearest(*c) } else { None }).collect();
-    let loose = labels.iter().filter(|l| l.is_none()).count();
+    let flat = |(l, c): (&Option<u32>, &[u8; 3])| l.is_some_and(|l| distance(colors[l as usize], *c) <= FLAT);
+    let loose = pixels.len() - labels.iter().zip(pixels).filter(|p| flat(*p)).count();
     // Edge pixels: their own colour decides where it is near a neighbouring area's, else the majority beside them.
     for round in 0..EDGE_ROUNDS {
         let before = labels.clone();

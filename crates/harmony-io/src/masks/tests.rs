@@ -99,6 +99,12 @@ fn a_photo_is_not_taken_for_masks() {
     let error = load_masks(&path, SIZE).unwrap_err();
     assert!(matches!(error, MaskError::NotFlat { .. }), "{error}");
     assert!(error.hint().is_some());
+    for photo in ["photos/bedroom_07.png", "gt/study_01/photo.jpg", "photos/dining_set_01.jpg"] {
+        let Some(photo) = shared(photo) else { continue };
+        let (width, height) = image::image_dimensions(&photo).unwrap();
+        let found = load_masks(&photo, ImageSize::new(width, height));
+        assert!(matches!(found, Err(MaskError::NotFlat { .. })), "{}", photo.display());
+    }
     let black = write(folder.path(), "black.png", &RgbImage::new(SIZE.width, SIZE.height).into());
     assert!(matches!(load_masks(&black, SIZE), Err(MaskError::None { .. })));
 }
