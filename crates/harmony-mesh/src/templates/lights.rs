@@ -187,7 +187,7 @@ pub(super) fn chandelier(m: &mut Maker, p: &TemplateParams) {
     slots(m);
     let (w, h, d, s) = (m.w, m.h, m.d, m.smallest);
     let (cx, cz) = (w / 2.0, d / 2.0);
-    let arms = p.cushions.unwrap_or(6).clamp(3, 12);
+    let arms = p.cushions.unwrap_or(6).clamp(3, 9);
     let hang = h * 0.45;
     let r = 0.01;
     m.add(Piece::new(Shape::Cylinder, "body", [cx - r, cx + r], [hang * 0.5, h], [cz - r, cz + r]));
