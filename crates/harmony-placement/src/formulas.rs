@@ -22,29 +22,10 @@ pub fn metric_scale(angular_size: f64, depth: f64, canonical_width: f64) -> f64 
     angular_size * depth / canonical_width
 }
 
-/// Rounds of the front-surface mean.
-const MEAN_ROUNDS: usize = 5;
-
-/// Values beyond this many robust sigmas of the median are left out.
-const MAD_LIMIT: f64 = 2.5;
-
-/// Mean of the front surface by iterated median with MAD outlier rejection; `None` without finite values.
-pub fn front_surface_mean(values: &[f64]) -> Option<f64> {
-    let mut kept: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
-    if kept.is_empty() {
-        return None;
-    }
-    for _ in 0..MEAN_ROUNDS {
-        let centre = median(&mut kept.clone());
-        let sigma = 1.4826 * median(&mut kept.iter().map(|v| (v - centre).abs()).collect::<Vec<_>>());
-        let before = kept.len();
-        // A surface seen face on has no spread of its own; half a centimetre keeps it whole.
-        kept.retain(|v| (v - centre).abs() <= MAD_LIMIT * sigma.max(0.005));
-        if kept.len() == before {
-            break;
-        }
-    }
-    Some(kept.iter().sum::<f64>() / kept.len() as f64)
+/// Mean depth of the front surface by iterated median with MAD outlier rejection (the paper's `c^front` along the
+/// view, where its 3D mean is used for nothing else); `None` without finite values.
+pub fn front_surface_depth(values: &[f64]) -> Option<f64> {
+    harmony_geometry::robust_mean_scalar(values)
 }
 
 /// Median (the upper one of an even number); `values` must not be empty.
@@ -60,7 +41,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_front_surface_mean_ignores_a_third_of_outliers(
+        fn the_front_surface_depth_ignores_a_third_of_outliers(
             z in 1.0_f64..6.0,
             spread in 0.001_f64..0.03,
             outlier in 1.0_f64..10.0,
@@ -68,7 +49,7 @@ mod tests {
         ) {
             let mut values: Vec<f64> = (0..n).map(|i| z + spread * (2.0 * i as f64 / n as f64 - 1.0)).collect();
             values.extend(std::iter::repeat_n(z + outlier, n / 2));
-            let mean = front_surface_mean(&values).unwrap();
+            let mean = front_surface_depth(&values).unwrap();
             // One surface of half width `spread`: what is left of it has its mean within.
             prop_assert!((mean - z).abs() <= spread, "{mean} for {z}");
         }

@@ -143,7 +143,8 @@ pub fn place_level(
     report
 }
 
-/// What a person should know about a level.
+/// What a person should know about a level, beside what was dropped and what stays unresolved: those are lists of
+/// the report on which the caller acts.
 fn warnings(scene: &PartialScene, level: Level, report: &LevelReport) -> Vec<Warning> {
     let mut out = Vec::new();
     let mut tell = |object: Option<&ObjectId>, kind: WarningKind, message: String| {
@@ -156,14 +157,6 @@ fn warnings(scene: &PartialScene, level: Level, report: &LevelReport) -> Vec<War
     for id in &report.order.ignored {
         let message = format!("the given placement order names {id}, which is unknown or named twice");
         tell(None, WarningKind::AnswerRepaired, message);
-    }
-    for (id, error) in &report.dropped {
-        tell(Some(id), WarningKind::ObjectDropped, format!("it could not be placed: {error}"));
-    }
-    for u in &report.unresolved {
-        let other = u.b.as_ref().map_or_else(|| "a wall".to_owned(), ToString::to_string);
-        let message = format!("it stays {:.2} m deep in {other}: no move separates them", u.penetration);
-        tell(Some(&u.a), WarningKind::Fallback, message);
     }
     for object in &report.objects {
         if let Some(host) = &object.rehosted_to {
@@ -276,6 +269,7 @@ fn place_one(
         return;
     };
     let solution = solve(scene, item, &view, settings);
+    tracing::debug!(object = %item.id, cost = solution.cost, iou = solution.seen.iou, renders = solution.renders, "placed");
     let support = solution.support();
     let given = item.relations.on_top_of.as_ref();
     let rehosted_to = match &support {

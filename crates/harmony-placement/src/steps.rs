@@ -3,7 +3,7 @@
 use harmony_scene::{Pose, Vec2, Vec3};
 
 use crate::anchoring::{Anchoring, Frame};
-use crate::formulas::{angular_size, corrected_depth, front_surface_mean, lateral_shift, metric_scale};
+use crate::formulas::{angular_size, corrected_depth, front_surface_depth, lateral_shift, metric_scale};
 use crate::view::View;
 
 /// One step changes a size by at most this factor: a wrong silhouette must not throw the object out of reach.
@@ -115,7 +115,7 @@ pub(crate) fn depth_step(frame: &Frame, view: &View, pose: &Pose) -> Option<Pose
     }
     let camera = &frame.scene.camera;
     let depth = camera.depth(pose.position);
-    let after = corrected_depth(depth, front_surface_mean(&reference)?, front_surface_mean(&rendered)?);
+    let after = corrected_depth(depth, front_surface_depth(&reference)?, front_surface_depth(&rendered)?);
     let forward = camera.forward();
     Some(moved(frame, pose, forward * (after - depth)))
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use harmony_mesh::{Group, Material, Mesh, convex_parts};
 use harmony_placement::{Item, PartialScene, Placed, RoomPoints, Shape, Traits, Upcoming, YawHint};
@@ -225,16 +225,18 @@ impl GtRoom {
                 let grow = (noise_of.mask_px * noise(noise_of.seed, &o.id, 11)).round() as i32;
                 let wrong = |i: u64| 1.0 + noise_of.mesh * noise(noise_of.seed, &o.id, 20 + i);
                 let mut mesh = Arc::clone(&o.mesh);
+                let by = glam::DVec3::new(wrong(0), wrong(1), wrong(2));
                 if noise_of.mesh > 0.0 {
-                    let by = glam::DVec3::new(wrong(0), wrong(1), wrong(2)).as_vec3();
-                    Arc::make_mut(&mut mesh).map(|p| p * by, |n| n / by);
+                    Arc::make_mut(&mut mesh).map(|p| p * by.as_vec3(), |n| n / by.as_vec3());
                 }
+                let scaled = |hull: &Vec<Vec3>| hull.iter().map(|p| *p * by).collect();
+                let hulls = o.hulls(&self.room.room_type).iter().map(scaled).collect();
                 Item {
                     id: ObjectId::new(&o.id).unwrap(),
                     index: o.index,
                     level: o.level,
                     label: o.label.clone(),
-                    shape: Arc::new(Shape::from_parts(Arc::clone(&mesh), &convex_parts(&mesh))),
+                    shape: Arc::new(Shape::new(Arc::clone(&mesh), hulls)),
                     size: Size::from_vec(size),
                     mask: self.mask(o.index).dilated(grow),
                     occluders: None,
@@ -276,7 +278,23 @@ impl Truth {
     }
 }
 
+type Hulls = Arc<Vec<Vec<Vec3>>>;
+
+/// Convex parts by room and object: the decomposition takes longer than the placement.
+static HULLS: Mutex<BTreeMap<(String, String), Hulls>> = Mutex::new(BTreeMap::new());
+
 impl Truth {
+    fn hulls(&self, room: &str) -> Hulls {
+        let key = (room.to_owned(), self.id.clone());
+        if let Some(known) = HULLS.lock().unwrap().get(&key) {
+            return Arc::clone(known);
+        }
+        let parts = convex_parts(&self.mesh);
+        let hulls: Hulls = Arc::new(parts.iter().map(|p| p.points.iter().map(|q| q.as_dvec3()).collect()).collect());
+        HULLS.lock().unwrap().insert(key, Arc::clone(&hulls));
+        hulls
+    }
+
     /// How a placed object differs.
     pub fn compare(&self, placed: &Placed) -> Difference {
         let sides = placed.size().as_vec() / self.size;
