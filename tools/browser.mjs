@@ -35,3 +35,13 @@ export async function withPage(work, { width = 1280, height = 800, dark = false 
     await browser.close();
   }
 }
+
+// Waits until an expression is true in the page. (The page's own policy forbids eval, which waitForFunction needs.)
+export async function until(page, expression, seconds = 180) {
+  const end = Date.now() + seconds * 1000;
+  while (Date.now() < end) {
+    if (await page.evaluate(expression)) return;
+    await new Promise((r) => setTimeout(r, 200));
+  }
+  throw new Error(`waited ${seconds} s for ${expression}`);
+}

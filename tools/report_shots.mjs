@@ -6,7 +6,7 @@
 import { mkdirSync } from "node:fs";
 import { join, resolve } from "node:path";
 import { pathToFileURL } from "node:url";
-import { withPage } from "./browser.mjs";
+import { until, withPage } from "./browser.mjs";
 
 const [file, out] = process.argv.slice(2);
 if (!file || !out) {
@@ -31,7 +31,7 @@ for (const [name, options] of [
       if (has3d) {
         await page.evaluate("document.getElementById('view3d').scrollIntoView({ block: 'center' })");
         await page.click("#view3d-start");
-        await page.waitForFunction("window.harmonyView || window.harmonyViewFailed");
+        await until(page, "Boolean(window.harmonyView || window.harmonyViewFailed)");
         const failed = await page.evaluate("window.harmonyViewFailed || null");
         if (failed) failures.push(`3D view: ${failed}`);
         await page.waitForTimeout(1500);

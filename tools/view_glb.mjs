@@ -8,7 +8,7 @@ import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { dirname, join } from "node:path";
 import { fileURLToPath, pathToFileURL } from "node:url";
-import { withPage } from "./browser.mjs";
+import { until, withPage } from "./browser.mjs";
 
 const args = process.argv.slice(2);
 const file = args.find((a, i) => !a.startsWith("--") && !(args[i - 1] ?? "").match(/^--(shot|view|light|extents|nodes)$/));
@@ -32,8 +32,8 @@ HarmonyViewer.open(document.getElementById("c"), bytes, { background: "#ddd" })
   writeFileSync(pagePath, html);
   const found = await withPage(async (page, problems) => {
     await page.goto(pathToFileURL(pagePath).href);
-    await page.waitForFunction("window.ready || window.failed");
-    const failed = await page.evaluate("window.failed");
+    await until(page, "Boolean(window.ready || window.failed)");
+    const failed = await page.evaluate("window.failed || null");
     if (failed) throw new Error(`three.js refuses the file: ${failed}`);
     const result = await page.evaluate(`(() => {
       const { Box3, Vector3 } = HarmonyViewer;

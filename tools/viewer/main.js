@@ -13,7 +13,7 @@ const LUMENS_PER_WATT = 683;
 
 export async function open(container, bytes, { onSelect = () => {}, background = null } = {}) {
   const gltf = await new GLTFLoader().parseAsync(bytes, "");
-  const renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+  const renderer = new WebGLRenderer({ antialias: true, alpha: true, preserveDrawingBuffer: true });
   renderer.outputColorSpace = SRGBColorSpace;
   renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
   container.replaceChildren(renderer.domElement);
@@ -28,8 +28,9 @@ export async function open(container, bytes, { onSelect = () => {}, background =
   const centre = bounds.getCenter(new Vector3());
 
   // Two ways to light: even light that shows every surface, and the scene's own lamps and windows (without shadows).
-  const even = [new HemisphereLight(0xffffff, 0xb8b0a8, 2.6)];
-  const head = new DirectionalLight(0xffffff, 0.9);
+  // A sky of intensity pi shows a surface that faces it in its own colour.
+  const even = [new HemisphereLight(0xffffff, 0xc8c4be, 0.9 * Math.PI)];
+  const head = new DirectionalLight(0xffffff, 0.6);
   even.push(head);
   even.forEach((l) => scene.add(l));
   const own = [];
