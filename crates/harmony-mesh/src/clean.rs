@@ -14,6 +14,9 @@ const FLAT: f32 = 1e-7;
 /// Largest error of the simplification, as a share of the mesh's extent.
 const MAX_ERROR: f32 = 0.05;
 
+/// Rounded position, normal and texture coordinates: equal ones are one vertex.
+type CornerKey = ([i64; 3], [i32; 3], [i32; 2]);
+
 /// What [`clean`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CleanReport {
@@ -46,7 +49,7 @@ pub fn clean(mesh: &Mesh, max_triangles: usize) -> (Mesh, CleanReport) {
     if out.materials.is_empty() {
         out.materials.push(Material::plain("body", [0.5; 3]));
     }
-    let mut weld: HashMap<([i64; 3], [i32; 3], [i32; 2]), u32> = HashMap::new();
+    let mut weld: HashMap<CornerKey, u32> = HashMap::new();
     let step = (diagonal * WELD).max(f32::MIN_POSITIVE);
     for group in &mesh.groups {
         let mut triangles = Vec::with_capacity(group.triangles.len());
@@ -57,7 +60,7 @@ pub fn clean(mesh: &Mesh, max_triangles: usize) -> (Mesh, CleanReport) {
             let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
             let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
             let height = (b - a).cross(c - a).length() / longest.max(f32::MIN_POSITIVE);
-            if !(height > diagonal * FLAT) {
+            if height.is_nan() || height <= diagonal * FLAT {
                 continue;
             }
             let face = (b - a).cross(c - a).normalize_or(Vec3::Y);

@@ -57,7 +57,7 @@ pub(super) fn build(model: &PartModel, size: Size) -> Result<BuiltModel, PartMod
         let Size { width, height, depth } = size;
         return Err(PartModelError::Size { width, height, depth, min: MIN_SIDE, max: MAX_SIDE });
     }
-    Ok(assemble(model, solids(model, wanted)?, wanted))
+    Ok(assemble(model, &solids(model, wanted)?, wanted))
 }
 
 /// The parts' solids with their slots, in the canonical frame, together exactly as large as `wanted`.
@@ -218,7 +218,7 @@ fn reflections(mirror: Option<Mirror>, centre: DVec3, parent: DVec3, always: boo
     out
 }
 
-fn assemble(model: &PartModel, built: Vec<(String, Solid)>, wanted: DVec3) -> BuiltModel {
+fn assemble(model: &PartModel, built: &[(String, Solid)], wanted: DVec3) -> BuiltModel {
     let charts: Vec<DVec2> = built.iter().flat_map(|(_, s)| &s.charts).map(|c| chart_box(c).1).collect();
     let (scale, places) = atlas::pack(&charts);
     let mut mesh = Mesh::default();
@@ -228,7 +228,7 @@ fn assemble(model: &PartModel, built: Vec<(String, Solid)>, wanted: DVec3) -> Bu
     let mut plain_slots = Vec::new();
     let mut place = places.iter();
     let limit = wanted / 2.0;
-    for (name, solid) in &built {
+    for (name, solid) in built {
         let name = name.as_str();
         let material = *material_of.entry(name).or_insert_with(|| {
             let slot = model.slot(name);

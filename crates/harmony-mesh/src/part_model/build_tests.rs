@@ -1,5 +1,3 @@
-use std::collections::BTreeMap;
-
 use super::*;
 
 /// Every edge is used once in each direction, and the volume is positive.

@@ -147,7 +147,7 @@ fn check_part(
         ("path", part.path.iter().flatten().flatten().copied().collect(), FARTHEST),
     ];
     for (field, values, limit) in numbers {
-        if let Some(v) = values.iter().find(|v| !(v.abs() <= limit)) {
+        if let Some(v) = values.iter().find(|v| v.is_nan() || v.abs() > limit) {
             return wrong(format!("{path}.{field}"), format!("{v} is out of range; at most {limit} either way"));
         }
     }
@@ -172,7 +172,7 @@ fn check_part(
         if row.count == 0 || row.count > 100 {
             return wrong(format!("{path}.repeat.count"), format!("{} is out of range; 1 to 100", row.count));
         }
-        if row.step.is_some_and(|s| !(s.abs() <= FARTHEST)) {
+        if row.step.is_some_and(|s| s.is_nan() || s.abs() > FARTHEST) {
             return wrong(format!("{path}.repeat.step"), "is out of range");
         }
     }

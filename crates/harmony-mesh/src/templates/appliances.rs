@@ -383,7 +383,7 @@ pub(super) fn kettle(m: &mut Maker, _p: &TemplateParams) {
     let (w, h, d, s) = (m.w, m.h, m.d, m.smallest);
     let r = (w * 0.72).min(d);
     let x = [0.0, r];
-    let z = [(d - r) / 2.0, (d + r) / 2.0];
+    let z = [(d - r) / 2.0, f64::midpoint(d, r)];
     m.add(Piece::new(Shape::Lathe, "body", x, [0.0, h * 0.9], z).points(&[
         [0.95, 0.0],
         [1.0, 0.06],

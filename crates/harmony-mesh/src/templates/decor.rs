@@ -172,7 +172,7 @@ pub(super) fn cup(m: &mut Maker, _p: &TemplateParams) {
     m.slot("body", "#e6e1d6", Ceramic);
     let (w, h, d, s) = (m.w, m.h, m.d, m.smallest);
     let r = (w * 0.78).min(d);
-    let z = [(d - r) / 2.0, (d + r) / 2.0];
+    let z = [(d - r) / 2.0, f64::midpoint(d, r)];
     m.add(Piece::new(Shape::Lathe, "body", [0.0, r], [0.0, h], z).hollow(0.08).points(&[
         [0.8, 0.0],
         [0.9, 0.04],

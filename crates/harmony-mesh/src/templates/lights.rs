@@ -16,7 +16,7 @@ fn slots(m: &mut Maker) {
 fn shade(m: &mut Maker, shape: ShadeShape, x: Span, y: Span, z: Span) {
     let piece = |shape| Piece::new(shape, "shade", x, y, z);
     let (w, h) = ((x[1] - x[0]).min(z[1] - z[0]), y[1] - y[0]);
-    let centre = [(x[0] + x[1]) / 2.0, (y[0] + y[1]) / 2.0, (z[0] + z[1]) / 2.0];
+    let centre = [f64::midpoint(x[0], x[1]), f64::midpoint(y[0], y[1]), f64::midpoint(z[0], z[1])];
     match shape {
         ShadeShape::Drum => m.add(piece(Shape::Cylinder).hollow(0.02)),
         ShadeShape::Cone => m.add(piece(Shape::Cylinder).hollow(0.02).top(0.6)),

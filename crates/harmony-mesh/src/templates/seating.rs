@@ -37,7 +37,7 @@ pub(super) fn sofa(m: &mut Maker, p: &TemplateParams) {
         match arms {
             ArmStyle::Rolled => {
                 let roll = (x[1] - x[0]) * 0.62;
-                let cx = (x[0] + x[1]) / 2.0;
+                let cx = f64::midpoint(x[0], x[1]);
                 vec![
                     Piece::new(Shape::Box, "body", [cx - arm * 0.36, cx + arm * 0.36], [leg, arm_top - roll], [0.0, d])
                         .round(soft * 0.6),
@@ -54,7 +54,7 @@ pub(super) fn sofa(m: &mut Maker, p: &TemplateParams) {
             }
             ArmStyle::Open => {
                 let t = (0.06_f64).min(arm);
-                let cx = (x[0] + x[1]) / 2.0;
+                let cx = f64::midpoint(x[0], x[1]);
                 let x = [cx - t / 2.0, cx + t / 2.0];
                 vec![
                     Piece::new(Shape::Box, "legs", x, [0.0, arm_top - t], [d * 0.9 - t, d * 0.9]).round(t * 0.2),
@@ -67,10 +67,14 @@ pub(super) fn sofa(m: &mut Maker, p: &TemplateParams) {
         }
     };
     if left > 0.0 {
-        arm_piece([0.0, arm]).into_iter().for_each(|a| m.add(a));
+        for piece in arm_piece([0.0, arm]) {
+            m.add(piece);
+        }
     }
     if right > 0.0 {
-        arm_piece([w - arm, w]).into_iter().for_each(|a| m.add(a));
+        for piece in arm_piece([w - arm, w]) {
+            m.add(piece);
+        }
     }
     let inner = [left + 0.004, w - right - 0.004];
     let seats = p.seats.unwrap_or(((inner[1] - inner[0]) / 0.72).round().max(1.0) as u32).clamp(1, 8);
@@ -276,7 +280,7 @@ pub(super) fn chair(m: &mut Maker, p: &TemplateParams) {
                     let slim = (step * 0.4).min(0.035);
                     let x0 = t + step / 2.0;
                     let y = [seat + rise * 0.12, h - 0.04];
-                    let z = behind((y[0] + y[1]) / 2.0) + t * 0.1;
+                    let z = behind(f64::midpoint(y[0], y[1])) + t * 0.1;
                     let slat = Piece::new(Shape::Box, "frame", [x0 - slim / 2.0, x0 + slim / 2.0], y, [z, z + t * 0.3]);
                     m.row(slat.round(t * 0.08).turn(-lean, 0.0, 0.0), Axis::X, slats, step);
                 }
@@ -305,7 +309,7 @@ pub(super) fn office_chair(m: &mut Maker, p: &TemplateParams) {
     let seat = (0.48 * h).min(0.52);
     let thick = 0.085_f64.min(seat * 0.25);
     let wide = w * 0.78;
-    let x = [(w - wide) / 2.0, (w + wide) / 2.0];
+    let x = [(w - wide) / 2.0, f64::midpoint(w, wide)];
     m.legs(p.legs.unwrap_or(LegStyle::StarWheels), "frame", seat - thick * 0.7, 0.06, 0.04);
     m.add(Piece::new(Shape::Cushion, "seat", x, [seat - thick, seat], [d * 0.16, d * 0.94]).puff(0.3));
     m.cube("frame", [w * 0.35, w * 0.65], [seat - thick - 0.03, seat - thick * 0.8], [d * 0.3, d * 0.75]);

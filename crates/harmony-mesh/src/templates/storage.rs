@@ -50,7 +50,7 @@ pub(super) fn cell(m: &mut Maker, kind: Cell, x: Span, y: Span, z: Span, seed: u
                 [front - thick, front],
             );
             m.add(panel.round(0.003));
-            let (cx, cy) = ((x[0] + x[1]) / 2.0, y[0] + ch * 0.56);
+            let (cx, cy) = (f64::midpoint(x[0], x[1]), y[0] + ch * 0.56);
             let half = (cw * 0.16).min(0.09);
             if cw > 0.25 {
                 let bar = Piece::new(
@@ -455,7 +455,7 @@ fn headboard(m: &mut Maker, style: BackStyle, x: Span, y: Span, z: Span) {
             let step = (x[1] - x[0] - post) / count;
             let x0 = x[0] + post / 2.0 + step / 2.0;
             let slat = if style == BackStyle::Bars { 0.012 } else { step * 0.3 };
-            let mid = (z[0] + z[1]) / 2.0;
+            let mid = f64::midpoint(z[0], z[1]);
             let bar = Piece::new(
                 Shape::Box,
                 "frame",

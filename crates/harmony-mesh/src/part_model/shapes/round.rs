@@ -92,7 +92,7 @@ pub(super) fn cylinder(b: &mut SolidBuilder, half: DVec3, part: &Part, whole: &W
         Some(n) => {
             let sides = n.clamp(3, 64) as usize;
             // flats face the axes, and the corners reach where the box's faces are
-            let start = if sides % 2 == 0 { PI / sides as f64 } else { 0.0 };
+            let start = if sides.is_multiple_of(2) { PI / sides as f64 } else { 0.0 };
             let grow = if sides == 4 { std::f64::consts::SQRT_2 } else { 1.0 };
             Turn { sides, faceted: sides <= 16, start, stretch: stretch * grow }
         }
