@@ -5,7 +5,7 @@
 
 Checks (ends with 1 when one fails):
   * the nodes are there by name, with finite boxes; the room (node "room", else everything) stands on y = 0 and has
-    the extents within 2 cm. Blender turns glTF's +Y up into +Z up; everything here is told in the room's frame;
+    the extents within 2 cm (width and depth by its node "floor", when there is one). Blender turns glTF's +Y up into +Z up; everything here is told in the room's frame;
   * --camera: the file's camera projects points where K, R, t of camera.json project them (0.01 px);
   * --ids: object by object, the silhouette seen by Blender's ray casts through camera.json against our own id image
     (8 or 16 bit PNG, values = "index" in scene.json); the mean IoU must reach --min-iou.
@@ -13,7 +13,9 @@ Checks (ends with 1 when one fails):
 
 import argparse
 import json
+import struct
 import sys
+import zlib
 
 import bpy
 import numpy as np
@@ -102,14 +104,48 @@ def check_camera(camera, failures):
 
 
 def load_ids(path):
-    image = bpy.data.images.load(path)
-    image.colorspace_settings.name = "Non-Color"
-    w, h = image.size
-    pixels = np.empty(w * h * image.channels, np.float32)
-    image.pixels.foreach_get(pixels)
-    full = 65535.0 if image.depth // image.channels > 8 or image.depth == 16 else 255.0
-    grid = pixels.reshape(h, w, image.channels)[::-1, :, 0]
-    return np.rint(grid * full).astype(int)
+    """A grey PNG of 8 or 16 bits, exactly: Blender's own reader would bring 16 bits through colour management."""
+    with open(path, "rb") as f:
+        data = f.read()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n", "not a PNG file"
+    at, packed, header = 8, b"", None
+    while at < len(data):
+        length, kind = struct.unpack(">I4s", data[at : at + 8])
+        body = data[at + 8 : at + 8 + length]
+        if kind == b"IHDR":
+            header = struct.unpack(">IIBBBBB", body)
+        elif kind == b"IDAT":
+            packed += body
+        at += 12 + length
+    w, h, bits, color, _, _, interlaced = header
+    if color != 0 or bits not in (8, 16) or interlaced:
+        raise SystemExit("the id image must be a grey PNG of 8 or 16 bits")
+    step = bits // 8
+    raw = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(h, 1 + w * step)
+    rows = np.zeros((h + 1, w * step), np.uint8)
+    for y in range(h):
+        mode, line, up = raw[y, 0], raw[y, 1:], rows[y]
+        if mode == 0:
+            rows[y + 1] = line
+        elif mode == 2:
+            rows[y + 1] = line + up
+        else:
+            out = bytearray(w * step)
+            for x in range(w * step):
+                left = out[x - step] if x >= step else 0
+                corner = int(up[x - step]) if x >= step else 0
+                above = int(up[x])
+                if mode == 1:
+                    guess = left
+                elif mode == 3:
+                    guess = (left + above) // 2
+                else:
+                    p = left + above - corner
+                    guess = min((abs(p - left), 0, left), (abs(p - above), 1, above), (abs(p - corner), 2, corner))[2]
+                out[x] = (int(line[x]) + guess) & 255
+            rows[y + 1] = np.frombuffer(bytes(out), np.uint8)
+    grid = rows[1:].reshape(h, w, step).astype(int)
+    return grid[:, :, 0] if step == 1 else grid[:, :, 0] * 256 + grid[:, :, 1]
 
 
 def silhouettes(camera, ids, index_of, failures, min_iou):
@@ -189,6 +225,11 @@ def main():
     boxes = [tree_box(o) for o in ([roots["room"]] if "room" in roots else roots.values())]
     low = np.min([b[0] for b in boxes], axis=0)
     high = np.max([b[1] for b in boxes], axis=0)
+    floor = next((o for o in objects if o.name == "floor"), None)
+    if floor is not None:
+        # Jambs of windows and doors reach outward; the floor has the room's width and depth.
+        box = tree_box(floor)
+        low[[0, 2]], high[[0, 2]] = box[0][[0, 2]], box[1][[0, 2]]
     size = high - low
     if abs(low[1]) > 0.02:
         failures.append(f"the floor is at y = {low[1]:.3f}, not 0")

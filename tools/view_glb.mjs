@@ -1,7 +1,7 @@
 // Opens a GLB in three.js (headless Chromium) and checks what it finds there.
 //   node tools/view_glb.mjs FILE.glb [--shot OUT.png] [--view photo|corner|top] [--light even|scene]
 //                           [--extents W,H,D] [--nodes id,id,...] [--json]
-// Checks: the room (node "room", else everything) has the extents within 2 cm and stands on y = 0 (up axis),
+// Checks: the room (node "room", else everything; width and depth by "floor") has the extents within 2 cm and stands on y = 0 (up axis),
 // and the named nodes are there with finite boxes. Ends with 1 when a check fails.
 
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
@@ -43,7 +43,9 @@ HarmonyViewer.open(document.getElementById("c"), bytes, { background: "#ddd" })
         const b = new Box3().setFromObject(o);
         nodes[o.userData.name ?? o.name] = b.isEmpty() ? null : { min: b.min.toArray(), max: b.max.toArray(), extras: o.userData };
       }
-      return { nodes, cameras: view.gltf.cameras.length };
+      const floor = view.scene.getObjectByName("floor");
+      const f = floor && new Box3().setFromObject(floor);
+      return { nodes, floor: f && { min: f.min.toArray(), max: f.max.toArray() }, cameras: view.gltf.cameras.length };
     })()`);
     await page.evaluate(`view.light(${JSON.stringify(option("light") ?? "even")}); view.views[${JSON.stringify(option("view") ?? "corner")}]()`);
     await page.evaluate("new Promise((r) => requestAnimationFrame(() => requestAnimationFrame(r)))");
@@ -56,6 +58,10 @@ HarmonyViewer.open(document.getElementById("c"), bytes, { background: "#ddd" })
     min: [0, 1, 2].map((k) => Math.min(...boxes.map((b) => b.min[k]))),
     max: [0, 1, 2].map((k) => Math.max(...boxes.map((b) => b.max[k]))),
   };
+  if (found.floor) {
+    // Jambs of windows and doors reach outward; the floor has the room's width and depth.
+    for (const k of [0, 2]) [whole.min[k], whole.max[k]] = [found.floor.min[k], found.floor.max[k]];
+  }
   const size = whole.max.map((v, k) => v - whole.min[k]);
   if (Math.abs(whole.min[1]) > 0.02) failures.push(`the floor is at y = ${whole.min[1]}, not 0`);
   if (option("extents")) {

@@ -4,11 +4,13 @@ use super::UNKNOWN_SURFACE;
 use crate::color::{distance_squared, farthest_points, nearest};
 
 /// Weight of a difference of lightness: light falls off over a surface, hue stays.
-const LIGHTNESS: f32 = 0.35;
+const LIGHTNESS: f32 = 0.4;
 /// Clusters a surface's colours are put in.
 const CLUSTERS: usize = 6;
 /// A cluster of this share of its surface's (weighted) pixels counts as bare surface.
-const BARE_SHARE: f32 = 0.16;
+const BARE_SHARE: f32 = 0.2;
+/// Weight of a pixel in the lower half of a wall, against 1 above: furniture stands below.
+const LOWER_WALL: f32 = 0.15;
 
 /// Bare colours of every surface, lightness scaled.
 pub(super) struct Background {
@@ -20,20 +22,22 @@ fn scaled(lab: [f32; 3]) -> [f32; 3] {
 }
 
 impl Background {
-    /// Looks at the largest clusters of each surface's pixels. On walls (labels 2 to 5) the upper pixels count more:
-    /// furniture stands below.
-    pub(super) fn of(lab: &[[f32; 3]], surfaces: &[u8], width: usize, height: usize) -> Self {
+    /// Looks at the largest clusters of each surface's pixels; on walls (labels 2 to 5) mostly at the upper ones.
+    pub(super) fn of(lab: &[[f32; 3]], surfaces: &[u8], width: usize) -> Self {
         let mut colors = vec![Vec::new(); 256];
         for surface in 0..=u8::MAX {
             let is_wall = (2..=5).contains(&surface);
+            let row = |i: usize| i / width.max(1);
+            let first = surfaces.iter().position(|s| *s == surface).map_or(0, row);
+            let last = surfaces.iter().rposition(|s| *s == surface).map_or(0, row);
             let members: Vec<(f32, [f32; 3])> = surfaces
                 .iter()
                 .zip(lab)
                 .enumerate()
                 .filter(|(_, (s, _))| **s == surface)
                 .map(|(i, (_, lab))| {
-                    let down = (i / width.max(1)) as f32 / height.max(1) as f32;
-                    (if is_wall { 1.6 - down } else { 1.0 }, scaled(*lab))
+                    let lower = is_wall && row(i) > usize::midpoint(first, last);
+                    (if lower { LOWER_WALL } else { 1.0 }, scaled(*lab))
                 })
                 .collect();
             if members.len() < 20 {

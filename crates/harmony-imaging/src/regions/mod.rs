@@ -161,7 +161,7 @@ impl Picture {
         } else {
             vec![UNKNOWN_SURFACE; w * h]
         };
-        let background = background::Background::of(&lab, &surfaces, w, h);
+        let background = background::Background::of(&lab, &surfaces, w);
         let parts = superpixels::divide(&lab, w, h, (w * h / 2500).max(8));
         let mut sums = vec![([0.0_f64; 3], 0.0_f64, 0_usize); parts.count];
         for ((label, lab), surface) in parts.labels.iter().zip(&lab).zip(&surfaces) {
