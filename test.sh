@@ -2,7 +2,7 @@
 # All tests of HARMONY, and the installation of what they need. About 25 minutes on two cores from scratch.
 #
 #   ./test.sh            everything
-#   ./test.sh --quick    format and Rust tests only
+#   ./test.sh --quick    format, lints and Rust tests only
 #
 # HARMONY_SHARED names a folder with test data (photos, RGB-D frames, rooms with truth); default ../shared.
 # Tests that need it, or Blender, say that they are skipped when it is absent.
@@ -19,6 +19,8 @@ step() { printf '\n== %s\n' "$1"; }
 
 step "format"
 cargo fmt --all --check
+step "lints"
+cargo clippy --quiet --workspace --all-targets -- -D warnings
 step "Rust tests"
 if cargo nextest --version >/dev/null 2>&1; then
   cargo nextest run --workspace --no-fail-fast

@@ -62,15 +62,14 @@ impl Default for FilesConfig {
 /// # Errors
 /// A file that was named and is not there, or that does not fit.
 pub fn load(named: Option<&Path>) -> Result<ConfigFile> {
-    let path = match named {
-        Some(path) => path.to_owned(),
-        None => {
-            let usual = PathBuf::from("harmony.toml");
-            if !usual.is_file() {
-                return Ok(ConfigFile::default());
-            }
-            usual
+    let path = if let Some(path) = named {
+        path.to_owned()
+    } else {
+        let usual = PathBuf::from("harmony.toml");
+        if !usual.is_file() {
+            return Ok(ConfigFile::default());
         }
+        usual
     };
     let bytes = harmony_io::read_bounded(&path, 4 << 20).with_context(|| format!("reading {}", path.display()))?;
     let text = String::from_utf8(bytes).map_err(|_| anyhow::anyhow!("{} is not text", path.display()))?;

@@ -1,5 +1,7 @@
 //! The program as a person runs it: the bundled example replayed, run again, and inputs that are no good.
 
+#![allow(clippy::unwrap_used)] // a test
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -347,8 +347,10 @@ pub struct NpyEntry {
 
 impl NpyEntry {
     fn with(name: &str, descr: &str, shape: &[usize], data: Vec<u8>) -> Self {
-        let dims: String = shape.iter().map(|n| format!("{n}, ")).collect();
-        let dims = if shape.len() == 1 { format!("{},", shape[0]) } else { dims.trim_end_matches(", ").to_owned() };
+        let dims = match shape {
+            [one] => format!("{one},"),
+            all => all.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
+        };
         let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({dims}), }}");
         Self { name: name.to_owned(), header, data }
     }

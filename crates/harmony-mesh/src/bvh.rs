@@ -367,7 +367,7 @@ mod tests {
         }
     }
 
-    fn mesh(corners: Vec<DVec3>) -> Mesh {
+    fn mesh(corners: &[DVec3]) -> Mesh {
         let n = corners.len() as u32;
         let mut mesh = Mesh {
             positions: corners.iter().map(|p| p.as_vec3()).collect(),
@@ -387,7 +387,7 @@ mod tests {
             let c = r.point();
             corners.extend((0..3).map(|_| c + r.point() * 0.1));
         }
-        mesh(corners)
+        mesh(&corners)
     }
 
     /// Ray against plane, then the three edge signs: independent of the test inside the tree.
@@ -453,7 +453,7 @@ mod tests {
     fn a_ray_down_onto_a_table_top_gives_height_and_upward_normal() {
         let y = 0.75;
         let q = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, z)| DVec3::new(x, y, z));
-        let bvh = Bvh::new(&mesh(vec![q[0], q[2], q[1], q[0], q[3], q[2]]));
+        let bvh = Bvh::new(&mesh(&[q[0], q[2], q[1], q[0], q[3], q[2]]));
         // Right on the shared diagonal.
         let hit = bvh.raycast(DVec3::new(0.3, 2.0, 0.3), DVec3::NEG_Y * 7.0, 5.0).unwrap();
         assert!((hit.distance - 1.25).abs() <= 1e-12);
@@ -478,7 +478,7 @@ mod tests {
             let _ = bvh.closest_point(v);
         }
         // Ten thousand copies of one triangle.
-        let same = Bvh::new(&mesh([DVec3::ZERO, DVec3::X, DVec3::Z].repeat(10_000)));
+        let same = Bvh::new(&mesh(&[DVec3::ZERO, DVec3::X, DVec3::Z].repeat(10_000)));
         let hit = same.raycast(DVec3::new(0.2, 1.0, 0.2), DVec3::NEG_Y, 2.0).unwrap();
         assert_eq!(hit.triangle, 0, "of equal distances the lowest index");
     }

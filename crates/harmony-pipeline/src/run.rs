@@ -120,12 +120,12 @@ pub async fn run(
         files: BTreeMap::new(),
     };
     let mut stage = Stage { request, calls, warnings, progress, file: &mut file, failure: None, lit: None };
-    let state = stage.all().await?;
+    let state = Box::pin(stage.all()).await?;
     let failure = stage.failure.take();
     let lit = stage.lit.take();
     let mut outcome = RunOutcome { file, nothing_to_do: false, scene: None, failure };
     if let Some(state) = state {
-        finish(request, calls, warnings, state, lit.as_ref(), &mut outcome)?;
+        finish(request, calls, warnings, &state, lit.as_ref(), &mut outcome)?;
     }
     outcome.file.write(&request.run)?;
     Ok(outcome)
@@ -230,7 +230,7 @@ fn finish(
     request: &RunRequest,
     calls: &Calls,
     warnings: &Warnings,
-    state: SceneState,
+    state: &SceneState,
     lit: Option<&RgbImage>,
     outcome: &mut RunOutcome,
 ) -> Result<(), RunError> {
@@ -242,8 +242,8 @@ fn finish(
     file.bill = Bill::of(&log);
     file.answers = calls.book().answers_digest("")?;
     let written =
-        outputs::write(&request.run, &state, request.photo.original_size, lit, &warnings.sorted()).and_then(|scene| {
-            let mut report = outputs::report_data(&state, &scene, &log, &request.run);
+        outputs::write(&request.run, state, request.photo.original_size, lit, &warnings.sorted()).and_then(|scene| {
+            let mut report = outputs::report_data(state, &scene, &log, &request.run);
             report.title.clone_from(&request.title);
             report.profile.clone_from(&request.profile);
             report.phases = report_phases(file, state.partial.placed.len());

@@ -180,7 +180,7 @@ impl Frame<'_> {
         let (low, high) = reach(self.item, &pose);
         let axis_clamp = |v: f64, lo: f64, hi: f64, length: f64| {
             let (from, to) = (-lo + self.wall_gap, length - hi - self.wall_gap);
-            if from <= to { v.clamp(from, to) } else { (from + to) / 2.0 }
+            if from <= to { v.clamp(from, to) } else { f64::midpoint(from, to) }
         };
         // Wall-held objects keep their distance to the wall; the clamp along the other axis still applies.
         let fixed_axis = match self.anchoring {

@@ -175,10 +175,12 @@ fn least_move(
     best
 }
 
+/// How far an object may reach out of the room, in metres.
+const SLACK: f64 = 5e-3;
+
 /// Whether a displacement keeps an object in the room and on its host.
 fn feasible(scene: &PartialScene, all: &[Solid], object: usize, members: &[usize], by: Vec3) -> bool {
     let e = scene.room.extents.as_vec();
-    const SLACK: f64 = 5e-3;
     let inside = members.iter().all(|m| {
         let (low, high) = (all[*m].low, all[*m].high);
         // What was outside already (a recessed window) must only not go further.

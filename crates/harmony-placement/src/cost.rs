@@ -77,10 +77,10 @@ impl Judge<'_> {
         let m = self.view.compare(item.shape.proxy(), pose);
         let mut cost = 1.0 - (1.0 - STRICT) * m.iou - STRICT * m.strict_iou;
         cost += EDGES * self.edge_error(&m);
-        if self.use_depth {
-            if let Some(d) = m.soft_depth {
-                cost += DEPTH_PER_METRE * d * (m.depth_share * 3.0).min(1.0);
-            }
+        if self.use_depth
+            && let Some(d) = m.soft_depth
+        {
+            cost += DEPTH_PER_METRE * d * (m.depth_share * 3.0).min(1.0);
         }
         let weight = if item.traits.heavily_occluded { SIZE_WHEN_HIDDEN } else { SIZE };
         for d in size_deviations(item, pose) {

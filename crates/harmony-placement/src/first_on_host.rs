@@ -32,7 +32,7 @@ pub(crate) fn hypotheses<'a>(starter: &Starter<'a, '_>) -> Vec<Hypothesis<'a>> {
 
 /// Share of a decoration's box that lies on a host: its lower half against the host's seen or projected box.
 fn overlap(scene: &PartialScene, host: &Placed, mask_box: &PixelBox) -> f64 {
-    let lower = PixelBox { y0: (mask_box.y0 + mask_box.y1) / 2.0, ..*mask_box };
+    let lower = PixelBox { y0: f64::midpoint(mask_box.y0, mask_box.y1), ..*mask_box };
     let seen = host.item.mask.bounds();
     let projected = projected_box(scene, host);
     let area = |b: Option<PixelBox>| b.map_or(0.0, |b| lower.covered_by(&b.padded(0.02, scene.camera.size)));
@@ -122,10 +122,10 @@ fn spots(starter: &Starter, host: &Placed, layers: &[Layer]) -> Vec<(f64, Vec3)>
     // The surface that the base's ray itself meets.
     if view.free[3] {
         let ray = camera.ray(Vec2::new(b.centre().x, b.y1 - 0.02 * b.height()));
-        if let Some((hit, true)) = support::ray_hit(host, ray.origin, ray.direction) {
-            if let Some(position) = starter.by_contact(&frame, &pose, hit.y, 3) {
-                out.push((hit.y, position));
-            }
+        if let Some((hit, true)) = support::ray_hit(host, ray.origin, ray.direction)
+            && let Some(position) = starter.by_contact(&frame, &pose, hit.y, 3)
+        {
+            out.push((hit.y, position));
         }
     }
     for layer in layers {
@@ -143,10 +143,10 @@ fn spots(starter: &Starter, host: &Placed, layers: &[Layer]) -> Vec<(f64, Vec3)>
             out.push((layer.height, onto(host, points)));
         }
     }
-    if out.is_empty() {
-        if let Some(layer) = layers.first() {
-            out.push((layer.height, by_words(starter, host)));
-        }
+    if out.is_empty()
+        && let Some(layer) = layers.first()
+    {
+        out.push((layer.height, by_words(starter, host)));
     }
     out
 }

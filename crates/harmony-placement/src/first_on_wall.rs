@@ -113,7 +113,7 @@ fn on_wall(starter: &Starter, wall: Wall) -> Pose {
     let centre_of = |low: f64, high: f64, extent: f64, free: (bool, bool)| match free {
         (true, false) => low + extent / 2.0,
         (false, true) => high - extent / 2.0,
-        _ => (low + high) / 2.0,
+        _ => f64::midpoint(low, high),
     };
     let u = centre_of(u0, u1, size.x, (low_free, high_free));
     let y = centre_of(y0, y1, size.y, (free[3], free[1]));

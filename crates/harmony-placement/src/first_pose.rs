@@ -100,11 +100,11 @@ impl<'a> Starter<'a, '_> {
         if self.settings.relations {
             let target = self.item.relations.facing_toward.as_ref().and_then(|id| self.scene.position(id));
             let own = target.is_some_and(|t| self.scene.placed[t].item.id == self.item.id);
-            if let Some(target) = target.filter(|_| !own) {
-                if let Some(start) = facing(position, &self.scene.placed[target]) {
-                    let turned = |by: f64| YawRule::Facing { target, start: start + by, sigma: FACING_SIGMA };
-                    return [0.0, -1.5, 1.5].map(|k| turned(k * FACING_SIGMA)).to_vec();
-                }
+            if let Some(target) = target.filter(|_| !own)
+                && let Some(start) = facing(position, &self.scene.placed[target])
+            {
+                let turned = |by: f64| YawRule::Facing { target, start: start + by, sigma: FACING_SIGMA };
+                return [0.0, -1.5, 1.5].map(|k| turned(k * FACING_SIGMA)).to_vec();
             }
         }
         let quarter = std::f64::consts::FRAC_PI_2;

@@ -322,8 +322,8 @@ mod tests {
             seen.sort_unstable();
             prop_assert_eq!(seen, (0..n).collect::<Vec<_>>());
             let at = |i: usize| order.iter().position(|k| *k == i).unwrap();
-            for i in 0..n {
-                if let Some(j) = on[i].filter(|j| *j < i) {
+            for (i, host) in on.iter().enumerate() {
+                if let Some(j) = host.filter(|j| *j < i) {
                     prop_assert!(at(j) < at(i));
                 }
             }

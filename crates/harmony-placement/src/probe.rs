@@ -1,7 +1,10 @@
 //! Looks into the cost of a room's objects: found pose against true pose. Run by hand:
 //! `HARMONY_ROOM=.. HARMONY_OBJECT=.. cargo test -p harmony-placement --lib probe -- --ignored --nocapture`.
 
+#![allow(clippy::print_stdout, clippy::unwrap_used)]
+
 #[path = "../tests/truth/room.rs"]
+#[allow(dead_code)]
 mod room;
 
 use std::sync::Arc;

@@ -63,7 +63,7 @@ fn clip(triangle: [DVec3; 3]) -> Vec<DVec3> {
 
 fn fill(depth: &mut [f32], w: usize, h: usize, a: Corner, b: Corner, c: Corner) {
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-    if !(area.abs() > 1e-12) {
+    if area.is_nan() || area.abs() <= 1e-12 {
         return;
     }
     let low = |i: usize| a[i].min(b[i]).min(c[i]);

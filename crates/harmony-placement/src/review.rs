@@ -195,7 +195,7 @@ pub fn apply(
         ReviewAction::Swap { object, with } => {
             let (i, j) = (find(scene, object)?, find(scene, with)?);
             let (a, b) = (scene.placed[i].item.shape.clone(), scene.placed[j].item.shape.clone());
-            exchange(&mut after, i, j, a, b);
+            exchange(&mut after, i, j, &a, &b);
             touched.extend([object.clone(), with.clone()]);
         }
         ReviewAction::Rehost { object, host } => {
@@ -277,8 +277,8 @@ fn pulled_off(scene: &PartialScene, pose: &Pose, item: &Item, wall: harmony_scen
 }
 
 /// Two objects exchange their shapes, each keeping its place and metric size.
-fn exchange(scene: &mut PartialScene, i: usize, j: usize, a: Arc<crate::Shape>, b: Arc<crate::Shape>) {
-    for (k, own, other) in [(i, &a, &b), (j, &b, &a)] {
+fn exchange(scene: &mut PartialScene, i: usize, j: usize, a: &Arc<crate::Shape>, b: &Arc<crate::Shape>) {
+    for (k, own, other) in [(i, a, b), (j, b, a)] {
         let placed = &mut scene.placed[k];
         let ratio = own.extent().y / other.extent().y;
         let mut item = (*placed.item).clone();
@@ -373,10 +373,10 @@ pub fn judge(before: &PartialScene, after: &ReviewOutcome, settings: &PlacementS
     } else if verdict.iou_after < verdict.iou_before - WORSE_IOU {
         let (a, b) = (verdict.iou_before, verdict.iou_after);
         refuse(format!("silhouette IoU would fall from {a:.3} to {b:.3}"));
-    } else if let (Some(a), Some(b)) = (verdict.depth_before_m, verdict.depth_after_m) {
-        if b > a + WORSE_DEPTH {
-            refuse(format!("the depth residual would grow from {a:.3} m to {b:.3} m"));
-        }
+    } else if let (Some(a), Some(b)) = (verdict.depth_before_m, verdict.depth_after_m)
+        && b > a + WORSE_DEPTH
+    {
+        refuse(format!("the depth residual would grow from {a:.3} m to {b:.3} m"));
     }
     verdict
 }

@@ -48,10 +48,10 @@ pub(crate) fn silhouette_step(frame: &Frame, view: &View, pose: &Pose) -> Pose {
     if let Some(du) = du {
         next.position += camera.right() * lateral_shift(du, depth, k.fx);
     }
-    if matches!(frame.anchoring, Anchoring::OnWall(_)) {
-        if let Some(dv) = dv {
-            next.position += camera.down() * lateral_shift(dv, depth, k.fy);
-        }
+    if matches!(frame.anchoring, Anchoring::OnWall(_))
+        && let Some(dv) = dv
+    {
+        next.position += camera.down() * lateral_shift(dv, depth, k.fy);
     }
     if !frame.item.traits.heavily_occluded {
         resize(frame, pose, &mut next, wide, high);

@@ -362,10 +362,10 @@ fn free_edges(mask: &Mask, b: &PixelBox, neighbours: &[Neighbour]) -> [bool; 4] 
 /// band in which the edge of the box was measured.
 fn side(mask: &Mask, b: &PixelBox, neighbours: &[Neighbour], edge: usize) -> (f64, f64) {
     let (x0, x1, y0, y1) = (b.x0 as i64, b.x1 as i64, b.y0 as i64, b.y1 as i64);
-    let across = if edge % 2 == 0 { b.width() } else { b.height() };
+    let across = if edge.is_multiple_of(2) { b.width() } else { b.height() };
     let band = (across * 0.02).clamp(1.0, 6.0) as i64;
     let (dx, dy) = [(-1, 0), (0, -1), (1, 0), (0, 1)][edge];
-    let lines = if edge % 2 == 0 { y0..y1 } else { x0..x1 };
+    let lines = if edge.is_multiple_of(2) { y0..y1 } else { x0..x1 };
     let (mut all, mut all_cut, mut near, mut near_cut) = (0.0, 0.0, 0.0, 0.0);
     for line in lines {
         let outermost = match edge {

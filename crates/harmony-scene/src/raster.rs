@@ -37,7 +37,7 @@ impl PixelBox {
 
     /// Centre.
     pub fn centre(&self) -> DVec2 {
-        DVec2::new((self.x0 + self.x1) / 2.0, (self.y0 + self.y1) / 2.0)
+        DVec2::new(f64::midpoint(self.x0, self.x1), f64::midpoint(self.y0, self.y1))
     }
 
     /// Overlap of two boxes (of zero area when they do not meet).

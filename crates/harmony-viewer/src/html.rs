@@ -129,7 +129,7 @@ pub(crate) fn grouped(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::new();
     for (k, c) in digits.chars().enumerate() {
-        if k > 0 && (digits.len() - k) % 3 == 0 {
+        if k > 0 && (digits.len() - k).is_multiple_of(3) {
             out.push('\u{202f}');
         }
         out.push(c);
@@ -155,7 +155,7 @@ mod tests {
 
     #[test]
     fn numbers_read_well() {
-        assert_eq!(duration(3.14), "3.1 s");
+        assert_eq!(duration(3.12), "3.1 s");
         assert_eq!(duration(125.0), "2 min 05 s");
         assert_eq!(duration(3.0 * 3600.0 + 600.0), "3 h 10 min");
         assert_eq!(duration(f64::NAN), "");

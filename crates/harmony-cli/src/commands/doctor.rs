@@ -36,10 +36,10 @@ pub fn run(args: &Args) -> Result<u8> {
             status.player.player,
             status.detail
         );
-        if !status.available {
-            if let Some(hint) = &status.hint {
-                println!("          hint: {hint}");
-            }
+        if !status.available
+            && let Some(hint) = &status.hint
+        {
+            println!("          hint: {hint}");
         }
     }
     Ok(EXIT_OK)

@@ -139,7 +139,7 @@ async fn reconstruct(args: Args) -> Result<u8> {
         path_tracer: casting.path_tracer,
         further_inputs: casting.inputs,
     };
-    let outcome = harmony_pipeline::run(&run_request, &calls, &warnings, &display.sink()).await;
+    let outcome = Box::pin(harmony_pipeline::run(&run_request, &calls, &warnings, &display.sink())).await;
     display.finish();
     let outcome = outcome.map_err(|e| anyhow::anyhow!(e))?;
     Ok(report(&args, &outcome))

@@ -131,7 +131,7 @@ mod tests {
             let p = q.inverse() * (point - centre);
             let ndc = (p.x / -p.z / (tan_y * aspect), p.y / -p.z / tan_y);
             let pixel = ours.project(point).unwrap();
-            assert!(((ndc.0 + 1.0) / 2.0 * 960.0 - pixel.x).abs() <= 1e-9);
+            assert!((f64::midpoint(ndc.0, 1.0) * 960.0 - pixel.x).abs() <= 1e-9);
             assert!(((1.0 - ndc.1) / 2.0 * 720.0 - pixel.y).abs() <= 1e-9);
         }
     }

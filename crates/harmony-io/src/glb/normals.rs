@@ -10,7 +10,7 @@ const CREASE_DEG: f32 = 40.0;
 
 /// The mesh with normals; vertices on creases are doubled. Faces are joined where they share a vertex *position*, for
 /// files without normals often repeat their vertices.
-pub(super) fn creased(mesh: Mesh) -> Mesh {
+pub(super) fn creased(mesh: &Mesh) -> Mesh {
     let triangles: Vec<[u32; 3]> = mesh.triangles().collect();
     let mut place: BTreeMap<[u32; 3], u32> = BTreeMap::new();
     let corner: Vec<u32> = mesh

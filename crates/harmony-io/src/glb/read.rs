@@ -135,18 +135,17 @@ impl Reader<'_> {
             let (count, limit) = (doc.nodes.len() as u64, self.limits.nodes as u64);
             return Err(GlbError::TooLarge { what: "nodes", count, limit });
         }
-        let mut roots: Vec<usize> = match doc.scenes.get(doc.scene.unwrap_or(0)) {
-            Some(scene) => scene.nodes.clone(),
-            None => {
-                // Without a scene every node that is nobody's child is a root.
-                let mut child = vec![false; doc.nodes.len()];
-                for c in doc.nodes.iter().flat_map(|n| &n.children) {
-                    if let Some(flag) = child.get_mut(*c) {
-                        *flag = true;
-                    }
+        let mut roots: Vec<usize> = if let Some(scene) = doc.scenes.get(doc.scene.unwrap_or(0)) {
+            scene.nodes.clone()
+        } else {
+            // Without a scene every node that is nobody's child is a root.
+            let mut child = vec![false; doc.nodes.len()];
+            for c in doc.nodes.iter().flat_map(|n| &n.children) {
+                if let Some(flag) = child.get_mut(*c) {
+                    *flag = true;
                 }
-                (0..doc.nodes.len()).filter(|i| !child[*i]).collect()
             }
+            (0..doc.nodes.len()).filter(|i| !child[*i]).collect()
         };
         roots.reverse();
         let mut stack: Vec<(usize, DAffine3)> = roots.into_iter().map(|i| (i, DAffine3::IDENTITY)).collect();
@@ -273,7 +272,7 @@ impl Reader<'_> {
                 part.normals =
                     given.zip(smooth).map(|(n, s)| n.try_normalize().filter(|n| n.is_finite()).unwrap_or(s)).collect();
             }
-            None => part = creased(part),
+            None => part = creased(&part),
         }
         let mut material = look.material.clone();
         if material.texture.is_some() && !has_uvs {

@@ -417,7 +417,7 @@ fn meshes_without_normals_are_smooth_but_for_creases() {
         material: 0,
         triangles: quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect(),
     }];
-    let out = normals::creased(shared_box);
+    let out = normals::creased(&shared_box);
     assert_eq!(out.positions.len(), 24);
     assert!(
         out.positions
@@ -436,7 +436,7 @@ fn meshes_without_normals_are_smooth_but_for_creases() {
         [[a, b, c], [c, b, d]]
     });
     side.groups = vec![Group { material: 0, triangles: tris.collect() }];
-    let out = normals::creased(side);
+    let out = normals::creased(&side);
     assert_eq!(out.positions.len(), 64);
     for (p, n) in out.positions.iter().zip(&out.normals) {
         let radial = Vec3::new(p.x, 0.0, p.z).normalize();

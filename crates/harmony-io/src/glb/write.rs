@@ -185,7 +185,7 @@ impl Writer {
                 (lo.min(*p), hi.max(*p))
             })
         });
-        let flat: Vec<f32> = values.iter().flat_map(|v| v.to_array()).collect();
+        let flat: Vec<f32> = values.iter().flat_map(glam::Vec3::to_array).collect();
         self.floats(&flat, 3, range)
     }
 

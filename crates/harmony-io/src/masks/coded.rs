@@ -127,10 +127,10 @@ fn background(
     let mut border = vec![0_usize; colors.len()];
     for (i, l) in labels.iter().enumerate() {
         let (x, y) = (i % w, i / w);
-        if x == 0 || y == 0 || x + 1 == w || y + 1 == h {
-            if let Some(l) = l {
-                border[*l as usize] += 1;
-            }
+        if (x == 0 || y == 0 || x + 1 == w || y + 1 == h)
+            && let Some(l) = l
+        {
+            border[*l as usize] += 1;
         }
     }
     let white = |l: usize| colors[l].iter().all(|v| *v >= 255 - black);

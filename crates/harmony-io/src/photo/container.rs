@@ -7,14 +7,14 @@ use super::PhotoError;
 /// A format that is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Format {
-    pub format: ImageFormat,
+    pub kind: ImageFormat,
     pub name: &'static str,
     pub extension: &'static str,
 }
 
 /// The format by content; the file's name is never asked.
 pub(super) fn sniff(bytes: &[u8]) -> Result<Format, PhotoError> {
-    let known = |format, name, extension| Ok(Format { format, name, extension });
+    let known = |kind, name, extension| Ok(Format { kind, name, extension });
     let starts = |magic: &[u8]| bytes.starts_with(magic);
     if bytes.is_empty() {
         return Err(PhotoError::Empty);
@@ -70,7 +70,7 @@ pub(super) fn sniff(bytes: &[u8]) -> Result<Format, PhotoError> {
 ///
 /// Other formats are left to their decoders, which notice.
 pub(super) fn is_whole(bytes: &[u8], format: Format) -> bool {
-    if format.format != ImageFormat::Jpeg {
+    if format.kind != ImageFormat::Jpeg {
         return true;
     }
     match scan_start(bytes) {
@@ -83,7 +83,7 @@ pub(super) fn is_whole(bytes: &[u8], format: Format) -> bool {
 
 /// Number of colour components of a JPEG.
 pub(super) fn jpeg_components(bytes: &[u8], format: Format) -> Option<u8> {
-    if format.format != ImageFormat::Jpeg {
+    if format.kind != ImageFormat::Jpeg {
         return None;
     }
     segments(bytes)

@@ -144,7 +144,7 @@ pub fn photo_from_bytes(bytes: Vec<u8>) -> Result<Photo, PhotoError> {
     if !container::is_whole(&bytes, format) {
         return Err(PhotoError::Truncated { format: format.name, bytes: bytes.len() });
     }
-    let mut reader = ImageReader::with_format(Cursor::new(&bytes), format.format);
+    let mut reader = ImageReader::with_format(Cursor::new(&bytes), format.kind);
     let mut limits = Limits::default();
     limits.max_alloc = Some(MAX_DECODE_BYTES);
     reader.limits(limits);
@@ -200,7 +200,7 @@ fn check_size(width: u32, height: u32) -> Result<(), PhotoError> {
 /// A decoder that refuses for size says so in our words.
 fn too_large_or(bytes: &[u8], format: container::Format, source: image::ImageError) -> PhotoError {
     if let image::ImageError::Limits(_) = source {
-        let size = ImageReader::with_format(Cursor::new(bytes), format.format).into_dimensions();
+        let size = ImageReader::with_format(Cursor::new(bytes), format.kind).into_dimensions();
         if let Ok((width, height)) = size {
             return PhotoError::TooLarge { width, height, limit: MAX_PIXELS };
         }

@@ -61,8 +61,11 @@ impl Frames<'_> {
 }
 
 /// Builds the map on the file's own grid.
-pub(super) fn from_arrays(arrays: BTreeMap<String, Array>, options: &PointMapOptions) -> Result<PointMap, PointsError> {
-    let frames = Frames { arrays: &arrays, frame: options.frame };
+pub(super) fn from_arrays(
+    arrays: &BTreeMap<String, Array>,
+    options: &PointMapOptions,
+) -> Result<PointMap, PointsError> {
+    let frames = Frames { arrays, frame: options.frame };
     let ours = arrays.get("pixel_centre").and_then(|a| a.values.first()).is_some_and(|v| *v == 0.5);
     let centres = if ours { PixelCentres::Half } else { options.pixel_centres };
     let kind = arrays.get("kind").and_then(|a| a.text.as_deref()).and_then(|text| match text {

@@ -43,7 +43,7 @@ fn window(map: ImageSize, options: &PointMapOptions) -> Result<Window, PointsErr
     let photo = options.photo_size;
     let (pw, ph) = (f64::from(photo.width), f64::from(photo.height));
     let to_patch = |length: f64, full: u32| {
-        if full % PATCH == 0 {
+        if full.is_multiple_of(PATCH) {
             ((length / f64::from(PATCH)).round() as u32 * PATCH).max(PATCH)
         } else {
             (length.round() as u32).max(1)

@@ -230,12 +230,12 @@ pub fn load_point_map(path: &Path, options: &PointMapOptions) -> Result<PointMap
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let map = match extension.as_str() {
         "npz" => {
-            archive::from_arrays(npz::parse_npz(&read_bounded(path, npz::MAX_FILE_BYTES)?, archive::known)?, options)
+            archive::from_arrays(&npz::parse_npz(&read_bounded(path, npz::MAX_FILE_BYTES)?, archive::known)?, options)
         }
         "npy" => {
             let array = npz::parse_npy("depth", &read_bounded(path, npz::MAX_FILE_BYTES)?)?;
             let name = if array.shape.last() == Some(&3) { "world_points" } else { "depth" };
-            archive::from_arrays([(name.to_owned(), array)].into(), options)
+            archive::from_arrays(&[(name.to_owned(), array)].into(), options)
         }
         "png" | "pgm" | "tif" | "tiff" => depth_image(path, options),
         _ => return Err(PointsError::UnknownFormat { path: path.to_owned() }),
@@ -347,7 +347,7 @@ pub fn save_point_map(path: &Path, map: &PointMap) -> Result<(), PointsError> {
         PointMapKind::RoomBox => "room_box",
     };
     let entries = [
-        NpyEntry::f32("world_points", &[h, w, 3], map.xyz.iter().flat_map(|p| p.to_array())),
+        NpyEntry::f32("world_points", &[h, w, 3], map.xyz.iter().flat_map(glam::Vec3::to_array)),
         NpyEntry::f32("confidence", &[h, w], map.confidence.iter().copied()),
         NpyEntry::f64("intrinsic", &[3, 3], [k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0]),
         NpyEntry::f64("extrinsic", &[3, 4], extrinsic.into_iter().flat_map(|(r, t)| [r.x, r.y, r.z, t])),

@@ -47,7 +47,7 @@ fn entries(points: &[Vec3], lead: &[usize], size: ImageSize, k: [f64; 4], pose: 
     let rows = pose.0.transpose();
     let (h, w) = (size.height as usize, size.width as usize);
     vec![
-        NpyEntry::f32("world_points", &shape(&[h, w, 3]), points.iter().flat_map(|p| p.to_array())),
+        NpyEntry::f32("world_points", &shape(&[h, w, 3]), points.iter().flat_map(glam::Vec3::to_array)),
         NpyEntry::f32("world_points_conf", &shape(&[h, w]), points.iter().map(|_| 2.5)),
         NpyEntry::f32(
             "intrinsic",
@@ -141,7 +141,7 @@ fn missing_intrinsics_are_found_from_the_points() {
     for p in points.iter_mut().step_by(17) {
         *p = Vec3::new(p.x + 0.4, p.y, p.z); // some wrong points
     }
-    let all = [NpyEntry::f32("points", &[60, 80, 3], points.iter().flat_map(|p| p.to_array()))];
+    let all = [NpyEntry::f32("points", &[60, 80, 3], points.iter().flat_map(glam::Vec3::to_array))];
     npz::write_npz(&file, &all).unwrap();
     let got = load_point_map(&file, &options(160, 120)).unwrap().intrinsics;
     assert!((got.fx - 70.0).abs() <= 0.05 && (got.fy - 71.0).abs() <= 0.05, "{got:?}");

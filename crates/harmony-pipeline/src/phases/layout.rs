@@ -37,7 +37,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     let focal = match &geometry {
         GeometryAnswer::Points(map) => {
             let k = map.intrinsics.resized(map.size, size);
-            FocalPrior { focal_px: (k.fx + k.fy) / 2.0, sigma: 0.02 }
+            FocalPrior { focal_px: f64::midpoint(k.fx, k.fy), sigma: 0.02 }
         }
         GeometryAnswer::NoDepth { .. } => match exif_focal {
             Some(focal_px) => FocalPrior { focal_px, sigma: 0.03 },

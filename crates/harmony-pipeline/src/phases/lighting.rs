@@ -104,10 +104,8 @@ async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Option<Rg
     let preview_camera = state.partial.camera.resized(size.fit_within(s.preview_px));
     let reference = shrunk(&state.photo, &preview_camera);
     let mut rounds = Vec::new();
-    let mut preview = match render(ctx, "preview_0", &glb, room, preview_camera, &lighting, s.preview_samples).await? {
-        Some(image) => image,
-        None => return Ok(None),
-    };
+    let first = render(ctx, "preview_0", &glb, room, preview_camera, &lighting, s.preview_samples).await?;
+    let Some(mut preview) = first else { return Ok(None) };
     for round in 1..=s.rounds {
         let before = assess(&reference, &preview, None);
         let measured = propose(&before, &lighting);

@@ -68,7 +68,7 @@ pub async fn all(
         match mesh? {
             Some(mesh) if mesh.frame == MeshFrame::Raw => raw.push((completed, mesh)),
             Some(mesh) => {
-                ready.push((completed, mesh, json!({ "frame": "canonical as made", "front_local_axis": "+z" })))
+                ready.push((completed, mesh, json!({ "frame": "canonical as made", "front_local_axis": "+z" })));
             }
             None => {
                 let id = completed.candidate.id;
@@ -283,7 +283,7 @@ fn assemble(ctx: &PhaseCtx<'_>, index: u32, c: Completed, g: &GeneratedMesh) -> 
         .clone()
         .unwrap_or_else(|| convex_parts(&g.mesh))
         .into_iter()
-        .map(|part| part.points.into_iter().map(|p| p.as_dvec3()).collect())
+        .map(|part| part.points.into_iter().map(glam::Vec3::as_dvec3).collect())
         .collect();
     ctx.write_picture_rgba(&format!("meshes/{id}.png"), &views::mesh_view(&g.mesh, 0, 256))?;
     if let Some(model) = &g.part_model {

@@ -3,6 +3,8 @@
 //! The table is printed with `--nocapture`. `HARMONY_ROOM` picks one room (`all`: every test on all rooms),
 //! `HARMONY_DETAIL=1` lists every object.
 
+#![allow(clippy::print_stdout, clippy::unwrap_used)] // a test that prints a table
+
 mod room;
 
 use std::time::Instant;

@@ -74,7 +74,7 @@ impl Face {
         }
         let seen: Vec<&Texel> = members.iter().map(|i| &texels[*i]).filter(|t| known(t)).collect();
         let share = seen.len() as f64 / n;
-        if share < SEEN || share > 1.0 - MISSING || spread(&seen) < PATTERN {
+        if !(SEEN..=1.0 - MISSING).contains(&share) || spread(&seen) < PATTERN {
             return None;
         }
         Some(Self { members, low, size: ImageSize::new(w as u32, h as u32) })

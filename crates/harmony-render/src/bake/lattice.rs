@@ -151,7 +151,7 @@ mod tests {
     fn a_checkered_rug_is_continued_through_a_large_gap() {
         let (w, h) = (300, 200);
         let truth = |x: usize, y: usize| {
-            let v = if (x / 23 + y / 17) % 2 == 0 { 200.0 } else { 40.0 };
+            let v = if (x / 23 + y / 17).is_multiple_of(2) { 200.0 } else { 40.0 };
             [v, 120.0, 255.0 - v]
         };
         let hole = |x: usize, y: usize| (60..190).contains(&x) && (50..200).contains(&y);

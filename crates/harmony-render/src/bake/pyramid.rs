@@ -58,7 +58,7 @@ fn pull(level: &Level, size: usize, x: usize, y: usize) -> ([f32; 3], f32) {
 /// Bilinear sample of the next coarser level.
 fn push(colors: &[[f32; 3]], half: usize, x: usize, y: usize) -> [f32; 3] {
     let place = |v: usize| {
-        let p = (v as f32 + 0.5) / 2.0 - 0.5;
+        let p = f32::midpoint(v as f32, 0.5) - 0.5;
         let low = p.floor();
         (low.max(0.0) as usize, ((low + 1.0).max(0.0) as usize).min(half - 1), p - low)
     };

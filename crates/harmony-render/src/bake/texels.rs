@@ -98,7 +98,7 @@ impl Flat {
         }
         let p = corners.map(|i| mesh.positions[i].as_dvec3());
         let (dp, dq) = (p[1] - p[0], p[2] - p[0]);
-        let steps = [(dp * f.y - dq * e.y) / area, (dq * e.x - dp * f.x) / area].map(|s| s.as_vec3());
+        let steps = [(dp * f.y - dq * e.y) / area, (dq * e.x - dp * f.x) / area].map(glam::DVec3::as_vec3);
         Some(Self { corners, uv, area, steps })
     }
 
