@@ -33,5 +33,5 @@ step "the program"
 cargo build --release --quiet -p harmony-cli
 export HARMONY_BIN="$CARGO_TARGET_DIR/release/harmony"
 step "acceptance"
-tools/setup.sh node
+tools/setup.sh
 tools/acceptance.sh

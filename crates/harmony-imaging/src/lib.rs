@@ -9,6 +9,7 @@
 //! | [`inpaint`] | fills a hole from the rest of the photo |
 //! | [`rectify`] | quadrilaterals and room surfaces seen head-on |
 //! | [`tile`] | completes a partly seen surface; tileable material samples |
+//! | [`border`] | the white or black frame of an undistorted picture |
 //! | [`sheet`] | contact sheets, boxes, overlays, grids and crops for questions |
 //!
 //! Nothing here knows that models exist, reads or writes files, or panics on its input: masks of another size than
@@ -22,6 +23,7 @@ mod noise;
 mod polygon;
 mod resample;
 
+pub mod border;
 pub mod color;
 pub mod inpaint;
 pub mod outline;

@@ -1,7 +1,8 @@
 //! Crops and resizes.
 
-use fast_image_resize::images::{Image, ImageRef};
-use fast_image_resize::{FilterType, PixelType, ResizeAlg, ResizeOptions, Resizer};
+use fast_image_resize::images::{TypedImage, TypedImageRef};
+use fast_image_resize::pixels::{U8x3, U8x4};
+use fast_image_resize::{FilterType, PixelTrait, ResizeAlg, ResizeOptions, Resizer};
 use harmony_scene::ImageSize;
 use image::{RgbImage, RgbaImage};
 
@@ -28,7 +29,7 @@ pub(crate) fn resize_window(photo: &RgbImage, window: Window, to: ImageSize) -> 
     if window.width == width && window.height == height {
         return crop(window);
     }
-    resize_bytes(photo.as_raw(), photo.dimensions(), PixelType::U8x3, window, (width, height))
+    resize_bytes::<U8x3>(photo.as_raw(), photo.dimensions(), window, (width, height))
         .and_then(|bytes| RgbImage::from_raw(width, height, bytes))
         .unwrap_or_else(|| RgbImage::new(width, height))
 }
@@ -40,29 +41,29 @@ pub(crate) fn resize_rgba(source: &RgbaImage, to: ImageSize) -> RgbaImage {
         return source.clone();
     }
     let window = Window { x: 0, y: 0, width: source.width(), height: source.height() };
-    resize_bytes(source.as_raw(), source.dimensions(), PixelType::U8x4, window, (width, height))
+    resize_bytes::<U8x4>(source.as_raw(), source.dimensions(), window, (width, height))
         .and_then(|bytes| RgbaImage::from_raw(width, height, bytes))
         .unwrap_or_else(|| RgbaImage::new(width, height))
 }
 
-/// `None` for empty images and windows outside.
-fn resize_bytes(
+/// `None` for empty images and windows outside. Typed, for the untyped call compiles the filters of all pixel kinds.
+fn resize_bytes<P: PixelTrait>(
     bytes: &[u8],
     (source_width, source_height): (u32, u32),
-    pixel: PixelType,
     window: Window,
     (width, height): (u32, u32),
 ) -> Option<Vec<u8>> {
-    let source = ImageRef::new(source_width, source_height, bytes, pixel).ok()?;
-    let mut target = Image::new(width, height, pixel);
+    let source = TypedImageRef::<P>::from_buffer(source_width, source_height, bytes).ok()?;
+    let mut resized = vec![0; width as usize * height as usize * P::size()];
+    let mut target = TypedImage::<P>::from_buffer(width, height, &mut resized).ok()?;
     let options = ResizeOptions::new().resize_alg(ResizeAlg::Convolution(FilterType::Bilinear)).crop(
         f64::from(window.x),
         f64::from(window.y),
         f64::from(window.width),
         f64::from(window.height),
     );
-    Resizer::new().resize(&source, &mut target, &options).ok()?;
-    Some(target.into_vec())
+    Resizer::new().resize_typed(&source, &mut target, &options).ok()?;
+    Some(resized)
 }
 
 #[cfg(test)]

@@ -142,7 +142,19 @@ pub fn write_depth_png(path: &Path, size: ImageSize, depth: &[f32]) -> Result<()
         let mm = (f64::from(*z) * 1000.0).round();
         if mm.is_finite() && (1.0..=65_534.0).contains(&mm) { mm as u16 } else { 0 }
     };
-    let bytes: Vec<u8> = depth.iter().flat_map(|z| millimetres(z).to_ne_bytes()).collect();
+    write_grey16(path, size, depth.iter().map(millimetres))
+}
+
+/// Writes one number a pixel as 16-bit grey PNG, 0 for numbers that do not fit.
+///
+/// # Errors
+/// [`PictureError`].
+pub fn write_ids_png(path: &Path, size: ImageSize, ids: &[u32]) -> Result<(), PictureError> {
+    write_grey16(path, size, ids.iter().map(|id| u16::try_from(*id).unwrap_or(0)))
+}
+
+fn write_grey16(path: &Path, size: ImageSize, values: impl Iterator<Item = u16>) -> Result<(), PictureError> {
+    let bytes: Vec<u8> = values.flat_map(u16::to_ne_bytes).collect();
     if bytes.len() != size.pixels() * 2 || bytes.is_empty() {
         let kind = image::error::ParameterErrorKind::DimensionMismatch;
         return Err(PictureError::Encode(image::ImageError::Parameter(image::error::ParameterError::from_kind(kind))));

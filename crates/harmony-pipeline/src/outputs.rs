@@ -105,10 +105,11 @@ pub fn write(
     if let Some(lit) = lit {
         picture::write_rgb_png(&run.join("render_lit.png"), lit)?;
     }
+    let shown = views::ids(state);
     let masks: Vec<(ObjectId, Mask)> = scene
         .objects
         .iter()
-        .filter_map(|o| Some((o.id.clone(), state.visible_mask(&o.id)?.resized(original))))
+        .filter_map(|o| Some((o.id.clone(), state.visible_mask(&o.id, &shown)?.resized(original))))
         .collect();
     let segments: Vec<Segment<'_>> = scene
         .objects

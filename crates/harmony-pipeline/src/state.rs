@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use harmony_imaging::border::Border;
 use harmony_mesh::{Mesh, PartModel};
 use harmony_placement::PartialScene;
 use harmony_prompts::{InspectedObject, LayoutAnswer};
@@ -97,11 +98,14 @@ impl SceneState {
     /// Pixels of an object that nothing nearer hides in the photo: its mask without the masks of what lies on it.
     ///
     /// Masks of one segmenter call don't overlap; those of different levels may (a sofa's mask holds its cushions).
-    /// The smaller of two overlapping masks is the nearer one, unless it is a rug.
-    pub fn visible_mask(&self, id: &ObjectId) -> Option<Mask> {
+    /// Where two overlap, the one that the scene shows there is the nearer one (`shown`: [`crate::views::ids`]);
+    /// where it shows neither, the smaller one. A rug is never the nearer one. The photo's empty frame is nobody's.
+    pub fn visible_mask(&self, id: &ObjectId, shown: &[u32]) -> Option<Mask> {
         let own = self.prepared.get(id)?;
-        let mut mask = own.candidate.mask.clone();
+        let mut mask = own.candidate.mask.minus(&self.photo_frame());
         let area = mask.count();
+        let width = mask.size().width;
+        let shown_at = |x: u32, y: u32| shown.get((y * width + x) as usize).copied().unwrap_or(0);
         for (other, prepared) in &self.prepared {
             if other == id || self.partial.find(other).is_none() {
                 continue;
@@ -109,9 +113,15 @@ impl SceneState {
             let later = prepared.candidate.level > own.candidate.level;
             let smaller = prepared.candidate.mask.count() < area;
             // A rug lies under everything, however small its visible part is.
-            if (later || smaller) && !is_flat(&prepared.inspected.kind) {
-                mask = mask.minus(&prepared.candidate.mask);
-            }
+            let nearer = (later || smaller) && !is_flat(&prepared.inspected.kind);
+            let claimed = &prepared.candidate.mask;
+            let yields = Mask::from_fn(mask.size(), |x, y| {
+                let shown = shown_at(x, y);
+                let both = claimed.get(i64::from(x), i64::from(y));
+                let shows_own = shown == own.index && !is_flat(&own.inspected.kind);
+                both && !shows_own && (nearer || shown == prepared.index)
+            });
+            mask = mask.minus(&yields);
         }
         Some(mask)
     }
@@ -119,6 +129,11 @@ impl SceneState {
     /// The mesh to draw for a placed object.
     pub fn mesh_of(&self, id: &ObjectId) -> Option<&Arc<Mesh>> {
         self.textured.get(id).or_else(|| self.prepared.get(id).map(|p| &p.mesh))
+    }
+
+    /// The white or black frame around the photo.
+    pub fn photo_frame(&self) -> Mask {
+        Border::of(&self.photo).mask(self.partial.camera.size)
     }
 
     /// Union of all objects' masks, placed or dropped: everything that is not bare room.

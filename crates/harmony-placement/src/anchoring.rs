@@ -158,12 +158,13 @@ impl Frame<'_> {
             (Anchoring::OnWall(wall) | Anchoring::AgainstWall(wall), _) => wall.yaw(),
             _ => numbers[2],
         };
-        let mut pose = Pose {
-            position: Vec3::new(numbers[0], 0.0, numbers[1]),
-            yaw,
-            scale: numbers[3].exp(),
-            stretch: Vec3::new(numbers[4].exp(), numbers[5].exp(), numbers[6].exp()),
-        };
+        let mut stretch = Vec3::new(numbers[4].exp(), numbers[5].exp(), numbers[6].exp());
+        if self.item.traits.as_wide_as_deep {
+            let (_, prior) = prior_scale(self.item, self.item.size);
+            stretch.z = stretch.x * prior.z / prior.x;
+        }
+        let mut pose =
+            Pose { position: Vec3::new(numbers[0], 0.0, numbers[1]), yaw, scale: numbers[3].exp(), stretch };
         let size = size_of(self.item, &pose);
         match self.anchoring {
             Anchoring::AgainstWall(wall) => {
@@ -254,12 +255,40 @@ impl Frame<'_> {
         }
         if self.item.traits.may_stretch || self.item.traits.planar {
             out.extend([(4, 0.06), (5, 0.06)]);
-            if !matches!(self.anchoring, Anchoring::OnWall(_)) {
+            if !matches!(self.anchoring, Anchoring::OnWall(_)) && !self.item.traits.as_wide_as_deep {
                 out.push((6, 0.06));
             }
         } else {
             out.push((3, 0.06));
         }
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{boxed, empty_room};
+
+    #[test]
+    fn what_is_as_wide_as_deep_stays_so() {
+        let scene = empty_room();
+        let mut item = boxed(&scene, Vec3::new(0.8, 0.5, 0.8), Vec3::new(1.5, 0.0, 1.5), 0.0);
+        item.traits.may_stretch = true;
+        for tied in [false, true] {
+            item.traits.as_wide_as_deep = tied;
+            let frame = Frame {
+                scene: &scene,
+                item: &item,
+                anchoring: Anchoring::Floor,
+                yaw: YawRule::Free(0.0),
+                wall_gap: 0.0,
+                fixed_size: false,
+            };
+            let pose = frame.pose(&[1.5, 1.5, 0.0, 0.0, 0.2, 0.0, -0.3]);
+            let size = size_of(&item, &pose);
+            assert_eq!((size.x / size.z - 1.0).abs() < 1e-9, tied);
+            assert_eq!(frame.free_numbers(&pose).iter().any(|(i, _)| *i == 6), !tied);
+        }
     }
 }

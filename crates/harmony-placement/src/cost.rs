@@ -8,7 +8,7 @@ use crate::first_pose::facing;
 use crate::view::{Match, View};
 
 /// Weight of the free edges' mean relative error beside `1 - IoU`.
-const EDGES: f64 = 0.4;
+const EDGES: f64 = 0.8;
 
 /// Share of the IoU that counts only pixels which what is placed leaves visible: it keeps an object from being
 /// right in the image but inside its host. Not all of it, for what is placed may itself be a little off.

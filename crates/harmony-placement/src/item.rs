@@ -20,6 +20,8 @@ pub struct Traits {
     pub hangs: bool,
     /// Proportions may be corrected (part models, slabs).
     pub may_stretch: bool,
+    /// As deep as it is wide, as round and square things are: a correction of the width is one of the depth too.
+    pub as_wide_as_deep: bool,
     /// Much of it is hidden: the mask's size says nothing.
     pub heavily_occluded: bool,
     /// It has a front that matters.

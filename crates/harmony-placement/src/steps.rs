@@ -70,6 +70,7 @@ fn resize(frame: &Frame, pose: &Pose, next: &mut Pose, wide: Option<f64>, high: 
             let right = frame.scene.camera.right();
             let across = pose.linear() * Vec3::X;
             let share = across.normalize_or(Vec3::X).dot(right).powi(2);
+            let share = if frame.item.traits.as_wide_as_deep { 1.0 } else { share };
             next.stretch.x *= bounded(wide).powf(share);
             if !matches!(frame.anchoring, Anchoring::OnWall(_)) {
                 next.stretch.z *= bounded(wide).powf(1.0 - share);

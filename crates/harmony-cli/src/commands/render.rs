@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use glam::{DMat3, DVec3};
 use harmony_io::{ReadLimits, load_glb, picture};
 use harmony_render::{Instance, Lighting, RenderOptions, canonical_camera, orbit_cameras, render};
@@ -30,9 +30,9 @@ pub struct Args {
     /// Which view.
     #[arg(long, value_enum, default_value = "canonical")]
     camera: View,
-    /// Longest side, pixels.
-    #[arg(long, default_value_t = 1280, value_parser = clap::value_parser!(u32).range(16..=8192))]
-    size: u32,
+    /// Longest side, pixels; default 1280, for the photo's camera the photo's own.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(16..=8192))]
+    size: Option<u32>,
     /// Pictures of an orbit.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=360))]
     views: u16,
@@ -42,6 +42,9 @@ pub struct Args {
     /// Output PNG (orbit: a number is added); default `<run>/render_<camera>.png`.
     #[arg(long, short)]
     out: Option<PathBuf>,
+    /// Also write which object each pixel shows: a 16-bit grey PNG of the `index` in scene.json, 0 for the room.
+    #[arg(long, value_name = "PNG")]
+    ids: Option<PathBuf>,
 }
 
 /// Runs the command.
@@ -52,8 +55,12 @@ pub fn run(args: &Args) -> Result<u8> {
     let scene: Scene = harmony_io::read_json(&args.run.join("scene.json")).context("this run has no scene yet")?;
     let glb = load_glb(&args.run.join("scene_full.glb"), &ReadLimits::default())?;
     let photo = Camera::from(&scene.camera);
-    let size = photo.size.fit_within(args.size);
-    let wide = ImageSize::new(args.size, args.size * 3 / 4);
+    if args.ids.is_some() && args.camera == View::Orbit {
+        bail!("--ids is one picture, an orbit is many; choose --camera input or canonical");
+    }
+    let size = args.size.map_or(photo.size, |longest| photo.size.fit_within(longest));
+    let longest = args.size.unwrap_or(1280);
+    let wide = ImageSize::new(longest, longest * 3 / 4);
     let views: Vec<(Camera, Vec<Surface>, String)> = match args.camera {
         View::Input => vec![(photo.resized(size), Vec::new(), "input".into())],
         View::Canonical => {
@@ -72,12 +79,11 @@ pub fn run(args: &Args) -> Result<u8> {
             .nodes
             .iter()
             .filter(|node| !hidden.contains(&node.name.as_str()))
-            .enumerate()
-            .map(|(i, node)| Instance {
+            .map(|node| Instance {
                 mesh: &node.mesh,
                 linear: DMat3::from_cols_array(&node.transform.matrix3.to_cols_array()),
                 translation: DVec3::from_array(node.transform.translation.to_array()),
-                id: i as u32 + 1,
+                id: index_of(&scene, &node.name),
             })
             .collect();
         let options = RenderOptions {
@@ -87,6 +93,9 @@ pub fn run(args: &Args) -> Result<u8> {
             ..RenderOptions::default()
         };
         let frame = render(&camera, &instances, &options);
+        if let Some(path) = &args.ids {
+            picture::write_ids_png(path, camera.size, &frame.ids)?;
+        }
         let path = match (&args.out, args.camera) {
             (Some(out), View::Orbit) => {
                 let stem = out.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
@@ -99,4 +108,9 @@ pub fn run(args: &Args) -> Result<u8> {
         println!("{}", path.display());
     }
     Ok(EXIT_OK)
+}
+
+/// The number of a node's object; the room has none.
+fn index_of(scene: &Scene, node: &str) -> u32 {
+    scene.objects.iter().find(|o| o.id.as_str() == node).map_or(0, |o| o.index)
 }

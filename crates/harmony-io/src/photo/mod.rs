@@ -219,15 +219,19 @@ fn shrink(image: RgbImage, notes: &mut Notes) -> RgbImage {
         from.width, from.height, to.width, to.height
     ));
     // Lanczos in sRGB values: as photo programs do it.
-    let small = fir::images::ImageRef::new(from.width, from.height, image.as_raw(), fir::PixelType::U8x3)
-        .ok()
-        .and_then(|large| {
-            let mut small = fir::images::Image::new(to.width, to.height, fir::PixelType::U8x3);
-            fir::Resizer::new().resize(&large, &mut small, None).ok()?;
-            RgbImage::from_raw(to.width, to.height, small.into_vec())
-        });
+    let small = shrunk(&image, to);
     // Cannot fail for an RGB image with pixels; the slower filter is a safe answer all the same.
     small.unwrap_or_else(|| DynamicImage::ImageRgb8(image).thumbnail_exact(to.width, to.height).into_rgb8())
+}
+
+/// Typed, for the untyped call compiles the filters of all pixel kinds.
+fn shrunk(image: &RgbImage, to: ImageSize) -> Option<RgbImage> {
+    type Pixel = fir::pixels::U8x3;
+    let large = fir::images::TypedImageRef::<Pixel>::from_buffer(image.width(), image.height(), image.as_raw()).ok()?;
+    let mut small = RgbImage::new(to.width, to.height);
+    let mut target = fir::images::TypedImage::<Pixel>::from_buffer(to.width, to.height, &mut small).ok()?;
+    fir::Resizer::new().resize_typed(&large, &mut target, None).ok()?;
+    Some(small)
 }
 
 /// Collects what was unusual.

@@ -19,7 +19,7 @@ fn frame(m: &mut Maker, slot: &str, x: Span, y: Span, z: Span, width: f64) {
 
 pub(super) fn window(m: &mut Maker, p: &TemplateParams) {
     m.slot("frame", "#ece9e3", Wood);
-    m.plain_slot("glass", "#cfe0ea", Glass);
+    m.slot("glass", "#cfe0ea", Glass);
     let (w, h, d) = (m.w, m.h, m.d);
     let casing = (0.07 * w.min(h)).clamp(0.02, 0.09);
     let sash = casing * 0.6;
@@ -79,7 +79,7 @@ pub(super) fn door(m: &mut Maker, p: &TemplateParams) {
     let double = w > 1.25;
     let rail = (0.13 * (x[1] - x[0])).min(0.11);
     if glazed {
-        m.plain_slot("glass", "#cfe0ea", Glass);
+        m.slot("glass", "#cfe0ea", Glass);
         frame(m, "leaf", x, y, leaf, rail);
         m.cube(
             "glass",

@@ -117,6 +117,7 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
             planar,
             hangs: level == Level::Ceiling || harmony_mesh::template_name(&label) == Some("curtain"),
             may_stretch: p.part_model.is_some(),
+            as_wide_as_deep: !planar && (o.size_m.width / o.size_m.depth - 1.0).abs() < 0.02,
             heavily_occluded: o.occlusion == Occlusion::Heavily,
             has_front,
         },

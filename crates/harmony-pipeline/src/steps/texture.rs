@@ -8,6 +8,7 @@ use harmony_scene::{Level, ObjectId, WarningKind};
 
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::SceneState;
+use crate::views;
 
 /// Textures the objects of one level that have none yet.
 ///
@@ -35,10 +36,11 @@ pub async fn everything(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<()
 
 async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) -> Result<(), PhaseError> {
     let camera = state.partial.camera;
+    let shown = views::ids(state);
     let mut jobs = Vec::new();
     for id in ids {
         let (Some(placed), Some(prepared), Some(visible)) =
-            (state.partial.find(&id), state.prepared.get(&id), state.visible_mask(&id))
+            (state.partial.find(&id), state.prepared.get(&id), state.visible_mask(&id, &shown))
         else {
             continue;
         };
@@ -74,7 +76,14 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
                 "hardly any of its surface is seen: the texture is mostly made up".to_owned(),
             );
         }
-        state.textured.insert(id, Arc::new(baked.mesh));
+        let mut mesh = baked.mesh;
+        if state.partial.find(&id).is_some_and(|p| p.item.level == Level::Wall) {
+            // The pane of a window shows the photo's view: it is not clear any more.
+            for material in mesh.materials.iter_mut().filter(|m| m.texture.is_some()) {
+                material.transmission = 0.0;
+            }
+        }
+        state.textured.insert(id, Arc::new(mesh));
     }
     Ok(())
 }
