@@ -105,6 +105,7 @@ impl SceneState {
         let mut mask = own.candidate.mask.minus(&self.photo_frame());
         let area = mask.count();
         let width = mask.size().width;
+        let lies_flat = is_flat(&own.inspected.kind);
         let shown_at = |x: u32, y: u32| shown.get((y * width + x) as usize).copied().unwrap_or(0);
         for (other, prepared) in &self.prepared {
             if other == id || self.partial.find(other).is_none() {
@@ -118,8 +119,7 @@ impl SceneState {
             let yields = Mask::from_fn(mask.size(), |x, y| {
                 let shown = shown_at(x, y);
                 let both = claimed.get(i64::from(x), i64::from(y));
-                let shows_own = shown == own.index && !is_flat(&own.inspected.kind);
-                both && !shows_own && (nearer || shown == prepared.index)
+                both && !(shown == own.index && !lies_flat) && (nearer || shown == prepared.index)
             });
             mask = mask.minus(&yields);
         }
