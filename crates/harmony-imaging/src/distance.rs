@@ -34,6 +34,42 @@ pub(crate) fn signed_distance(inside: &[bool], width: usize, height: usize) -> V
     inside.iter().zip(to_inside.iter().zip(&to_outside)).map(|(b, (i, o))| if *b { o - 0.5 } else { 0.5 - i }).collect()
 }
 
+/// Radius of the largest disc inside a set that holds each of its pixels, at most `limit`; 0 outside the set.
+///
+/// `depth` is the set's [`signed_distance`].
+pub(crate) fn half_thickness(depth: &[f32], width: usize, height: usize, limit: f32) -> Vec<f32> {
+    let core: Vec<bool> = depth.iter().map(|d| *d >= limit).collect();
+    let to_core = distance_to(&core, width, height);
+    let mut radius: Vec<f32> =
+        depth.iter().zip(&to_core).map(|(d, c)| if *d > 0.0 && *c <= limit { limit } else { d.max(0.0) }).collect();
+    for y in 0..height {
+        for x in 0..width {
+            let d = depth[y * width + x];
+            if d <= 0.0 || d >= limit || !is_ridge(depth, width, height, x, y) {
+                continue;
+            }
+            let reach = d.ceil() as usize;
+            for v in y.saturating_sub(reach)..(y + reach + 1).min(height) {
+                for u in x.saturating_sub(reach)..(x + reach + 1).min(width) {
+                    let apart = (u.abs_diff(x) as f32).hypot(v.abs_diff(y) as f32);
+                    let i = v * width + u;
+                    if apart <= d && depth[i] > 0.0 {
+                        radius[i] = radius[i].max(d);
+                    }
+                }
+            }
+        }
+    }
+    radius
+}
+
+/// Whether no neighbour lies deeper by a whole step: the middle of a thin part, near enough.
+fn is_ridge(depth: &[f32], width: usize, height: usize, x: usize, y: usize) -> bool {
+    let d = depth[y * width + x];
+    let (rows, columns) = (y.saturating_sub(1)..(y + 2).min(height), x.saturating_sub(1)..(x + 2).min(width));
+    rows.flat_map(|v| columns.clone().map(move |u| (u, v))).all(|(u, v)| depth[v * width + u] < d + 0.7)
+}
+
 struct Envelope {
     vertex: Vec<usize>,
     start: Vec<f64>,
@@ -104,5 +140,23 @@ mod tests {
         let d = signed_distance(&inside, 10, 8);
         assert!((d[4] + 0.5).abs() < 1e-6 && (d[5] - 0.5).abs() < 1e-6);
         assert!((d[0] + 4.5).abs() < 1e-6 && (d[9] - 4.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn thickness_is_that_of_the_part_a_pixel_belongs_to() {
+        // A block of 40 x 40 with an arm 8 wide.
+        let (w, h) = (100, 60);
+        let inside: Vec<bool> = (0..w * h)
+            .map(|i| {
+                let (x, y) = (i % w, i / w);
+                (10..50).contains(&x) && (10..50).contains(&y) || (50..90).contains(&x) && (26..34).contains(&y)
+            })
+            .collect();
+        let t = half_thickness(&signed_distance(&inside, w, h), w, h, 12.0);
+        assert_eq!(t[30 * w + 30], 12.0, "the block is thicker than asked for");
+        for (x, y) in [(70, 26), (70, 30), (80, 33)] {
+            assert!((t[y * w + x] - 4.0).abs() <= 0.6, "arm at {x}, {y}: {}", t[y * w + x]);
+        }
+        assert_eq!(t[5 * w + 5], 0.0);
     }
 }

@@ -163,8 +163,7 @@ impl Frame<'_> {
             let (_, prior) = prior_scale(self.item, self.item.size);
             stretch.z = stretch.x * prior.z / prior.x;
         }
-        let mut pose =
-            Pose { position: Vec3::new(numbers[0], 0.0, numbers[1]), yaw, scale: numbers[3].exp(), stretch };
+        let mut pose = Pose { position: Vec3::new(numbers[0], 0.0, numbers[1]), yaw, scale: numbers[3].exp(), stretch };
         let size = size_of(self.item, &pose);
         match self.anchoring {
             Anchoring::AgainstWall(wall) => {

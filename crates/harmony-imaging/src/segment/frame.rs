@@ -6,12 +6,16 @@ use image::RgbImage;
 use super::cut::{Known, Problem};
 use super::{SegmentPrompt, SegmentSettings};
 use crate::color::{distance_squared, lab_from_rgb8};
-use crate::distance::signed_distance;
+use crate::distance::{half_thickness, signed_distance};
 use crate::polygon::rasterize;
 use crate::resample::{Window, resize_window};
 
 /// Log odds at one error's distance inside an outline.
 const OUTLINE_ODDS: f32 = 2.2;
+/// Error of an outline along a thin part, relative to half the part's thickness.
+const THIN_ERROR: f32 = 0.6;
+/// The middle of a thin part begins at this share of half its thickness.
+const MIDDLE: f32 = 0.7;
 /// Log odds of an unprompted box: at its centre, and how much less in its corners.
 const BOX_ODDS: (f32, f32) = (1.6, 3.2);
 /// Log odds added in a box that is edged on all its sides.
@@ -154,24 +158,33 @@ pub(super) fn problem(
 }
 
 /// Certain deep inside and far outside, a ramp between.
+///
+/// Who draws a thin part (a leg, a cord) errs by less than its width: there the ramp is steeper, and the middle of the
+/// part is certain. A cut would shorten it away otherwise.
 fn from_outline(outline: &[[f64; 2]], error: f32, frame: &Frame) -> (Vec<Known>, Vec<f32>) {
     let (w, h) = (frame.work.width as usize, frame.work.height as usize);
     let points: Vec<[f64; 2]> = outline.iter().map(|p| frame.to_work(*p)).collect();
     let depth = signed_distance(&rasterize(&points, w, h), w, h);
     let error = error.max(0.75);
-    let known = depth
-        .iter()
-        .map(|d| {
-            if *d > 2.0 * error {
-                Known::Object
-            } else if *d < -2.0 * error {
-                Known::Background
-            } else {
-                Known::Free
-            }
-        })
-        .collect();
-    (known, depth.iter().map(|d| (d / error).clamp(-2.0, 2.0) * OUTLINE_ODDS).collect())
+    let thickness = half_thickness(&depth, w, h, 2.0 * error);
+    let (mut known, mut prior) = (Vec::with_capacity(depth.len()), Vec::with_capacity(depth.len()));
+    for (d, t) in depth.iter().zip(&thickness) {
+        let error = if *d > 0.0 { (THIN_ERROR * t).clamp(0.75, error) } else { error };
+        known.push(if *d > 2.0 * error || is_middle(*d, *t, 2.0 * error) {
+            Known::Object
+        } else if *d < -2.0 * error {
+            Known::Background
+        } else {
+            Known::Free
+        });
+        prior.push((d / error).clamp(-2.0, 2.0) * OUTLINE_ODDS);
+    }
+    (known, prior)
+}
+
+/// Whether a pixel at depth `d` is the middle of a part that is thinner than `thick` (half thickness `t`).
+pub(super) fn is_middle(d: f32, t: f32, thick: f32) -> bool {
+    t >= 1.0 && t < thick && d >= MIDDLE * t
 }
 
 /// Background outside the box; inside, the centre more likely than the corners.

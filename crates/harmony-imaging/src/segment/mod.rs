@@ -197,10 +197,12 @@ fn refine(
         .collect();
     let band = (1.5 * enlargement) as f32;
     let depth = crate::distance::signed_distance(&enlarged, w, h);
+    let thickness = crate::distance::half_thickness(&depth, w, h, 2.0 * band);
     let known = depth
         .iter()
-        .map(|d| match d {
-            d if *d > band => Known::Object,
+        .zip(&thickness)
+        .map(|(d, t)| match d {
+            d if *d > band || frame::is_middle(*d, *t, 2.0 * band) => Known::Object,
             d if *d < -band => Known::Background,
             _ => Known::Free,
         })

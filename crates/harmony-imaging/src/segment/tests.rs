@@ -124,3 +124,34 @@ fn together_each_pixel_has_one_owner_and_the_layer_decides() {
     assert_eq!(cut[0].mask.and(&cut[1].mask).count(), 0);
     assert!(cut[0].mask.get(100, 90), "the layer in front keeps the shared part");
 }
+
+#[test]
+fn a_drawn_leg_stays_with_its_seat() {
+    // A pale seat on a leg 6 px wide, before a wall that is hardly darker, with some grain.
+    let leg = |x: u32, y: u32| (197..203).contains(&x) && (140..260).contains(&y);
+    let truth = Mask::from_fn(ImageSize::new(400, 300), |x, y| {
+        leg(x, y) || ((100..300).contains(&x) && (60..140).contains(&y))
+    });
+    let photo = RgbImage::from_fn(400, 300, |x, y| {
+        let grain = ((x * 31 + y * 17) % 9) as u8;
+        let v = if truth.get(i64::from(x), i64::from(y)) { 200 } else { 188 };
+        Rgb([v + grain, v + grain, v])
+    });
+    // Drawn with errors of up to 2 px.
+    let outline = vec![
+        [101.0, 61.0],
+        [299.0, 58.5],
+        [301.0, 141.0],
+        [204.0, 141.0],
+        [202.0, 259.0],
+        [196.0, 261.0],
+        [195.5, 139.0],
+        [99.0, 138.5],
+    ];
+    let cut = segment_box(&photo, &SegmentPrompt::from_outline(outline), &SegmentSettings::default());
+    let of_leg =
+        (0..400 * 300).filter(|i| leg(i % 400, i / 400) && cut.mask.get(i64::from(i % 400), i64::from(i / 400)));
+    let share = of_leg.count() as f64 / (6.0 * 120.0);
+    assert!(share > 0.85, "{share} of the leg");
+    assert!(cut.mask.iou(&truth) > 0.93, "{}", cut.mask.iou(&truth));
+}
