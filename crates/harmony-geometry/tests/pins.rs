@@ -5,11 +5,13 @@
 mod common;
 
 use common::{Room, angle_deg, gray, rooms};
+use std::path::PathBuf;
+
 use harmony_geometry::{
-    GrayImage, LayoutPins, LayoutPrior, PinnedEdge, RoomBox, RoomEdge, ViewEstimate, estimate_room_box, estimate_view,
-    solve_from_pins,
+    GrayImage, LayoutPins, LayoutPrior, PinnedEdge, RoomBox, RoomEdge, ViewEstimate, camera_rotation,
+    estimate_room_box, estimate_view, solve_from_pins,
 };
-use harmony_scene::{Extents, ImageSize, Vec2, Vec3};
+use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Vec2, Vec3};
 
 /// Deterministic errors in -1..=1.
 struct Hand(u64);
@@ -163,6 +165,43 @@ fn nothing_to_pin_is_an_error_and_nonsense_is_no_panic() {
         prior.pins.edges = RoomEdge::ALL.into_iter().map(|edge| PinnedEdge { edge, points: vec![p, p, p] }).collect();
         if let Ok(room) = solve_from_pins(&view, &prior) {
             assert!(room.camera.centre().is_finite());
+        }
+    }
+}
+
+/// A camera that sees most of a room, its principal point moved by a share of the image's height.
+fn shifted_room(share: f64, yaw_deg: f64, tilt_deg: f64) -> Room {
+    let size = ImageSize::new(1200, 800);
+    let rotation = camera_rotation(yaw_deg.to_radians(), tilt_deg.to_radians(), 0.0);
+    let centre = Vec3::new(2.4, 1.4, 4.6);
+    let mut intrinsics = Intrinsics::centred(size, 640.0);
+    intrinsics.cy += share * f64::from(size.height);
+    Room {
+        name: format!("shift {share}"),
+        folder: PathBuf::new(),
+        camera: Camera { size, intrinsics, rotation, translation: -(rotation * centre) },
+        extents: Extents { width: 4.4, height: 2.6, depth: 5.0 },
+        walls_visible: vec![],
+        ceiling_visible: true,
+        depth_m: vec![],
+    }
+}
+
+#[test]
+fn a_shifted_lens_is_found_from_many_pins_and_not_made_up() {
+    let flat = GrayImage::from_rgb8(ImageSize::new(1200, 800), &vec![128; 1200 * 800 * 3]).unwrap();
+    for (share, yaw, tilt) in [(-0.2, 6.0, 0.0), (0.15, -14.0, 0.5), (0.0, 10.0, 6.0), (0.0, -5.0, 0.0)] {
+        let room = shifted_room(share, yaw, tilt);
+        let pins = read_pins(&room, 1.5, &mut Hand(11));
+        let found = solve_from_pins(&estimate_view(&flat, None), &prior(&room, pins.clone())).unwrap();
+        let rotation = angle_deg(found.camera.rotation, room.camera.rotation);
+        let off = (found.camera.intrinsics.cy - room.camera.intrinsics.cy) / 800.0;
+        println!("shift {share}: {} edges, rotation {rotation:.2} deg, off {off:+.3}", pins.edges.len());
+        assert!(pins.edges.len() >= 5, "{} edges", pins.edges.len());
+        assert!(rotation <= 0.8, "{}: {rotation:.2} degrees", room.name);
+        assert!(off.abs() < 0.02, "{}: {off:.3}", room.name);
+        if share == 0.0 {
+            assert_eq!(found.camera.intrinsics.cy, 400.0);
         }
     }
 }

@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use harmony_calls::Calls;
 use harmony_io::{FileError, MaskError, PointsError, picture};
 use harmony_prompts::Question;
-use harmony_roles::{Picture, RoleError, VlmRequest};
+use harmony_roles::{Picture, Role, RoleError, VlmRequest};
 use harmony_scene::{ObjectId, Warning, WarningKind};
 use image::{RgbImage, RgbaImage};
 use serde::{Serialize, de::DeserializeOwned};
@@ -123,6 +123,14 @@ impl PhaseCtx<'_> {
     /// Full name of a call of this phase.
     pub fn call(&self, step: &str) -> String {
         format!("{}/{step}", self.phase)
+    }
+
+    /// Whether a language model would answer a question, or the recording that is replayed: not this program.
+    pub fn is_answered(&self, step: &str) -> bool {
+        let name = self.call(step);
+        let recorded =
+            self.calls.book().recording().and_then(|r| r.names(Role::VisionLanguage).ok()).unwrap_or_default();
+        !self.calls.cast().vision_language.card().offline || recorded.iter().any(|n| n.as_str() == name)
     }
 
     /// Tells that a step begins.

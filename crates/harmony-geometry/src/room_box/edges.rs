@@ -181,6 +181,7 @@ impl<'a> Scene<'a> {
             floor: camera_height,
             ceiling: height - camera_height,
             back,
+            shift: 0.0,
         };
         Self {
             prior,

@@ -157,6 +157,7 @@ pub(crate) fn prior_box(view: &ViewEstimate, prior: &LayoutPrior) -> RoomBox {
         floor,
         ceiling: height - floor,
         back,
+        shift: 0.0,
     };
     let evidence = RoomBoxEvidence {
         method: RoomBoxMethod::Prior,

@@ -4,7 +4,8 @@
 //! robust least squares (Levenberg-Marquardt) on: distances of pins to the images of their edges; angles of the
 //! image's segments to their vanishing points; what the prior says about room and camera, each with its sigma. Floor
 //! and ceiling distance add up to the prior's height, which is the metric reference, as in the paper. So a picture with
-//! one good pin is pulled to it and the rest stays what the prior says; with six the prior hardly matters.
+//! one good pin is pulled to it and the rest stays what the prior says; with six the prior hardly matters. With many
+//! pins that no centred camera fits, the principal point may move up or down (a shifted lens, straightened verticals).
 //!
 //! Some pins are wrong. The losses saturate, and the solver starts several times: from the measured view, from the
 //! view a quarter turn on (the prior may call the other wall "back"), from the hinted angles, and without each of the
@@ -52,7 +53,18 @@ const MOST_GROUPS: usize = 12;
 const MOST_PINS: usize = 80;
 const OUTSIDE: f64 = 1.0;
 
-/// A pin relative to the image centre.
+/// Vertical shifts of the principal point that are tried: one sigma and farthest, shares of the image's height.
+const SHIFT_SIGMA: f64 = 0.1;
+const MOST_SHIFT: f64 = 0.35;
+/// A shift is looked for when so many pins are given and their RMS is above this share of the diagonal (or some are
+/// called wrong), and kept when it lowers the cost by this much.
+const SHIFT_PINS: usize = 8;
+const SHIFT_RMS: f64 = 0.0015;
+/// Least sigma of a pin while a shift is looked for, share of the diagonal.
+const SHARP_SIGMA: f64 = 0.0012;
+const SHIFT_GAIN: f64 = 8.0;
+
+/// A pin relative to the principal point (at first the image centre).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pin {
     pub edge: RoomEdge,
@@ -86,10 +98,17 @@ pub(super) fn solve_with_image(
     if pins.is_empty() {
         return Err(SolveError::TooFewPins { got: 0, min: 1 });
     }
-    let problem = Problem::new(view, prior, pins);
-    let (candidates, iterations) = problem.solve();
+    let mut problem = Problem::new(view, prior, pins.clone(), 0.0);
+    let (mut candidates, mut iterations) = problem.solve();
+    if let Some(shift) = problem.shift(view, &candidates, &mut iterations) {
+        problem = Problem::new(view, prior, pins, shift);
+        let (shifted, more) = problem.solve();
+        candidates = shifted;
+        iterations += more;
+    }
     // Which pins are wrong is often open among the pins alone: the lines and colours of the photo decide.
-    let speaks = |b: &CameraBox| image_evidence(image, view, prior, b);
+    // (They are read around the middle of the image, so only where that is the principal point.)
+    let speaks = |b: &CameraBox| if problem.shift == 0.0 { image_evidence(image, view, prior, b) } else { 0.0 };
     let solved = candidates
         .iter()
         .map(|(cost, p)| (problem.unpack(p), cost))
@@ -200,6 +219,8 @@ const STEPS: Unknowns = [1e-5; 8];
 
 struct Problem<'a> {
     prior: &'a LayoutPrior,
+    /// Principal point below the image centre, pixels; pins and lines are relative to it.
+    shift: f64,
     pins: Vec<Pin>,
     lines: Search,
     view: [f64; 4],
@@ -217,13 +238,17 @@ struct Report {
 }
 
 impl<'a> Problem<'a> {
-    fn new(view: &ViewEstimate, prior: &'a LayoutPrior, pins: Vec<Pin>) -> Self {
+    fn new(view: &ViewEstimate, prior: &'a LayoutPrior, mut pins: Vec<Pin>, shift: f64) -> Self {
+        let by = Vec2::new(0.0, shift);
+        for pin in &mut pins {
+            pin.point -= by;
+        }
         let photo = prior.photo;
         let k = f64::from(photo.width.max(1)) / f64::from(view.size.width.max(1));
         let segments: Vec<LineSegment> = view
             .segments
             .iter()
-            .map(|(s, _)| LineSegment { start: s.start * k, end: s.end * k, strength: s.strength })
+            .map(|(s, _)| LineSegment { start: s.start * k - by, end: s.end * k - by, strength: s.strength })
             .collect();
         let focal = FocalPrior { focal_px: view.focal_prior.focal_px * k, sigma: view.focal_prior.sigma };
         let height = prior.extents.height;
@@ -232,6 +257,7 @@ impl<'a> Problem<'a> {
         let distance = hint(prior.camera.dist_to_back_m, 0.2, 40.0);
         Self {
             prior,
+            shift,
             pins,
             lines: Search::new(photo, &segments, Some(focal)),
             view: [
@@ -260,6 +286,7 @@ impl<'a> Problem<'a> {
             floor,
             ceiling: height - floor,
             back: p[LN_BACK].exp(),
+            shift: self.shift,
         }
     }
 
@@ -285,9 +312,52 @@ impl<'a> Problem<'a> {
         out.push((solved.back / self.back).ln() / self.back_sigma);
     }
 
+    /// The shift of the principal point that explains the pins, where none does not (`found`: the minima without).
+    ///
+    /// Photographers keep verticals upright by shifting the lens, or straighten them and crop; a centred camera can
+    /// then not fit the horizontals.
+    fn shift(&self, view: &ViewEstimate, found: &[(f64, Unknowns)], iterations: &mut usize) -> Option<f64> {
+        let (_, best) = found.first()?;
+        let report = self.report(&self.unpack(best));
+        let fits = report.rejected.is_empty() && report.rms <= SHIFT_RMS * diagonal(self.prior.photo);
+        if report.given < SHIFT_PINS || fits {
+            return None;
+        }
+        let height = f64::from(self.prior.photo.height);
+        // The pins agree better than their usual sigma, or a shift could not be told.
+        let sigma = (SHARP_SIGMA * diagonal(self.prior.photo)).max(report.rms / 2.0);
+        let mut pins = self.pins.clone();
+        for pin in pins.iter_mut().filter(|p| p.given) {
+            pin.sigma = pin.sigma.min(sigma);
+        }
+        let mut at = |share: f64| {
+            let problem = Problem::new(view, self.prior, pins.clone(), share * height);
+            let (minima, spent) = problem.search(0);
+            *iterations += spent;
+            minima.first().map_or(f64::INFINITY, |(c, _)| c + 0.5 * (share / SHIFT_SIGMA).powi(2))
+        };
+        let straight = at(0.0);
+        let mut best = (straight, 0.0);
+        let mut step = MOST_SHIFT / 7.0;
+        for share in (-7..=7).filter(|i| *i != 0).map(|i| f64::from(i) * step) {
+            best = least(best, (at(share), share));
+        }
+        while step > 0.002 {
+            step /= 2.0;
+            for share in [best.1 - step, best.1 + step] {
+                best = least(best, (at(share), share));
+            }
+        }
+        (best.0 + SHIFT_GAIN < straight).then_some(best.1 * height)
+    }
+
     /// The minima found, least cost first, and the iterations spent.
     fn solve(&self) -> (Vec<(f64, Unknowns)>, usize) {
-        let groups = self.pins.iter().map(|p| p.group + 1).max().unwrap_or(0).min(MOST_GROUPS);
+        self.search(self.pins.iter().map(|p| p.group + 1).max().unwrap_or(0).min(MOST_GROUPS))
+    }
+
+    /// [`Self::solve`], also without each of the first `groups` groups of pins in turn.
+    fn search(&self, groups: usize) -> (Vec<(f64, Unknowns)>, usize) {
         let mut found: Vec<(f64, Unknowns)> = Vec::new();
         let mut iterations = 0;
         for angles in self.angle_starts() {
@@ -406,6 +476,10 @@ impl<'a> Problem<'a> {
         report.rms = if report.used > 0 { (squares / report.used as f64).sqrt() } else { f64::INFINITY };
         report
     }
+}
+
+fn least(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
+    if b.0 < a.0 { b } else { a }
 }
 
 fn array(p: &[f64]) -> Unknowns {

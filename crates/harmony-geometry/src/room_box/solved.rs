@@ -1,4 +1,4 @@
-//! The nine numbers of a room box around a camera.
+//! The numbers of a room box around a camera.
 
 use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Mat3, Surface, Vec2, Vec3};
 
@@ -23,6 +23,9 @@ pub(crate) struct CameraBox {
     pub floor: f64,
     pub ceiling: f64,
     pub back: f64,
+    /// How far the principal point lies below the middle of the image, pixels: not 0 where a photo was cropped or its
+    /// verticals were straightened by shifting the lens.
+    pub shift: f64,
 }
 
 impl CameraBox {
@@ -41,7 +44,9 @@ impl CameraBox {
     pub fn camera(&self, size: ImageSize) -> Camera {
         let rotation = self.rotation();
         let centre = Vec3::new(self.left, self.floor, self.back);
-        Camera { size, intrinsics: Intrinsics::centred(size, self.focal), rotation, translation: -(rotation * centre) }
+        let centred = Intrinsics::centred(size, self.focal);
+        let intrinsics = Intrinsics { cy: centred.cy + self.shift, ..centred };
+        Camera { size, intrinsics, rotation, translation: -(rotation * centre) }
     }
 
     /// A point and the direction of an edge, from the camera centre, room axes.
@@ -59,7 +64,7 @@ impl CameraBox {
         }
     }
 
-    /// Signed distance, pixels, of a point (relative to the image centre) to the image of an edge's line.
+    /// Signed distance, pixels, of a point (relative to the principal point) to the image of an edge's line.
     ///
     /// It stays smooth when the edge passes behind the camera.
     pub fn distance_to_edge(&self, rotation: &Mat3, edge: RoomEdge, point: Vec2) -> f64 {

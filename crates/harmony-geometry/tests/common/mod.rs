@@ -28,7 +28,7 @@ pub struct Room {
     pub extents: Extents,
     pub walls_visible: Vec<Surface>,
     pub ceiling_visible: bool,
-    depth_m: Vec<f32>,
+    pub depth_m: Vec<f32>,
 }
 
 impl Room {

@@ -184,7 +184,29 @@ fn from_outline(outline: &[[f64; 2]], error: f32, frame: &Frame) -> (Vec<Known>,
 
 /// Whether a pixel at depth `d` is the middle of a part that is thinner than `thick` (half thickness `t`).
 pub(super) fn is_middle(d: f32, t: f32, thick: f32) -> bool {
-    t >= 1.0 && t < thick && d >= MIDDLE * t
+    t >= 0.5 && t < thick && d >= MIDDLE * t
+}
+
+/// Adds the middles of an outline's thin parts to a mask, at the photo's resolution: at working size a wire or a thin
+/// leg is no pixel wide. What other outlines claim is left to them.
+pub(super) fn add_thin_parts(mask: &mut Mask, outline: &[[f64; 2]], prompt: &SegmentPrompt, error: f64, frame: &Frame) {
+    let window = frame.window;
+    let (w, h) = (window.width as usize, window.height as usize);
+    let local = |outline: &[[f64; 2]]| -> Vec<[f64; 2]> {
+        outline.iter().map(|p| [p[0] - f64::from(window.x), p[1] - f64::from(window.y)]).collect()
+    };
+    let depth = signed_distance(&rasterize(&local(outline), w, h), w, h);
+    let thick = 2.0 * error as f32;
+    let thickness = half_thickness(&depth, w, h, thick);
+    let mut middles: Vec<bool> = depth.iter().zip(&thickness).map(|(d, t)| is_middle(*d, *t, thick)).collect();
+    for other in prompt.not.iter().filter_map(|n| n.outline.as_deref()) {
+        for (middle, claimed) in middles.iter_mut().zip(rasterize(&local(other), w, h)) {
+            *middle &= !claimed;
+        }
+    }
+    for (i, _) in middles.iter().enumerate().filter(|(_, middle)| **middle) {
+        mask.set(window.x + (i % w) as u32, window.y + (i / w) as u32, true);
+    }
 }
 
 /// Background outside the box; inside, the centre more likely than the corners.

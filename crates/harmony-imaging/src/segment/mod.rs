@@ -146,7 +146,10 @@ fn cut_out(photo: &RgbImage, prompt: &SegmentPrompt, settings: &SegmentSettings)
     let share = if outline.is_some() { 60 } else { 8 };
     let count = object.iter().filter(|b| **b).count();
     crate::components::clean(&mut object, problem.width, problem.height, count / share, count / 100 + 4);
-    let mask = refine(photo, &frame, &object, models.as_ref(), settings);
+    let mut mask = refine(photo, &frame, &object, models.as_ref(), settings);
+    if let Some(outline) = outline {
+        frame::add_thin_parts(&mut mask, outline, prompt, error, &frame);
+    }
     Some(CutOut { mask, score, frame, odds })
 }
 

@@ -78,8 +78,8 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
     };
     let has_front = catalogue::has_front(&label) || o.faces_room;
     let yaw = match o.front_deg {
-        Some(deg) if has_front => YawHint::About(deg.to_radians()),
-        _ => YawHint::Unknown,
+        Some(deg) => YawHint::About(deg.to_radians()),
+        None => YawHint::Unknown,
     };
     let soft = matches!(harmony_mesh::template_name(&label), Some("cushion" | "blanket" | "teddy_bear"));
     let mean = harmony_imaging::color::median_color(&state.photo, &p.candidate.mask)
@@ -142,7 +142,7 @@ fn affinity(wall: harmony_scene::Wall) -> WallAffinity {
 /// # Errors
 /// Fatal role errors only.
 pub async fn orient_decorations(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
-    if ctx.calls.cast().vision_language.card().offline {
+    if !ctx.is_answered("orient") {
         return Ok(());
     }
     let turning: Vec<usize> = (0..state.partial.placed.len())

@@ -17,10 +17,15 @@ impl GraphCut {
     }
 }
 
+/// What others stand on or hang before never hides them: a rug, a window, a door.
+fn layer(label: &str) -> i32 {
+    i32::from(!matches!(harmony_mesh::template_name(label), Some("rug" | "window" | "door")))
+}
+
 #[async_trait]
 impl Segmenter for GraphCut {
     fn card(&self) -> PlayerCard {
-        super::card("graph cut 1")
+        super::card("graph cut 2")
     }
 
     async fn segment(&self, request: &SegmentRequest) -> Result<Vec<SegmentedMask>, RoleError> {
@@ -29,7 +34,11 @@ impl Segmenter for GraphCut {
         let prompts: Vec<SegmentPrompt> = request
             .prompts
             .iter()
-            .map(|p| SegmentPrompt { outline: p.outline.clone(), ..SegmentPrompt::from_box(p.bounds) })
+            .map(|p| SegmentPrompt {
+                outline: p.outline.clone(),
+                layer: Some(layer(&p.label)),
+                ..SegmentPrompt::from_box(p.bounds)
+            })
             .collect();
         super::computed(move || {
             let cut = segment_all(&image, &prompts, &settings);
