@@ -39,6 +39,15 @@ pub fn flat(state: &SceneState) -> Arc<RgbImage> {
     Arc::new(scene_from(state, &state.partial.camera, Vec::new()))
 }
 
+/// [`flat`]; while the room's faces have no textures yet its edges are drawn, so that one sees what stands where.
+pub fn flat_with_room(state: &SceneState) -> Arc<RgbImage> {
+    let picture = scene_from(state, &state.partial.camera, Vec::new());
+    if !state.surfaces.is_empty() {
+        return Arc::new(picture);
+    }
+    Arc::new(with_room_lines(picture, &state.partial.room, &state.partial.camera, false))
+}
+
 /// Per pixel the index of the nearest object (0 = room), from the photo's camera.
 pub fn ids(state: &SceneState) -> Vec<u32> {
     let shell = shell(state, Vec::new());

@@ -1,14 +1,18 @@
 //! What a pose costs: disagreement with mask, point map, prior size and relations, in one number.
 
-use harmony_scene::{PixelBox, Pose};
+use harmony_scene::{PixelBox, PlacementType, Pose};
 
 use crate::Item;
 use crate::anchoring::{Anchoring, Frame, USUAL_GAP, YawRule, prior_scale, size_of};
 use crate::first_pose::facing;
+use crate::support::gap_to_back;
 use crate::view::{Match, View};
 
 /// Weight of the free edges' mean relative error beside `1 - IoU`.
 const EDGES: f64 = 0.8;
+
+/// Weight of falling short of where the mask is cut, against missing a free edge.
+const SHORT_OF_CUT: f64 = 3.0;
 
 /// Share of the IoU that counts only pixels which what is placed leaves visible: it keeps an object from being
 /// right in the image but inside its host. Not all of it, for what is placed may itself be a little off.
@@ -31,6 +35,10 @@ const GAP: f64 = 0.004;
 
 /// Metres.
 const GAP_SIGMA: f64 = 0.03;
+
+/// Cost of [`BACK_SIGMA`] of space behind what leans against its host's back, metres.
+const AWAY_FROM_BACK: f64 = 0.05;
+const BACK_SIGMA: f64 = 0.08;
 
 /// Cost of a footprint that hangs wholly beside its host.
 const UNSUPPORTED: f64 = 0.8;
@@ -99,6 +107,12 @@ impl Judge<'_> {
             let lacking = (SUPPORTED_SHARE - self.frame.supported_share(pose)).max(0.0) / SUPPORTED_SHARE;
             cost += UNSUPPORTED * lacking;
         }
+        if let Anchoring::OnHost { host, .. } = self.frame.anchoring
+            && item.placement.placement_type == PlacementType::AgainstBack
+            && let Some(gap) = self.frame.scene.placed.get(host).and_then(|h| gap_to_back(h, item, pose))
+        {
+            cost += AWAY_FROM_BACK * (gap.max(0.0) / BACK_SIGMA).min(3.0);
+        }
         if size_of(item, pose).y > 1.5 * self.frame.scene.room.extents.height {
             cost += 1.0;
         }
@@ -126,11 +140,12 @@ impl Judge<'_> {
 
 /// Distance of each edge of an outline to the mask's, relative to the mask's size: left, top, right, bottom.
 ///
-/// Where the mask is cut, the outline may go on beyond it, but must reach it.
+/// Where the mask is cut, the outline may go on beyond it, but must reach it: what is seen up to the cut is surely
+/// there (a cord that leaves the image at its top).
 pub(crate) fn edge_errors(view: &View, outline: &PixelBox) -> [f64; 4] {
     let b = &view.mask_box;
     let (w, h) = (b.width().max(4.0), b.height().max(4.0));
     // Positive where the outline reaches beyond the mask.
     let beyond = [(b.x0 - outline.x0) / w, (b.y0 - outline.y0) / h, (outline.x1 - b.x1) / w, (outline.y1 - b.y1) / h];
-    std::array::from_fn(|i| if view.free[i] { beyond[i].abs() } else { (-beyond[i]).max(0.0) })
+    std::array::from_fn(|i| if view.free[i] { beyond[i].abs() } else { SHORT_OF_CUT * (-beyond[i]).max(0.0) })
 }

@@ -134,6 +134,19 @@ pub(crate) fn layers(host: &Placed, object_height: f64) -> Vec<Layer> {
         .collect()
 }
 
+/// Free space between an object's back and what its host has behind it (a backrest, a headboard), metres, measured at
+/// half the object's height; `None` when the host has nothing there.
+pub(crate) fn gap_to_back(host: &Placed, item: &Item, pose: &Pose) -> Option<f64> {
+    let size = item.shape.extent() * pose.scale * pose.stretch;
+    let backward = -host.pose.front();
+    let axes = [pose.linear() * Vec3::X, pose.linear() * Vec3::Z].map(Vec3::normalize_or_zero);
+    let half = 0.5 * (size.x * axes[0].dot(backward).abs() + size.z * axes[1].dot(backward).abs());
+    let middle = pose.position + Vec3::Y * (size.y / 2.0);
+    let (hit, level) = ray_hit(host, middle, backward)?;
+    // What is behind must be upright: the ray may leave a seat that it starts in.
+    (!level).then(|| (hit - middle).dot(backward) - half)
+}
+
 /// Where a room ray first meets a placed object: the point and whether the surface there is level enough to stand on.
 pub(crate) fn ray_hit(host: &Placed, origin: Vec3, direction: Vec3) -> Option<(Vec3, bool)> {
     let inverse = host.pose.linear().inverse();
@@ -145,4 +158,33 @@ pub(crate) fn ray_hit(host: &Placed, origin: Vec3, direction: Vec3) -> Option<(V
     let hit = host.item.shape.bvh().raycast(inverse * (origin - host.pose.position), local / unit, 60.0 * unit)?;
     let normal = (inverse.transpose() * hit.normal).normalize_or(Vec3::Y);
     Some((origin + direction * (hit.distance / unit), normal.y.abs() > 0.7))
+}
+
+#[cfg(test)]
+mod back_tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::Shape;
+    use crate::testing::{box_mesh, boxed, empty_room};
+
+    #[test]
+    fn the_gap_is_measured_to_the_backrest() {
+        let scene = empty_room();
+        // A backrest 0.2 deep and 0.9 high, its front at z = 1.1, of a host that looks along +z.
+        let back = boxed(&scene, Vec3::new(2.0, 0.9, 0.2), Vec3::new(2.0, 0.0, 1.0), 0.0);
+        let host = Placed {
+            item: Arc::new(back),
+            pose: Pose::new(Vec3::new(2.0, 0.0, 1.0), 0.0, 1.0),
+            support: harmony_scene::Support::Floor,
+            evidence: crate::Evidence::default(),
+        };
+        let cushion = boxed(&scene, Vec3::new(0.5, 0.4, 0.2), Vec3::new(2.0, 0.4, 1.5), 0.0);
+        assert_eq!(cushion.shape.extent(), Shape::new(Arc::new(box_mesh(Vec3::new(0.5, 0.4, 0.2))), vec![]).extent());
+        let gap = |z: f64| gap_to_back(&host, &cushion, &Pose::new(Vec3::new(2.0, 0.4, z), 0.0, 1.0));
+        assert!((gap(1.5).unwrap() - 0.3).abs() < 1e-6);
+        assert!(gap(1.2).unwrap().abs() < 1e-6);
+        // Nothing behind it: above the backrest.
+        assert_eq!(gap_to_back(&host, &cushion, &Pose::new(Vec3::new(2.0, 1.5, 1.5), 0.0, 1.0)), None);
+    }
 }

@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 use futures::future::join_all;
 use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
-use harmony_mesh::{Mesh, catalogue, convex_parts};
+use harmony_mesh::{catalogue, convex_parts};
 use harmony_prompts::{
     CompletedAnswer, CompletedVars, FrontsAnswer, FrontsVars, InspectedObject, Occlusion, completed, fronts,
 };
 use harmony_roles::{EditKind, EditRequest, GeneratedMesh, MeshFrame, MeshRequest, Picture};
-use harmony_scene::{Level, MaterialCategory, ObjectId, PbrFactors, Physical, Size, SurfaceMaterial, WarningKind};
+use harmony_scene::{Level, MaterialCategory, ObjectId, PbrFactors, Physical, PlacementType, Size, SurfaceMaterial, WarningKind};
 use image::RgbaImage;
 use serde_json::json;
 
@@ -85,7 +85,7 @@ pub async fn all(
 
     let mut ids = Vec::new();
     for (completed, mesh, _) in ready {
-        let prepared = assemble(ctx, state.next_index, completed, &mesh)?;
+        let prepared = assemble(ctx, state.next_index, completed, mesh)?;
         state.next_index += 1;
         ids.push(prepared.candidate.id.clone());
         state.prepared.insert(prepared.candidate.id.clone(), prepared);
@@ -276,7 +276,27 @@ async fn canonicalise(
     Ok(done)
 }
 
-fn assemble(ctx: &PhaseCtx<'_>, index: u32, c: Completed, g: &GeneratedMesh) -> Result<Prepared, PhaseError> {
+/// How far a cushion leans that stands against a back, radians.
+const LEAN: f64 = 0.3;
+
+/// Lets a cushion that stands against a back lean: its mesh turns about its lower edge, its size follows.
+fn lean(c: &mut Completed, g: &mut GeneratedMesh) {
+    let leans = c.inspected.placement_type == PlacementType::AgainstBack
+        && harmony_mesh::template_name(&c.inspected.kind) == Some("cushion");
+    let size = &mut c.inspected.size_m;
+    if !leans || size.depth > 0.7 * size.height {
+        return;
+    }
+    let (sin, cos) = LEAN.sin_cos();
+    (size.height, size.depth) = (size.height * cos + size.depth * sin, size.height * sin + size.depth * cos);
+    let mut mesh = (*g.mesh).clone();
+    harmony_mesh::canonicalise(&mut mesh, glam::DMat3::from_rotation_x(-LEAN));
+    g.mesh = Arc::new(mesh);
+    g.convex = None;
+}
+
+fn assemble(ctx: &PhaseCtx<'_>, index: u32, mut c: Completed, mut g: GeneratedMesh) -> Result<Prepared, PhaseError> {
+    lean(&mut c, &mut g);
     let id = c.candidate.id.clone();
     let hulls: Vec<Vec<glam::DVec3>> = g
         .convex
@@ -293,16 +313,12 @@ fn assemble(ctx: &PhaseCtx<'_>, index: u32, c: Completed, g: &GeneratedMesh) -> 
         material: material_of(&c.inspected),
         candidate: c.candidate,
         inspected: c.inspected,
-        mesh: with_material(&g.mesh),
+        mesh: g.mesh.clone(),
         hulls,
         part_model: g.part_model.clone(),
         mesh_source: g.source.clone(),
         index,
     })
-}
-
-fn with_material(mesh: &Arc<Mesh>) -> Arc<Mesh> {
-    mesh.clone()
 }
 
 /// The answer's material, completed and clamped by the category's defaults.

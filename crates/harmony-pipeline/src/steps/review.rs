@@ -74,7 +74,7 @@ async fn ask(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState, round: usize)
     });
     let pictures = vec![
         Picture { caption: "IMAGE 1: the photo".into(), image: state.photo.clone() },
-        Picture { caption: "IMAGE 2: the reconstruction".into(), image: views::flat(state) },
+        Picture { caption: "IMAGE 2: the reconstruction".into(), image: views::flat_with_room(state) },
         Picture { caption: "IMAGE 3: both, with outlines".into(), image: views::blend(state) },
     ];
     let facts = json!({ "objects": ids, "findings": findings });
