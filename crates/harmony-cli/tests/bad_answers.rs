@@ -14,6 +14,12 @@ use serde_json::{Value, json};
 
 const SETTINGS: &str = "[settings]\nworking_px = 256\nsurface_px_per_m = 20.0\n";
 
+/// The new text of an answer, by call name and old answer; `None` = as it was.
+type Change<'a> = &'a dyn Fn(&str, &Value) -> Option<String>;
+
+/// What is done to a file.
+type Damage<'a> = &'a dyn Fn(&Path);
+
 /// A recording of the bundled example in which answers were replaced.
 struct Recording {
     folder: tempfile::TempDir,
@@ -151,7 +157,7 @@ fn numbers_out_of_this_world_do_not_reach_the_scene() {
 fn ten_thousand_objects_and_endless_texts_are_refused_in_time() {
     let many = |item: &Value, count: usize| Value::Array(vec![item.clone(); count]);
     let deep = format!("{}{}", "[".repeat(200_000), "]".repeat(200_000));
-    let cases: [(&str, &dyn Fn(&str, &Value) -> Option<String>); 4] = [
+    let cases: [(&str, Change<'_>); 4] = [
         ("many kinds", &|name, value| {
             name.ends_with("list").then(|| json!({"items": many(&value["items"][0], 10_000)}).to_string())
         }),
@@ -265,7 +271,7 @@ fn a_damaged_run_folder_is_made_whole_by_the_same_command() {
         fs::write(path, &bytes[..bytes.len() / 2]).unwrap();
     };
     let spoil = |path: &Path| fs::write(path, b"{\"not\": \"what it was\"}").unwrap();
-    let damages: [(PathBuf, &dyn Fn(&Path)); 12] = [
+    let damages: [(PathBuf, Damage<'_>); 12] = [
         ("scene.json".into(), &remove),
         ("scene_full.glb".into(), &halve),
         ("run.json".into(), &halve),

@@ -1,4 +1,5 @@
 //! Pictures drawn here: rooms, and what is none.
+#![allow(clippy::cast_possible_wrap, clippy::many_single_char_names, reason = "pixels and formulas")]
 
 use std::io::Cursor;
 
