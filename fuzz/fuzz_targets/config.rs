@@ -19,5 +19,7 @@ fuzz_target!(|data: &[u8]| {
     let Ok(text) = std::str::from_utf8(data) else { return };
     if let Ok(file) = config::parse(text) {
         file.settings.check().expect("what was parsed was checked");
+        // As the program does with it.
+        let _ = std::time::Duration::from_secs_f64(file.files.timeout_minutes * 60.0);
     }
 });
