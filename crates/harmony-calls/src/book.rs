@@ -65,9 +65,21 @@ pub enum BookError {
     },
 }
 
+impl BookError {
+    /// What a person can do about it.
+    pub fn hint(&self) -> Option<&'static str> {
+        match self {
+            Self::Io { source, .. } => harmony_io::atomic::io_hint(source),
+            Self::NotARecording { .. } => Some("give a folder with recording.json, or the folder of a finished run"),
+            Self::NameConflict { .. } | Self::Name(_) | Self::Write { .. } => None,
+        }
+    }
+}
+
 impl From<BookError> for RoleError {
     fn from(error: BookError) -> Self {
-        Self::Io { player: "the call book".to_owned(), source: io::Error::other(error) }
+        let kind = if let BookError::Io { source, .. } = &error { source.kind() } else { io::ErrorKind::Other };
+        Self::Io { player: "the call book".to_owned(), source: io::Error::new(kind, error) }
     }
 }
 
@@ -220,7 +232,8 @@ impl CallBook {
                 return Err(conflict(folder));
             }
         }
-        if target.exists() && !target.join("record.json").exists() {
+        // A folder without a record and without calls below it is what is left of a damaged record.
+        if !target.join("record.json").exists() && !names_under(target, "record.json")?.is_empty() {
             return Err(conflict(target));
         }
         Ok(())

@@ -309,6 +309,7 @@ impl Calls {
             match blocking(move || request.read_answer(&folder)).await?.and_then(|a| accept(&a).map(|()| a)) {
                 Ok(answer) => {
                     self.replayed.fetch_add(1, Ordering::Relaxed);
+                    tracing::debug!(role = R::ROLE.folder(), call = %name, player = "replay", "asked");
                     event(CallEventKind::Replayed);
                     let label = recorded.card.model.clone();
                     if recorded.question_differs {
@@ -393,6 +394,7 @@ impl Calls {
             let _place = free_place(place.as_deref()).await;
             self.asked.fetch_add(1, Ordering::Relaxed);
             self.asked_outside.fetch_add(usize::from(!card.offline), Ordering::Relaxed);
+            tracing::debug!(role = R::ROLE.folder(), call = %name, player = %card.player, "asked");
             event(CallEventKind::Asked { player: card.player.clone() });
             let clock = Instant::now();
             let outcome = asked.play(player).await.and_then(|answer| match accept(&answer) {

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use harmony_calls::Cast;
-use harmony_io::{PointMapOptions, load_masks, points::parse_intrinsics};
+use harmony_io::{PointMapOptions, load_masks, load_point_map, points::parse_intrinsics};
 use harmony_lighting::CyclesRenderer;
 use harmony_players::{FilesEvent, FilesOptions, FilesPlayer, MaskFiles, PointMapFile, offline_cast};
 use harmony_scene::ImageSize;
@@ -78,6 +78,8 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
         if let Some(text) = request.intrinsics {
             options.intrinsics = Some(parse_intrinsics(text).map_err(|e| hinted(e.to_string(), e.hint()))?);
         }
+        // What cannot be used is told before anything is run.
+        load_point_map(path, &options).map_err(|e| hinted(e.to_string(), e.hint()))?;
         inputs.update(&std::fs::read(path).unwrap_or_default());
         inputs.update(request.intrinsics.unwrap_or_default().as_bytes());
         inputs.update(&request.depth_scale.to_le_bytes());

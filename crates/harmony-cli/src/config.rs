@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::display::hinted;
 
+/// Longest patience with whoever answers: a year.
+const MAX_TIMEOUT_MINUTES: f64 = 525_600.0;
+
 /// Who plays, in one word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
@@ -88,8 +91,11 @@ pub fn load(named: Option<&Path>) -> Result<ConfigFile> {
 pub fn parse(text: &str) -> Result<ConfigFile, String> {
     let file: ConfigFile = toml::from_str(text).map_err(|e| e.to_string())?;
     file.settings.check()?;
-    if !(file.files.timeout_minutes.is_finite() && file.files.timeout_minutes >= 0.0) {
-        return Err(format!("files.timeout_minutes is {}; a number from 0 is wanted", file.files.timeout_minutes));
+    if !(0.0..=MAX_TIMEOUT_MINUTES).contains(&file.files.timeout_minutes) {
+        return Err(format!(
+            "files.timeout_minutes is {}; allowed is 0 to {MAX_TIMEOUT_MINUTES}",
+            file.files.timeout_minutes
+        ));
     }
     Ok(file)
 }
@@ -105,8 +111,22 @@ mod tests {
     }
 
     #[test]
+    fn a_patience_that_no_clock_can_hold_is_refused() {
+        for minutes in ["1e300", "-1.0", "nan", "inf"] {
+            let error = parse(&format!("[files]\ntimeout_minutes = {minutes}\n")).unwrap_err();
+            assert!(error.contains("timeout_minutes"), "{error}");
+        }
+        assert!(parse("[files]\ntimeout_minutes = 525600.0\n").is_ok());
+    }
+
+    #[test]
     fn a_value_out_of_range_is_refused_with_the_range() {
         let error = parse("[settings]\nworking_px = 9\n").unwrap_err();
         assert!(error.contains("256") && error.contains('9'), "{error}");
+        for (name, value) in [("window_px", "4000000000"), ("size_sigma", "nan"), ("max_rounds", "1000000000000")] {
+            let error = parse(&format!("[settings.placement]\n{name} = {value}\n")).unwrap_err();
+            assert!(error.contains(name), "{error}");
+        }
+        assert!(harmony_pipeline::Settings::default().check().is_ok());
     }
 }

@@ -1,12 +1,43 @@
 //! What a person sees: progress, errors with hints, logs.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::sync::Arc;
 use std::time::Duration;
 
 use harmony_calls::{CallEvent, CallEventKind};
 use harmony_pipeline::{ProgressEvent, ProgressSink};
 use indicatif::{ProgressBar, ProgressStyle};
+
+/// Writes a line to stdout; a reader that has gone away (`harmony show run | head -1`) is no error.
+///
+/// # Errors
+/// Whatever else stdout cannot take, a full disk behind a redirection among it.
+pub fn write_line(line: std::fmt::Arguments<'_>) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    match writeln!(out, "{line}").and_then(|()| out.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(hinted(format!("cannot write the output: {error}"), harmony_io::atomic::io_hint(&error)))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Writes a line to stderr; when that fails there is nobody to tell.
+pub fn write_note(line: std::fmt::Arguments<'_>) {
+    let _ = writeln!(std::io::stderr().lock(), "{line}");
+}
+
+/// `println!` that returns an error instead of panicking.
+#[macro_export]
+macro_rules! say {
+    ($($text:tt)*) => { $crate::display::write_line(format_args!($($text)*)) };
+}
+
+/// `eprintln!` that never panics.
+#[macro_export]
+macro_rules! tell {
+    ($($text:tt)*) => { $crate::display::write_note(format_args!($($text)*)) };
+}
 
 /// An error with something to do about it.
 #[derive(Debug)]
@@ -35,17 +66,17 @@ pub fn hinted(message: String, hint: Option<impl Into<String>>) -> anyhow::Error
 
 /// Prints an error, its causes and its hint.
 pub fn print_error(error: &anyhow::Error) {
-    eprintln!("error: {error}");
+    tell!("error: {error}");
     let mut last = error.to_string();
     for cause in error.chain().skip(1) {
         let text = cause.to_string();
         if !last.contains(&text) {
-            eprintln!("  because: {text}");
+            tell!("  because: {text}");
         }
         last = text;
     }
     if let Some(hinted) = error.chain().find_map(|e| e.downcast_ref::<Hinted>()) {
-        eprintln!("hint: {}", hinted.hint);
+        tell!("hint: {}", hinted.hint);
     }
 }
 
@@ -58,7 +89,12 @@ pub fn log_to_stderr(verbose: u8) {
     };
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(format!("{level},wgpu=error")));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .without_time()
+        .log_internal_errors(false)
+        .init();
 }
 
 /// A line that moves on a terminal, plain lines elsewhere.
@@ -83,7 +119,7 @@ impl Display {
     fn say(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.println(text),
-            None => eprintln!("{text}"),
+            None => tell!("{text}"),
         }
     }
 

@@ -33,10 +33,10 @@ struct Cli {
 const EXIT_CODES: &str = "\
 Exit codes:
   0  all phases did what they should
-  1  the input or an argument cannot be used; nothing was run
+  1  the input or an argument cannot be used, or another harmony is at work in the run folder; nothing was run
   2  wrong usage of the command line
-  3  a phase failed, or a required file is missing: what was obtained is kept, run.json tells which and why;
-     run the same command again to go on from there";
+  3  a phase failed, or a required file is missing or cannot be written (a full disk): what was obtained is kept,
+     run.json tells which and why; run the same command again to go on from there";
 
 #[derive(Debug, Subcommand)]
 enum Command {

@@ -86,6 +86,7 @@ pub fn io_hint(error: &io::Error) -> Option<&'static str> {
             Some("the disk is full: free some space and run the same command again, finished work is kept")
         }
         io::ErrorKind::ReadOnlyFilesystem => Some("the file system is read-only: choose another output folder"),
+        io::ErrorKind::AlreadyExists => Some("a file of this name is in the way: move it, or choose another folder"),
         io::ErrorKind::IsADirectory => Some("this is a folder, a file is needed"),
         io::ErrorKind::NotADirectory => Some("a part of the path is a file, not a folder"),
         _ => None,
@@ -106,6 +107,14 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
 /// [`FileError::Write`].
 pub fn write_durable(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     write_renamed(path, bytes, true)
+}
+
+/// Whether a name is one under which [`write_atomic`] writes: `.<name>.<process>.<number>.tmp`.
+pub fn is_temporary(name: &std::ffi::OsStr) -> bool {
+    let number = |part: Option<&str>| part.is_some_and(|p| !p.is_empty() && p.bytes().all(|b| b.is_ascii_digit()));
+    let Some(inner) = name.to_str().and_then(|n| n.strip_prefix('.')?.strip_suffix(".tmp")) else { return false };
+    let mut parts = inner.rsplitn(3, '.');
+    number(parts.next()) && number(parts.next()) && parts.next().is_some_and(|n| !n.is_empty())
 }
 
 fn write_renamed(path: &Path, bytes: &[u8], durable: bool) -> Result<(), FileError> {
@@ -214,6 +223,21 @@ mod tests {
         let names: Vec<_> = fs::read_dir(folder.path().join("a")).unwrap().map(|e| e.unwrap().file_name()).collect();
         assert_eq!(names.len(), 2, "only b and blocked: {names:?}");
         assert!(blocked.join("inside").is_dir());
+    }
+
+    #[test]
+    fn only_our_own_temporary_names_are_taken_for_such() {
+        for (name, ours) in [
+            (".scene.json.812.0.tmp", true),
+            (".x.1.2.tmp", true),
+            (".1.2.tmp", false),
+            ("scene.json.812.0.tmp", false),
+            (".scene.json.812.tmp", false),
+            (".scene.json..0.tmp", false),
+            (".tmp", false),
+        ] {
+            assert_eq!(is_temporary(std::ffi::OsStr::new(name)), ours, "{name}");
+        }
     }
 
     #[test]

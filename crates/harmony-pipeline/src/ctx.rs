@@ -67,8 +67,17 @@ impl PhaseError {
     /// What a person can do about it.
     pub fn hint(&self) -> Option<String> {
         match self {
+            Self::Role(RoleError::Io { source, .. }) => Some(
+                harmony_io::atomic::io_hint(source)
+                    .unwrap_or("check the disk and the run folder, then run the same command again")
+                    .to_owned(),
+            ),
             Self::Role(error) => error.hint().map(ToOwned::to_owned),
             Self::File(error) => error.hint().map(ToOwned::to_owned),
+            Self::Picture(error) => error.hint().map(ToOwned::to_owned),
+            Self::Mask(error) => error.hint().map(ToOwned::to_owned),
+            Self::Points(error) => error.hint().map(ToOwned::to_owned),
+            Self::Glb(error) => error.hint().map(ToOwned::to_owned),
             Self::Folder { source, .. } => harmony_io::atomic::io_hint(source).map(ToOwned::to_owned),
             Self::Internal { .. } => Some(
                 "this is a fault of the program; what was obtained is kept, and running again goes on from it".into(),

@@ -86,6 +86,17 @@ pub enum RunError {
     Book(#[from] harmony_calls::BookError),
 }
 
+impl RunError {
+    /// What a person can do about it.
+    pub fn hint(&self) -> Option<&'static str> {
+        match self {
+            Self::File(error) => error.hint(),
+            Self::Settings(_) => Some("`harmony schema config` prints what can be set"),
+            Self::Book(error) => error.hint(),
+        }
+    }
+}
+
 /// Runs the phases; everything obtained is kept, whatever happens.
 ///
 /// # Errors

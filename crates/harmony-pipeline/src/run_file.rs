@@ -8,7 +8,7 @@ use harmony_io::{FileError, read_bounded};
 use harmony_roles::{PlayerCard, Role};
 use serde::{Deserialize, Serialize};
 
-use crate::Settings;
+use crate::{LOCK_FILE, Settings};
 
 /// How a phase ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -106,7 +106,11 @@ pub fn hash_files(run: &Path) -> BTreeMap<String, String> {
             let path = entry.path();
             let Ok(relative) = path.strip_prefix(run) else { continue };
             let name = relative.to_string_lossy().replace('\\', "/");
-            let skip = name == "run.json" || name == "calls" || name == "questions" || name.contains(".tmp");
+            let skip = name == "run.json"
+                || name == LOCK_FILE
+                || name == "calls"
+                || name == "questions"
+                || name.contains(".tmp");
             if skip {
                 continue;
             }

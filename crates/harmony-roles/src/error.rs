@@ -67,7 +67,7 @@ pub enum RoleError {
         reason: String,
     },
     /// The disk did not let us.
-    #[error("could not read or write for {player}")]
+    #[error("could not read or write for {player}: {source}")]
     Io {
         /// Who.
         player: String,

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use harmony_players::{casting_report, offline_cast};
 
-use crate::EXIT_OK;
+use crate::{EXIT_OK, say};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -20,26 +20,26 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<u8> {
     let report = casting_report(&offline_cast());
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        say!("{}", serde_json::to_string_pretty(&report)?)?;
         return Ok(EXIT_OK);
     }
-    println!("What can be cast on this machine:");
+    say!("What can be cast on this machine:")?;
     let mut last = None;
     for status in &report {
         if last != Some(status.role) {
-            println!("\n{}", status.role.folder());
+            say!("\n{}", status.role.folder())?;
             last = Some(status.role);
         }
-        println!(
+        say!(
             "  {} {:12} {}",
             if status.available { "ok     " } else { "missing" },
             status.player.player,
             status.detail
-        );
+        )?;
         if !status.available
             && let Some(hint) = &status.hint
         {
-            println!("          hint: {hint}");
+            say!("          hint: {hint}")?;
         }
     }
     Ok(EXIT_OK)

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use harmony_calls::{BookOptions, CallBook, CallOptions, Calls};
 use harmony_io::load_photo;
-use harmony_pipeline::{PHASES, RunOutcome, RunRequest, Warnings};
+use harmony_pipeline::{PHASES, RunError, RunFolder, RunOutcome, RunRequest, Warnings};
 use harmony_roles::Role;
 
 use crate::cast::{self, CastRequest};
 use crate::config::{self, Profile};
-use crate::display::{Display, hinted};
-use crate::{EXIT_INCOMPLETE, EXIT_OK};
+use crate::display::{Display, hinted, print_error};
+use crate::{EXIT_ERROR, EXIT_INCOMPLETE, EXIT_OK, say, tell};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -88,9 +88,7 @@ async fn reconstruct(args: Args) -> Result<u8> {
     let profile =
         if args.offline_only { Profile::Offline } else { args.profile.or(config.profile).unwrap_or_default() };
     let photo = load_photo(&args.photo).map_err(|e| hinted(e.to_string(), e.hint()))?;
-    std::fs::create_dir_all(&args.out).map_err(|e| {
-        hinted(format!("the run folder {} cannot be made: {e}", args.out.display()), harmony_io::atomic::io_hint(&e))
-    })?;
+    let _folder = RunFolder::take(&args.out).map_err(|e| hinted(e.to_string(), e.hint()))?;
     let display = Display::new();
     let request = CastRequest {
         profile,
@@ -119,7 +117,7 @@ async fn reconstruct(args: Args) -> Result<u8> {
         forget(&args.out, from)?;
     }
     let book = CallBook::open(&args.out, BookOptions { replay: args.replay.clone(), ..BookOptions::default() })
-        .map_err(|e| anyhow::anyhow!(e))?;
+        .map_err(|e| hinted(e.to_string(), e.hint()))?;
     let collected = Arc::clone(&warnings);
     let options = CallOptions {
         on_warning: Arc::new(move |warning| collected.push(warning)),
@@ -141,8 +139,17 @@ async fn reconstruct(args: Args) -> Result<u8> {
     };
     let outcome = Box::pin(harmony_pipeline::run(&run_request, &calls, &warnings, &display.sink())).await;
     display.finish();
-    let outcome = outcome.map_err(|e| anyhow::anyhow!(e))?;
-    Ok(report(&args, &outcome))
+    match outcome {
+        Ok(outcome) => report(&args, &outcome),
+        Err(error) => {
+            let begun = matches!(error, RunError::File(_));
+            print_error(&hinted(error.to_string(), error.hint()));
+            if begun {
+                tell!("what was obtained is kept in {}; run the same command again to go on", args.out.display());
+            }
+            Ok(if begun { EXIT_INCOMPLETE } else { EXIT_ERROR })
+        }
+    }
 }
 
 /// Removes the records of a phase and all after it.
@@ -159,14 +166,14 @@ fn forget(run: &std::path::Path, from: usize) -> Result<()> {
 }
 
 /// Tells how it went; returns the exit code.
-fn report(args: &Args, outcome: &RunOutcome) -> u8 {
+fn report(args: &Args, outcome: &RunOutcome) -> Result<u8> {
     let out = args.out.display();
     if outcome.nothing_to_do {
-        println!("{out} is finished already and nothing it depends on has changed: no call was made");
+        say!("{out} is finished already and nothing it depends on has changed: no call was made")?;
     }
     if let Some(scene) = &outcome.scene {
         let e = scene.room.extents;
-        println!(
+        say!(
             "{}: {:.2} x {:.2} x {:.2} m, {} objects, {} warnings",
             scene.room.room_type,
             e.width,
@@ -174,25 +181,25 @@ fn report(args: &Args, outcome: &RunOutcome) -> u8 {
             e.height,
             scene.objects.len(),
             scene.warnings.len()
-        );
+        )?;
     }
     let bill = &outcome.file.bill.total;
-    println!(
+    say!(
         "calls: {} ({} by this program, {} from a recording), {:.2} questions for each placed object, {}",
         bill.calls,
         bill.offline,
         bill.recorded,
         outcome.file.questions_per_object,
         bill.usage.cost_usd.map_or_else(|| "no known cost".to_owned(), |c| format!("{c:.3} US$")),
-    );
+    )?;
     if let Some((phase, reason, hint)) = &outcome.failure {
-        eprintln!("error: {phase}: {reason}");
+        tell!("error: {phase}: {reason}");
         if let Some(hint) = hint {
-            eprintln!("hint: {hint}");
+            tell!("hint: {hint}");
         }
-        eprintln!("what was obtained is kept in {out}; run.json tells more");
-        return EXIT_INCOMPLETE;
+        tell!("what was obtained is kept in {out}; run.json tells more");
+        return Ok(EXIT_INCOMPLETE);
     }
-    println!("look at {out}/report.html");
-    EXIT_OK
+    say!("look at {out}/report.html")?;
+    Ok(EXIT_OK)
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use harmony_calls::{RecordingAbout, export_recording};
 
-use crate::EXIT_OK;
+use crate::{EXIT_OK, say};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -33,6 +33,6 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<u8> {
     let about = RecordingAbout::texts(&args.label, &args.made_by, &args.license);
     let count = export_recording(&args.run, &args.out, &about)?;
-    println!("{count} answers in {}", args.out.display());
+    say!("{count} answers in {}", args.out.display())?;
     Ok(EXIT_OK)
 }

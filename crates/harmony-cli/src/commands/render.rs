@@ -9,7 +9,7 @@ use harmony_render::{Instance, Lighting, RenderOptions, canonical_camera, orbit_
 use harmony_scene::{Camera, ImageSize, Scene, Surface};
 use image::DynamicImage;
 
-use crate::EXIT_OK;
+use crate::{EXIT_OK, say};
 
 /// Which view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -105,7 +105,7 @@ pub fn run(args: &Args) -> Result<u8> {
             (None, _) => args.run.join(format!("render_{name}.png")),
         };
         picture::write_rgb_png(&path, &DynamicImage::ImageRgba8(frame.color).to_rgb8())?;
-        println!("{}", path.display());
+        say!("{}", path.display())?;
     }
     Ok(EXIT_OK)
 }

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 
-use crate::EXIT_OK;
+use crate::{EXIT_OK, say};
 
 /// What to describe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -33,6 +33,6 @@ pub fn run(args: &Args) -> Result<u8> {
         Subject::PartModel => serde_json::to_string_pretty(&schemars::schema_for!(harmony_mesh::PartModel))?,
         Subject::Config => toml::to_string_pretty(&crate::config::ConfigFile::default())?,
     };
-    println!("{text}");
+    say!("{text}")?;
     Ok(EXIT_OK)
 }

@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use harmony_pipeline::{PhaseState, RunFile};
 use harmony_scene::{Scene, Support};
 
-use crate::{EXIT_INCOMPLETE, EXIT_OK};
+use crate::{EXIT_INCOMPLETE, EXIT_OK, say};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -25,7 +25,7 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<u8> {
     let file = RunFile::read(&args.run)
         .with_context(|| format!("{} holds no readable run.json: is it a run folder?", args.run.display()))?;
-    println!("{} by {}, profile {}", args.run.display(), file.generator, file.profile);
+    say!("{} by {}, profile {}", args.run.display(), file.generator, file.profile)?;
     for (name, phase) in &file.phases {
         let state = match phase.state {
             PhaseState::Pending => "not run",
@@ -34,22 +34,22 @@ pub fn run(args: &Args) -> Result<u8> {
             PhaseState::Failed => "FAILED",
         };
         let more = if phase.state == PhaseState::Failed { format!(": {}", phase.outcome) } else { String::new() };
-        println!("  {name:14} {state}{more}");
+        say!("  {name:14} {state}{more}")?;
     }
-    println!(
+    say!(
         "  calls: {}, tokens {} in / {} out, {:.2} questions for each placed object",
         file.bill.total.calls,
         file.bill.total.usage.input_tokens,
         file.bill.total.usage.output_tokens,
         file.questions_per_object
-    );
+    )?;
     let Ok(scene) = harmony_io::read_json::<Scene>(&args.run.join("scene.json")) else {
-        println!("no scene yet");
+        say!("no scene yet")?;
         return Ok(EXIT_INCOMPLETE);
     };
     let e = scene.room.extents;
-    println!("{}: W {:.2} x D {:.2} x H {:.2} m", scene.room.room_type, e.width, e.depth, e.height);
-    println!("  {:24} {:22} {:>22} {:>6} {:>5}  on", "object", "size W x H x D (m)", "position (m)", "yaw", "conf");
+    say!("{}: W {:.2} x D {:.2} x H {:.2} m", scene.room.room_type, e.width, e.depth, e.height)?;
+    say!("  {:24} {:22} {:>22} {:>6} {:>5}  on", "object", "size W x H x D (m)", "position (m)", "yaw", "conf")?;
     for o in &scene.objects {
         let on = match &o.support {
             Support::Floor => "floor".to_owned(),
@@ -58,20 +58,20 @@ pub fn run(args: &Args) -> Result<u8> {
             Support::Object { id } => id.to_string(),
         };
         let (s, p) = (o.size, o.pose.position);
-        println!(
+        say!(
             "  {:24} {:22} {:>22} {:>5.0}° {:>5.2}  {on}",
             o.id.as_str(),
             format!("{:.2} x {:.2} x {:.2}", s.width, s.height, s.depth),
             format!("{:.2}, {:.2}, {:.2}", p.x, p.y, p.z),
             o.pose.yaw.to_degrees(),
             o.confidence.overall
-        );
+        )?;
     }
-    println!("{} warnings{}", scene.warnings.len(), if args.warnings { ":" } else { " (--warnings shows them)" });
+    say!("{} warnings{}", scene.warnings.len(), if args.warnings { ":" } else { " (--warnings shows them)" })?;
     if args.warnings {
         for w in &scene.warnings {
             let object = w.object.as_ref().map_or(String::new(), |o| format!(" {o}"));
-            println!("  [{}{object}] {}", w.phase, w.message);
+            say!("  [{}{object}] {}", w.phase, w.message)?;
         }
     }
     Ok(if file.complete() { EXIT_OK } else { EXIT_INCOMPLETE })

@@ -192,7 +192,7 @@ impl PointsError {
             Self::File(e) => e.hint(),
             Self::Picture(e) => e.hint(),
             Self::Npz(_) => Some("write it with numpy.savez from plain float arrays"),
-            Self::UnknownFormat { .. } => None,
+            Self::UnknownFormat { .. } => Some("give the file the extension of its content, or convert it"),
             Self::NotDepth { .. } => Some("save depth as 16-bit greyscale PNG or PGM, for example in millimetres"),
             Self::NoPoints { .. } | Self::Shape { .. } => Some(
                 "the arrays are described in docs/run-folder.md under points.npz: world_points, confidence, intrinsic, extrinsic",
