@@ -119,7 +119,7 @@ impl SceneState {
             let yields = Mask::from_fn(mask.size(), |x, y| {
                 let shown = shown_at(x, y);
                 let both = claimed.get(i64::from(x), i64::from(y));
-                both && !(shown == own.index && !lies_flat) && (nearer || shown == prepared.index)
+                both && (shown != own.index || lies_flat) && (nearer || shown == prepared.index)
             });
             mask = mask.minus(&yields);
         }

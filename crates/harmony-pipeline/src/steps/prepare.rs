@@ -11,7 +11,9 @@ use harmony_prompts::{
     CompletedAnswer, CompletedVars, FrontsAnswer, FrontsVars, InspectedObject, Occlusion, completed, fronts,
 };
 use harmony_roles::{EditKind, EditRequest, GeneratedMesh, MeshFrame, MeshRequest, Picture};
-use harmony_scene::{Level, MaterialCategory, ObjectId, PbrFactors, Physical, PlacementType, Size, SurfaceMaterial, WarningKind};
+use harmony_scene::{
+    Level, MaterialCategory, ObjectId, PbrFactors, Physical, PlacementType, Size, SurfaceMaterial, WarningKind,
+};
 use image::RgbaImage;
 use serde_json::json;
 
