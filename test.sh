@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# All tests of HARMONY, and the installation of what they need. About 25 minutes on two cores from scratch.
+# All tests of HARMONY, and the installation of what they need. About 35 minutes on two cores from scratch.
 #
 #   ./test.sh            everything
 #   ./test.sh --quick    format, lints and Rust tests only
@@ -35,3 +35,5 @@ export HARMONY_BIN="$CARGO_TARGET_DIR/release/harmony"
 step "acceptance"
 tools/setup.sh
 tools/acceptance.sh
+step "licences"
+"$HARMONY_CACHE/bpy/bin/python" tools/check_licences.py
