@@ -2,34 +2,9 @@
 
 #![allow(clippy::unwrap_used)] // a test
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod common;
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
-fn harmony(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_harmony")).current_dir(root()).args(args).output().unwrap()
-}
-
-/// Every file of a folder with its content, times of calls left out.
-fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut all = BTreeMap::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(next) = folders.pop() {
-        for entry in std::fs::read_dir(&next).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                all.insert(path.strip_prefix(folder).unwrap().to_owned(), std::fs::read(&path).unwrap());
-            }
-        }
-    }
-    all
-}
+use common::{files, harmony};
 
 #[test]
 fn the_bundled_example_replays_and_a_second_run_changes_no_byte() {

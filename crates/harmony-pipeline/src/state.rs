@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use harmony_imaging::border::Border;
 use harmony_mesh::{Mesh, PartModel};
 use harmony_placement::PartialScene;
 use harmony_prompts::{InspectedObject, LayoutAnswer};
@@ -74,6 +73,8 @@ pub struct Layout {
 pub struct SceneState {
     /// The photo at working size.
     pub photo: Arc<RgbImage>,
+    /// The white or black frame that undistorted pictures have: nobody's pixels.
+    pub photo_frame: Arc<Mask>,
     /// Layout and camera.
     pub layout: Layout,
     /// Room, camera, points and placed objects.
@@ -102,11 +103,9 @@ impl SceneState {
     /// where it shows neither, the smaller one. A rug is never the nearer one. The photo's empty frame is nobody's.
     pub fn visible_mask(&self, id: &ObjectId, shown: &[u32]) -> Option<Mask> {
         let own = self.prepared.get(id)?;
-        let mut mask = own.candidate.mask.minus(&self.photo_frame());
+        let mut mask = own.candidate.mask.minus(&self.photo_frame);
         let area = mask.count();
-        let width = mask.size().width;
         let lies_flat = is_flat(&own.inspected.kind);
-        let shown_at = |x: u32, y: u32| shown.get((y * width + x) as usize).copied().unwrap_or(0);
         for (other, prepared) in &self.prepared {
             if other == id || self.partial.find(other).is_none() {
                 continue;
@@ -115,13 +114,11 @@ impl SceneState {
             let smaller = prepared.candidate.mask.count() < area;
             // A rug lies under everything, however small its visible part is.
             let nearer = (later || smaller) && !is_flat(&prepared.inspected.kind);
-            let claimed = &prepared.candidate.mask;
-            let yields = Mask::from_fn(mask.size(), |x, y| {
-                let shown = shown_at(x, y);
-                let both = claimed.get(i64::from(x), i64::from(y));
-                both && (shown != own.index || lies_flat) && (nearer || shown == prepared.index)
-            });
-            mask = mask.minus(&yields);
+            let claimed = prepared.candidate.mask.bits();
+            for ((bit, claimed), shown) in mask.bits_mut().iter_mut().zip(claimed).zip(shown) {
+                let shows_own = *shown == own.index && !lies_flat;
+                *bit &= !(*claimed && !shows_own && (nearer || *shown == prepared.index));
+            }
         }
         Some(mask)
     }
@@ -129,11 +126,6 @@ impl SceneState {
     /// The mesh to draw for a placed object.
     pub fn mesh_of(&self, id: &ObjectId) -> Option<&Arc<Mesh>> {
         self.textured.get(id).or_else(|| self.prepared.get(id).map(|p| &p.mesh))
-    }
-
-    /// The white or black frame around the photo.
-    pub fn photo_frame(&self) -> Mask {
-        Border::of(&self.photo).mask(self.partial.camera.size)
     }
 
     /// Union of all objects' masks, placed or dropped: everything that is not bare room.

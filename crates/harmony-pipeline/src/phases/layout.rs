@@ -7,6 +7,7 @@ use harmony_geometry::{
     CalibrationSettings, CameraHints, FocalPrior, GrayImage, LayoutPins, LayoutPrior, PinnedEdge, RoomEdge, WallSide,
     calibrate, estimate_room_box, estimate_view,
 };
+use harmony_imaging::border::Border;
 use harmony_imaging::sheet::grid_overlay;
 use harmony_io::Photo;
 use harmony_placement::{PartialScene, RoomPoints};
@@ -115,6 +116,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     let partial = PartialScene::new(room, camera, room_points, Some(anchor));
     let layout = Layout { answer, camera, points, evidence, method, confidence, because };
     let state = SceneState {
+        photo_frame: Arc::new(Border::of(&working).mask(camera.size)),
         photo: working,
         layout,
         partial,

@@ -56,7 +56,7 @@ pub fn openings(state: &SceneState) -> Vec<Opening> {
 /// # Errors
 /// Fatal role errors and unwritable files.
 pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
-    let objects = state.all_objects().dilated((state.photo.width() / 200).max(2) as i32).or(&state.photo_frame());
+    let objects = state.all_objects().dilated((state.photo.width() / 200).max(2) as i32).or(&state.photo_frame);
     let editor_draws = !ctx.calls.cast().image_editor.card().offline;
     let (source, visible) = if editor_draws {
         let request = EditRequest {
