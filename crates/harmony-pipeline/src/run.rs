@@ -257,7 +257,7 @@ fn finish(
             let mut report = outputs::report_data(state, &scene, &log, &request.run);
             report.title.clone_from(&request.title);
             report.profile.clone_from(&request.profile);
-            report.phases = report_phases(file, state.partial.placed.len());
+            report.phases = report_phases(file, state);
             report.facts = vec![
                 harmony_viewer::Fact::new("program", GENERATOR),
                 harmony_viewer::Fact::new(
@@ -283,7 +283,7 @@ fn finish(
     Ok(())
 }
 
-fn report_phases(file: &RunFile, objects: usize) -> Vec<harmony_viewer::PhaseReport> {
+fn report_phases(file: &RunFile, state: &SceneState) -> Vec<harmony_viewer::PhaseReport> {
     file.phases
         .iter()
         .map(|(name, entry)| harmony_viewer::PhaseReport {
@@ -295,13 +295,22 @@ fn report_phases(file: &RunFile, objects: usize) -> Vec<harmony_viewer::PhaseRep
                 PhaseState::Running => harmony_viewer::PhaseStatus::Pending,
             },
             seconds: file.bill.by_phase.get(name).map_or(0.0, |line| line.latency_ms as f64 / 1000.0),
-            outcome: if name.starts_with('6') {
-                format!("{objects} objects in the scene")
-            } else {
-                entry.outcome.clone()
-            },
+            outcome: if entry.state == PhaseState::Done { brought(name, state) } else { entry.outcome.clone() },
         })
         .collect()
+}
+
+/// What a phase has added to the scene, in words.
+fn brought(phase: &str, state: &SceneState) -> String {
+    if phase == PHASES[0] {
+        return state.layout.method.clone();
+    }
+    let Some(level) = Level::ALL.into_iter().find(|level| level.folder() == phase) else {
+        return format!("{} lights", state.lighting.as_ref().map_or(0, |l| l.lights.len()));
+    };
+    let placed = state.partial.placed.iter().filter(|p| p.item.level == level).count();
+    let dropped = state.dropped.iter().filter(|(_, of, _)| of == phase).count();
+    format!("{placed} placed{}", if dropped > 0 { format!(", {dropped} left out") } else { String::new() })
 }
 
 /// An earlier run's outcome, when nothing it depends on has changed and all its files are as it left them.

@@ -121,6 +121,7 @@ pub(crate) fn duration(seconds: f64) -> String {
 
 /// US dollars.
 pub(crate) fn dollars(cost: f64) -> String {
+    let cost = cost + 0.0; // the sum of nothing is -0
     if cost > 0.0 && cost < 0.095 { format!("${cost:.3}") } else { format!("${cost:.2}") }
 }
 
@@ -160,6 +161,7 @@ mod tests {
         assert_eq!(duration(3.0 * 3600.0 + 600.0), "3 h 10 min");
         assert_eq!(duration(f64::NAN), "");
         assert_eq!((dollars(0.0), dollars(0.0123), dollars(1.5)), ("$0.00".into(), "$0.012".into(), "$1.50".into()));
+        assert_eq!(dollars(std::iter::empty::<f64>().sum()), "$0.00");
         assert_eq!(grouped(1_234_567), "1\u{202f}234\u{202f}567");
         assert_eq!(grouped(12), "12");
         assert!(meter(Some(f64::NAN), "").is_empty());
