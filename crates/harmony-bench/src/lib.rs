@@ -1,0 +1,6 @@
+//! The benchmark: rooms with known truth, oracle players that answer from it with chosen noise, and metrics.
+//!
+//! `harmony bench` runs the pipeline on such rooms and judges every change to the geometry.
+
+pub mod generate;
+pub mod metrics;
