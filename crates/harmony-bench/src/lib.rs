@@ -4,3 +4,8 @@
 
 pub mod generate;
 pub mod metrics;
+pub mod oracle;
+pub mod run;
+pub mod score;
+pub mod summary;
+pub mod truth;

@@ -50,6 +50,8 @@ enum Command {
     Render(commands::render::Args),
     /// Keep the answers of a run as a recording that can be replayed (answers only, no photo).
     Record(commands::record::Args),
+    /// Measure the program on rooms with known truth.
+    Bench(commands::bench::Args),
     /// Print the JSON Schema of scene.json or of the configuration.
     Schema(commands::schema::Args),
 }
@@ -63,6 +65,7 @@ fn main() -> ExitCode {
         Command::Show(args) => commands::show::run(&args),
         Command::Render(args) => commands::render::run(&args),
         Command::Record(args) => commands::record::run(&args),
+        Command::Bench(args) => commands::bench::run(args),
         Command::Schema(args) => commands::schema::run(&args),
     };
     match result {

@@ -1,5 +1,6 @@
 //! One module a command.
 
+pub mod bench;
 pub mod doctor;
 pub mod reconstruct;
 pub mod record;

@@ -77,7 +77,15 @@ async fn ask(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState, round: usize)
         Picture { caption: "IMAGE 2: the reconstruction".into(), image: views::flat_with_room(state) },
         Picture { caption: "IMAGE 3: both, with outlines".into(), image: views::blend(state) },
     ];
-    let facts = json!({ "objects": ids, "findings": findings });
+    let facts = json!({
+        "level": level,
+        "objects": ids,
+        "findings": findings,
+        "placed": state.partial.placed.iter().map(|p| json!({
+            "id": p.item.id, "position": p.pose.position.to_array(), "yaw_deg": p.pose.yaw.to_degrees(),
+            "size": p.size(), "support": p.support,
+        })).collect::<Vec<_>>(),
+    });
     let known = ids.clone();
     ctx.ask(&format!("review_{round}"), question, pictures, facts, move |a: &ReviewAnswer| a.check(&known)).await
 }

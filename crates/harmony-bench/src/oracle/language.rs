@@ -1,0 +1,368 @@
+//! The language model's answers from the truth.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use async_trait::async_trait;
+use glam::{DVec2, DVec3};
+use harmony_mesh::catalogue;
+use harmony_prompts::{
+    BackWallSide, FrontPanel, FrontsAnswer, FrontsObject, InspectAnswer, InspectedObject, InspectedSize, LayoutAnswer,
+    LayoutPin, ListAnswer, ListedItem, Occlusion, PinKind, QuestionKind,
+};
+use harmony_roles::{PlayerCard, RoleError, Usage, VisionLanguage, VlmAnswer, VlmRequest};
+use harmony_scene::{
+    DepthPosition, ImageSize, Level, PixelBox, PlacementType, Support, SurfacePosition, Wall, WallAffinity,
+};
+use rand::Rng;
+use serde_json::{Value, json};
+
+use super::{Oracle, card, normal, synonym};
+use crate::truth::TruthObject;
+
+#[async_trait]
+impl VisionLanguage for Oracle {
+    fn card(&self) -> PlayerCard {
+        card("language")
+    }
+
+    async fn ask(&self, request: &VlmRequest) -> Result<VlmAnswer, RoleError> {
+        let facts = &request.facts["facts"];
+        let kind: Option<QuestionKind> = serde_json::from_value(request.facts["question"].clone()).ok();
+        let value = match kind {
+            Some(QuestionKind::Layout) => json!(self.layout()),
+            Some(QuestionKind::List) => json!(self.list(level(facts))),
+            Some(QuestionKind::Inspect) => json!(self.inspect(facts)),
+            Some(QuestionKind::Fronts) => json!(self.fronts(facts)),
+            Some(QuestionKind::Orient) => json!(self.orient(facts)),
+            Some(QuestionKind::Review) => json!(self.review(facts)),
+            _ => {
+                return Err(RoleError::NotCapable {
+                    player: "oracle".to_owned(),
+                    reason: format!("{kind:?} is a question that the truth does not answer"),
+                });
+            }
+        };
+        Ok(VlmAnswer { raw: value.to_string(), value, usage: Usage::default() })
+    }
+}
+
+fn level(facts: &Value) -> Level {
+    serde_json::from_value(facts["level"].clone()).unwrap_or(Level::Furniture)
+}
+
+impl Oracle {
+    /// A relative error of one sigma.
+    fn factor(&self, purpose: &str, sigma: f64) -> f64 {
+        1.0 + sigma * self.draws.normal(purpose).clamp(-2.5, 2.5)
+    }
+
+    fn layout(&self) -> LayoutAnswer {
+        let (room, camera, noise) = (&self.room, &self.room.camera, &self.noise);
+        let mut answer = LayoutAnswer::example();
+        let height = if self.exact_height { 1.0 } else { self.factor("height", noise.height) };
+        answer.room.room_type = room.name.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_').to_owned();
+        answer.room.ceiling_height_m = room.extents.height * height;
+        answer.room.floor_width_m = room.extents.width * self.factor("width", noise.extent);
+        answer.room.floor_depth_m = room.extents.depth * self.factor("depth", noise.extent);
+        answer.walls.clear();
+        answer.blocked_corners.clear();
+        let (forward, centre) = (camera.forward(), camera.centre());
+        let degrees = |purpose: &str| 50.0 * noise.hints * self.draws.normal(purpose).clamp(-2.5, 2.5);
+        let c = &mut answer.camera;
+        c.height_m = centre.y * self.factor("camera height", noise.hints);
+        c.tilt_deg = (-forward.y).clamp(-1.0, 1.0).asin().to_degrees() + degrees("tilt");
+        c.yaw_deg = (-forward.x).atan2(-forward.z).to_degrees() + degrees("yaw");
+        c.dist_to_back_m = centre.z * self.factor("dist", noise.hints);
+        let per_mille =
+            |p: DVec2| [p.x * 1000.0 / f64::from(camera.size.width), p.y * 1000.0 / f64::from(camera.size.height)];
+        let shaken = |p: DVec2, purpose: &str| {
+            let mut rng = self.draws.rng(purpose);
+            let long = f64::from(camera.size.width.max(camera.size.height));
+            p + DVec2::new(normal(&mut rng), normal(&mut rng)) * noise.pins * long
+        };
+        match room.seen_corner() {
+            Some((wall, pixel)) => {
+                c.corner_px = Some(per_mille(shaken(pixel, "corner")));
+                c.back_wall_side = if wall == Wall::Left { BackWallSide::Right } else { BackWallSide::Left };
+            }
+            None => {
+                c.corner_px = None;
+                c.back_wall_side = BackWallSide::Both;
+            }
+        }
+        let foot = camera.project(DVec3::new(centre.x, 0.0, 0.0)).unwrap_or(DVec2::new(0.0, 0.6));
+        c.floor_junction_y_frac = shaken(foot, "junction").y / f64::from(camera.size.height);
+        c.facing = "back wall".into();
+        c.aim_target_world_m = [centre.x, 1.0, 0.0];
+        c.aim_target_landmark = "back wall".into();
+        c.visible_wall_height_m = answer.room.ceiling_height_m;
+        c.visible_floor_depth_m = centre.z;
+        answer.pins = self
+            .pins()
+            .into_iter()
+            .map(|(edge, points)| {
+                let points = points.into_iter().enumerate();
+                let points = points.map(|(i, p)| per_mille(shaken(p, &format!("pin {edge:?} {i}")))).collect();
+                LayoutPin { edge, points }
+            })
+            .collect();
+        answer
+    }
+
+    /// Ends of the room's edges as far as they are in the image and nothing stands before them.
+    fn pins(&self) -> Vec<(PinKind, Vec<DVec2>)> {
+        let e = self.room.extents;
+        let (w, h, d) = (e.width, e.height, e.depth);
+        let edges = [
+            (PinKind::FloorBack, DVec3::ZERO, DVec3::new(w, 0.0, 0.0)),
+            (PinKind::FloorLeft, DVec3::ZERO, DVec3::new(0.0, 0.0, d)),
+            (PinKind::FloorRight, DVec3::new(w, 0.0, 0.0), DVec3::new(w, 0.0, d)),
+            (PinKind::CeilingBack, DVec3::new(0.0, h, 0.0), DVec3::new(w, h, 0.0)),
+            (PinKind::CeilingLeft, DVec3::new(0.0, h, 0.0), DVec3::new(0.0, h, d)),
+            (PinKind::CeilingRight, DVec3::new(w, h, 0.0), DVec3::new(w, h, d)),
+            (PinKind::BackLeft, DVec3::ZERO, DVec3::new(0.0, h, 0.0)),
+            (PinKind::BackRight, DVec3::new(w, 0.0, 0.0), DVec3::new(w, h, 0.0)),
+        ];
+        edges
+            .into_iter()
+            .filter_map(|(kind, a, b)| {
+                let seen: Vec<DVec2> =
+                    (0..=60).filter_map(|i| self.seen_pixel(a.lerp(b, f64::from(i) / 60.0))).collect();
+                let (first, last) = (*seen.first()?, *seen.last()?);
+                (first.distance(last) > 0.05 * f64::from(self.room.camera.size.width))
+                    .then(|| (kind, vec![first, last]))
+            })
+            .collect()
+    }
+
+    /// Where a point of the shell is seen, if nothing hides it.
+    fn seen_pixel(&self, at: DVec3) -> Option<DVec2> {
+        let camera = &self.room.camera;
+        let pixel = camera.project(at).filter(|p| camera.contains(*p))?;
+        let z = self.room.depth[pixel.y as usize * camera.size.width as usize + pixel.x as usize];
+        (f64::from(z) > camera.depth(at) - 0.12).then_some(pixel)
+    }
+
+    fn list(&self, level: Level) -> ListAnswer {
+        let mut counts: BTreeMap<&str, u32> = BTreeMap::new();
+        for i in self.seen(level) {
+            *counts.entry(&self.room.objects[i].label).or_default() += 1;
+        }
+        let mut items = Vec::new();
+        for (label, count) in counts {
+            let item = |kind: &str| ListedItem { kind: kind.into(), gdino: kind.into(), count, instances: Vec::new() };
+            let other = synonym(label);
+            let renamed = self.draws.happens(&format!("synonym {label}"), self.noise.synonyms);
+            items.push(item(other.filter(|_| renamed).unwrap_or(label)));
+            let twice = self.draws.happens(&format!("duplicate {label}"), self.noise.duplicates);
+            if let Some(other) = other.filter(|_| twice && !renamed) {
+                items.push(item(other));
+            }
+        }
+        ListAnswer { items }
+    }
+
+    fn inspect(&self, facts: &Value) -> InspectAnswer {
+        let level = level(facts);
+        let candidates = facts["candidates"].as_array().cloned().unwrap_or_default();
+        let mut shown = Vec::new();
+        for c in &candidates {
+            let (Some(id), Some(label)) = (c["id"].as_str(), c["label"].as_str()) else { continue };
+            let bounds: Option<PixelBox> = serde_json::from_value(c["box"].clone()).ok();
+            let image: Option<ImageSize> = serde_json::from_value(c["image"].clone()).ok();
+            let object = bounds.zip(image).and_then(|(b, image)| self.recognise(Some(level), label, &b, image));
+            if let Some(object) = object {
+                self.remember(id, object);
+            }
+            shown.push((id.to_owned(), label.to_owned(), object));
+        }
+        let ids: Vec<String> = shown.iter().map(|(id, ..)| id.clone()).collect();
+        let placed: Vec<String> = facts["placed"]
+            .as_array()
+            .map(|a| a.iter().filter_map(|p| p["id"].as_str().map(str::to_owned)).collect())
+            .unwrap_or_default();
+        let objects: Vec<InspectedObject> = shown
+            .iter()
+            .map(|(id, label, object)| match object {
+                Some(i) => self.inspected(id, label, &self.room.objects[*i], &ids, &placed),
+                None => {
+                    let size = InspectedSize { width: 0.5, height: 0.5, depth: 0.5 };
+                    let mut unknown = InspectedObject::plain(id, label, size);
+                    unknown.keep = false;
+                    unknown.reason = "nothing of this kind is there".into();
+                    unknown
+                }
+            })
+            .collect();
+        // The paper's order: away from the deepest corner.
+        let corner = match self.room.seen_corner() {
+            Some((Wall::Right, _)) => DVec3::new(self.room.extents.width, 0.0, 0.0),
+            _ => DVec3::ZERO,
+        };
+        let mut order: Vec<(f64, String)> = shown
+            .iter()
+            .filter_map(|(id, _, o)| {
+                let far = self.room.objects[(*o)?].position.distance(corner);
+                Some((far * self.factor(&format!("order {id}"), self.noise.extent), id.clone()))
+            })
+            .collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        InspectAnswer {
+            objects,
+            placement_order: order.into_iter().map(|(_, id)| id).collect(),
+            scene_summary: format!("{} objects in a {}", shown.len(), self.room.name),
+        }
+    }
+
+    fn inspected(
+        &self,
+        id: &str,
+        label: &str,
+        object: &TruthObject,
+        candidates: &[String],
+        placed: &[String],
+    ) -> InspectedObject {
+        let name = &object.id;
+        let mut rng = self.draws.rng(&format!("size {name}"));
+        let mut size = object.size;
+        if self.noise.size > 0.0 {
+            // Two thirds of the variance are common to the sides, so that each side's error has the whole sigma.
+            let (common, own) = (self.noise.size * (2.0_f64 / 3.0).sqrt(), self.noise.size * (1.0_f64 / 3.0).sqrt());
+            let shared = common * normal(&mut rng);
+            size *=
+                DVec3::from_array(std::array::from_fn(|_| (shared + own * normal(&mut rng)).clamp(-0.7, 0.7).exp()));
+        }
+        let mut o = InspectedObject::plain(
+            id,
+            label,
+            InspectedSize { width: size.x, height: size.y, depth: size.z.max(0.002) },
+        );
+        o.description = object.label.clone();
+        o.occlusion = match object.occluded {
+            v if v < 0.1 => Occlusion::None,
+            v if v < 0.5 => Occlusion::Partly,
+            _ => Occlusion::Heavily,
+        };
+        self.relate(&mut o, object, candidates, placed);
+        o.front_deg = object.has_front().then(|| self.front_deg(object));
+        o.faces_room = object.faces_room;
+        let twins = self.room.visible().filter(|t| t.label == object.label && t.model == object.model);
+        let twins: Vec<&TruthObject> = twins.filter(|t| (t.size - object.size).length() < 0.01).collect();
+        if twins.len() > 1 {
+            o.matched_set = Some(format!("{} set {:.2}", object.label, object.size.y));
+            o.count = Some(twins.len() as u32);
+        }
+        o
+    }
+
+    fn relate(&self, o: &mut InspectedObject, object: &TruthObject, candidates: &[String], placed: &[String]) {
+        let name = &object.id;
+        let wrong = |what: &str| self.draws.happens(&format!("wrong {what} {name}"), self.noise.relations);
+        let mut rng = self.draws.rng(&format!("relations {name}"));
+        let walls = [WallAffinity::Back, WallAffinity::Left, WallAffinity::Right, WallAffinity::Centre];
+        let affinity = match object.wall {
+            Some(Wall::Back) => WallAffinity::Back,
+            Some(Wall::Left) => WallAffinity::Left,
+            Some(Wall::Right) => WallAffinity::Right,
+            Some(Wall::Front) => WallAffinity::Front,
+            None => WallAffinity::Centre,
+        };
+        o.wall_affinity = if wrong("wall") { walls[rng.random_range(0..4)] } else { affinity };
+        if let Support::Wall { wall } = object.support {
+            let other = [Wall::Back, Wall::Left, Wall::Right][rng.random_range(0..3)];
+            o.wall = Some(if wrong("support wall") { other } else { wall });
+        }
+        if let Support::Object { id: host } = &object.support {
+            let right = self.id_of(host.as_str()).filter(|h| placed.contains(h) || candidates.contains(h));
+            o.on_top_of = match right {
+                Some(_) if wrong("host") && !placed.is_empty() => {
+                    Some(placed[rng.random_range(0..placed.len())].clone())
+                }
+                other => other,
+            };
+            self.where_on_host(o, object, host.as_str());
+        } else if object.level == Level::Decoration {
+            o.placement_type = PlacementType::OnFloor;
+        }
+        let facing = object.facing.as_ref().and_then(|f| self.id_of(f)).filter(|f| *f != o.id);
+        o.facing_toward = facing.filter(|f| (candidates.contains(f) || placed.contains(f)) && !wrong("facing"));
+        o.group.clone_from(&object.group);
+    }
+
+    /// Where on its host a decoration stands, as the camera sees it.
+    fn where_on_host(&self, o: &mut InspectedObject, object: &TruthObject, host: &str) {
+        let Some(host) = self.room.find(host) else { return };
+        let camera = &self.room.camera;
+        let reach = 0.5 * DVec2::new(host.size.x, host.size.z).length().max(0.1);
+        let offset = object.position - host.position;
+        let (right, forward) = (camera.right(), camera.forward());
+        let across = offset.dot(right) / reach;
+        let along = DVec3::new(forward.x, 0.0, forward.z).normalize_or(DVec3::NEG_Z).dot(offset) / reach;
+        o.surface_position = match across {
+            v if v < -0.33 => SurfacePosition::Left,
+            v if v > 0.33 => SurfacePosition::Right,
+            _ => SurfacePosition::Center,
+        };
+        o.depth_position = match along {
+            v if v < -0.33 => DepthPosition::Front,
+            v if v > 0.33 => DepthPosition::Back,
+            _ => DepthPosition::Middle,
+        };
+    }
+
+    /// Direction of a front in words of a language model: to 15 degrees, at times a quarter turn wrong.
+    fn front_deg(&self, object: &TruthObject) -> f64 {
+        let name = &object.id;
+        let mut deg = object.yaw.to_degrees();
+        if self.noise.front_deg > 0.0 {
+            deg += self.noise.front_deg * self.draws.normal(&format!("front {name}"));
+            deg = (deg / 15.0).round() * 15.0;
+        }
+        deg += 90.0 * f64::from(self.wrong_quarters(&format!("front turn {name}")));
+        (deg + 180.0).rem_euclid(360.0) - 180.0
+    }
+
+    /// Quarter turns that an answer is wrong by: none, mostly.
+    fn wrong_quarters(&self, purpose: &str) -> u32 {
+        let mut rng = self.draws.rng(purpose);
+        if rng.random::<f64>() < self.noise.turns { rng.random_range(1..4) } else { 0 }
+    }
+
+    /// The panel whose turn brings a generated mesh's front to +Z.
+    fn fronts(&self, facts: &Value) -> FrontsAnswer {
+        self.panels(facts, |object, name| {
+            let wrong = self.wrong_quarters(&format!("panel {name}"));
+            (4 - self.quarters(object) + wrong) % 4
+        })
+    }
+
+    /// Whether a placed decoration looks right: all but wrong turns are left as they are.
+    fn orient(&self, facts: &Value) -> FrontsAnswer {
+        self.panels(facts, |_, name| self.wrong_quarters(&format!("orient {name}")))
+    }
+
+    fn panels(&self, facts: &Value, quarters: impl Fn(&TruthObject, &str) -> u32) -> FrontsAnswer {
+        let ids: BTreeSet<String> = facts["objects"]
+            .as_array()
+            .map(|a| a.iter().filter_map(|v| v.as_str().map(str::to_owned)).collect())
+            .unwrap_or_default();
+        let objects = ids
+            .into_iter()
+            .map(|id| {
+                let q = self.recall(&id).map_or(0, |i| quarters(&self.room.objects[i], &self.room.objects[i].id));
+                FrontsObject { front_panel: FrontPanel::ALL[q as usize % 4], id }
+            })
+            .collect();
+        FrontsAnswer { objects }
+    }
+
+    /// An object by its id in the run.
+    pub(super) fn known(&self, id: &str) -> Option<&TruthObject> {
+        self.recall(id).map(|i| &self.room.objects[i])
+    }
+
+    /// Whether a label names what has a front that matters.
+    pub(super) fn turns_matter(object: &TruthObject) -> bool {
+        object.has_front() || catalogue::has_front(&object.label)
+    }
+}

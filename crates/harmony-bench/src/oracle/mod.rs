@@ -1,0 +1,144 @@
+//! Oracle players: every role answered from a room's truth, with noise of our choice.
+//!
+//! They see only what the real players see (the request) and recognise objects by box and label, so that a fault of
+//! the pipeline's bookkeeping shows. What they say is the truth plus [`Noise`], drawn by seed, room and purpose.
+//! Beyond the list, the assumptions about a language model at level `real` are: pins 1 % of the image off,
+//! room width and depth 10 % off, camera hints 8 % off, directions of fronts 10 degrees off and rounded to 15,
+//! and a review that notices 70 % of gross faults and raises a false alarm for 3 % of the objects.
+
+mod language;
+mod mesh;
+mod noise;
+mod review;
+mod vision;
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use harmony_calls::Cast;
+use harmony_roles::PlayerCard;
+use harmony_scene::{ImageSize, Level, PixelBox};
+
+pub use noise::{Draws, Noise, NoiseLevel, normal, smooth_field};
+
+use crate::truth::{FEWEST_PIXELS, TruthRoom};
+
+/// Other names for a kind of object.
+const SYNONYMS: [(&str, &str); 24] = [
+    ("sofa", "couch"),
+    ("armchair", "easy chair"),
+    ("rug", "carpet"),
+    ("curtains", "drapes"),
+    ("painting", "wall picture"),
+    ("pendant lamp", "hanging lamp"),
+    ("table lamp", "bedside lamp"),
+    ("bookcase", "bookshelf"),
+    ("potted plant", "houseplant"),
+    ("mug", "cup"),
+    ("nightstand", "bedside table"),
+    ("coffee table", "low table"),
+    ("side table", "end table"),
+    ("sideboard", "buffet cabinet"),
+    ("clock", "wall clock"),
+    ("waste bin", "trash can"),
+    ("office chair", "desk chair"),
+    ("dining table", "table"),
+    ("monitor", "computer screen"),
+    ("refrigerator", "fridge"),
+    ("base cabinet", "kitchen cabinet"),
+    ("desk", "writing desk"),
+    ("photo frame", "picture frame"),
+    ("books", "stack of books"),
+];
+
+/// The oracle of one room.
+#[derive(Debug)]
+pub struct Oracle {
+    room: TruthRoom,
+    noise: Noise,
+    draws: Draws,
+    /// The room's height is told exactly whatever the noise.
+    exact_height: bool,
+    /// Boxes of the objects of the room at the truth's resolution, by position in `room.objects`.
+    boxes: Vec<Option<PixelBox>>,
+    /// Ids of the run and what they are, learned when the candidates are shown.
+    known: Mutex<BTreeMap<String, usize>>,
+}
+
+impl Oracle {
+    /// An oracle for a room. Equal seeds give equal answers.
+    pub fn new(room: TruthRoom, noise: Noise, seed: u64, exact_height: bool) -> Self {
+        let boxes = room.objects.iter().map(|o| o.bounds(&room)).collect();
+        let draws = Draws::new(seed, &room.name);
+        Self { room, noise, draws, exact_height, boxes, known: Mutex::default() }
+    }
+
+    /// The whole cast; the roles that an oracle cannot play better are this program's own.
+    pub fn cast(self: &Arc<Self>, offline: &Cast) -> Cast {
+        let player: Arc<Self> = Arc::clone(self);
+        Cast {
+            vision_language: player.clone(),
+            mesh_generator: player.clone(),
+            geometry_estimator: player.clone(),
+            detector: player.clone(),
+            segmenter: player,
+            ..offline.clone()
+        }
+    }
+
+    /// The object that a box with a label means: the best overlap among objects of that name, else among all.
+    fn recognise(&self, level: Option<Level>, label: &str, bounds: &PixelBox, image: ImageSize) -> Option<usize> {
+        let kx = f64::from(self.room.camera.size.width) / f64::from(image.width);
+        let ky = f64::from(self.room.camera.size.height) / f64::from(image.height);
+        let b = PixelBox { x0: bounds.x0 * kx, y0: bounds.y0 * ky, x1: bounds.x1 * kx, y1: bounds.y1 * ky };
+        let mut best: Option<(f64, usize)> = None;
+        for (i, object) in self.room.objects.iter().enumerate() {
+            if level.is_some_and(|l| l != object.level) {
+                continue;
+            }
+            let Some(own) = &self.boxes[i] else { continue };
+            let named = same_kind(&object.label, label);
+            let score = own.iou(&b) + if named { 1.0 } else { 0.0 };
+            if own.iou(&b) > 0.1 && best.is_none_or(|(s, _)| score > s) {
+                best = Some((score, i));
+            }
+        }
+        best.map(|(_, i)| i)
+    }
+
+    fn remember(&self, id: &str, object: usize) {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner).insert(id.to_owned(), object);
+    }
+
+    fn recall(&self, id: &str) -> Option<usize> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner).get(id).copied()
+    }
+
+    /// Id in the run of an object of the truth.
+    fn id_of(&self, truth: &str) -> Option<String> {
+        let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        known.iter().find(|(_, i)| self.room.objects[**i].id == truth).map(|(id, _)| id.clone())
+    }
+
+    /// Objects of a level that are seen and not missed.
+    fn seen(&self, level: Level) -> impl Iterator<Item = usize> + '_ {
+        (0..self.room.objects.len())
+            .filter(move |i| self.room.objects[*i].level == level)
+            .filter(|i| self.room.objects[*i].visible_pixels >= FEWEST_PIXELS)
+    }
+}
+
+fn card(model: &str) -> PlayerCard {
+    PlayerCard { player: "oracle".to_owned(), model: model.to_owned(), offline: false, concurrency: 0 }
+}
+
+/// The other name of a kind, if there is one.
+fn synonym(label: &str) -> Option<&'static str> {
+    SYNONYMS.iter().find(|(name, _)| *name == label).map(|(_, other)| *other)
+}
+
+/// Whether two names mean one kind.
+pub fn same_kind(truth: &str, said: &str) -> bool {
+    let said = said.trim().to_lowercase();
+    truth == said || synonym(truth) == Some(said.as_str())
+}

@@ -1,0 +1,93 @@
+//! What a reviewer of two pictures would notice: gross faults only, most of them, and now and then one that is none.
+
+use glam::DVec3;
+use harmony_prompts::{ReviewActionAnswer, ReviewActionKind, ReviewAnswer};
+use harmony_scene::{Level, Support};
+use rand::Rng;
+use serde_json::Value;
+
+use super::{Oracle, normal};
+
+/// Displacement that can be seen by comparing two pictures, metres.
+const VISIBLE_MOVE: f64 = 0.2;
+/// Turn that can be seen, degrees.
+const VISIBLE_TURN: f64 = 40.0;
+/// Ratio of sizes that can be seen.
+const VISIBLE_RATIO: f64 = 1.25;
+
+impl Oracle {
+    pub(super) fn review(&self, facts: &Value) -> ReviewAnswer {
+        let level: Option<Level> = serde_json::from_value(facts["level"].clone()).ok();
+        let mut actions = Vec::new();
+        for row in facts["placed"].as_array().cloned().unwrap_or_default() {
+            let Some(id) = row["id"].as_str() else { continue };
+            let Some(object) = self.known(id).filter(|o| level.is_none_or(|l| l == o.level)) else { continue };
+            let mut rng = self.draws.rng(&format!("review {id}"));
+            let sees = rng.random::<f64>() < self.noise.noticed;
+            let imagines = rng.random::<f64>() < self.noise.false_alarms;
+            let action = |kind: ReviewActionKind, reason: &str| ReviewActionAnswer {
+                action: kind,
+                id: id.to_owned(),
+                other: None,
+                delta_m: None,
+                position_m: None,
+                angle_deg: None,
+                factor: None,
+                reason: reason.to_owned(),
+            };
+            if imagines {
+                let delta = DVec3::new(0.3 * normal(&mut rng), 0.0, 0.3 * normal(&mut rng));
+                let made_up = action(ReviewActionKind::Move, "it looks shifted");
+                actions.push(ReviewActionAnswer { delta_m: Some(delta.to_array()), ..made_up });
+                continue;
+            }
+            if !sees {
+                continue;
+            }
+            let support: Option<Support> = serde_json::from_value(row["support"].clone()).ok();
+            if let (Support::Object { id: host }, Some(now)) = (&object.support, support) {
+                let right = self.id_of(host.as_str());
+                let is_right = matches!(&now, Support::Object { id } if Some(id.as_str()) == right.as_deref());
+                if let (false, Some(right)) = (is_right, right) {
+                    let rehost = action(ReviewActionKind::Rehost, "it stands on something else in the photo");
+                    actions.push(ReviewActionAnswer { other: Some(right), ..rehost });
+                    continue;
+                }
+            }
+            let turn = object.yaw.to_degrees() - row["yaw_deg"].as_f64().unwrap_or(0.0);
+            let turn = (turn + 180.0).rem_euclid(360.0) - 180.0;
+            if Self::turns_matter(object) && turn.abs() > VISIBLE_TURN {
+                let quarter = (turn / 45.0).round() * 45.0;
+                let rotate = action(ReviewActionKind::Rotate, "it is turned differently in the photo");
+                actions.push(ReviewActionAnswer { angle_deg: Some(quarter), ..rotate });
+                continue;
+            }
+            let side = |k: &str| row["size"][k].as_f64().unwrap_or(1.0);
+            let now = DVec3::new(side("width"), side("height"), side("depth")).max(DVec3::splat(1e-3));
+            let ratio = (object.size / now).max(DVec3::splat(1e-3));
+            let ratio = (ratio.x * ratio.y * ratio.z).cbrt();
+            if ratio.max(1.0 / ratio) > VISIBLE_RATIO {
+                let factor = (ratio * (0.3 * self.noise.size * normal(&mut rng)).exp()).clamp(0.25, 4.0);
+                let rescale = action(ReviewActionKind::Rescale, "its size differs from the photo");
+                actions.push(ReviewActionAnswer { factor: Some([factor; 3]), ..rescale });
+                continue;
+            }
+            let at = |i: usize| row["position"][i].as_f64().unwrap_or(0.0);
+            let off = self.room_position(object.position) - DVec3::new(at(0), at(1), at(2));
+            let off = DVec3::new(off.x, 0.0, off.z);
+            if off.length() > VISIBLE_MOVE {
+                let guess = off * (1.0 + 2.0 * self.noise.size * normal(&mut rng)).clamp(0.2, 2.0);
+                let shift = action(ReviewActionKind::Move, "it stands elsewhere in the photo");
+                actions.push(ReviewActionAnswer { delta_m: Some(guess.to_array()), ..shift });
+            }
+        }
+        let converged = actions.is_empty();
+        ReviewAnswer { issues: actions.iter().map(|a| a.reason.clone()).collect(), actions, converged }
+    }
+
+    /// A position of the truth as the run's room frame may have it; the frames share the seen corner by intention.
+    #[expect(clippy::unused_self, reason = "the run's scale will join")]
+    fn room_position(&self, p: DVec3) -> DVec3 {
+        p
+    }
+}

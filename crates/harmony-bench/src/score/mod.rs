@@ -1,0 +1,136 @@
+//! A run judged against the truth of its room.
+//!
+//! # Frames
+//! The run's room frame and the truth's share the floor and the back wall, and the side wall that the photo shows.
+//! Where the photo shows only the right wall, the run's x = 0 lies where a guess of the width puts it; positions are
+//! then compared with both frames anchored at the right wall ([`RoomScore::shift_x`]). Everything else is compared raw.
+//! With `scale` the whole run is first scaled by the median ratio of true to predicted depth over the photo's pixels.
+
+mod contact;
+mod objects;
+mod prediction;
+
+use glam::DVec3;
+use harmony_scene::{Camera, Wall};
+use serde::{Deserialize, Serialize};
+
+pub use contact::{PairScore, Solid};
+pub use objects::ObjectScore;
+pub use prediction::{Prediction, PredictionError};
+
+use crate::truth::TruthRoom;
+
+/// Camera errors.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CameraScore {
+    /// Angle between the two rotations, degrees.
+    pub rotation_deg: f64,
+    /// Distance of the centres, metres.
+    pub centre_m: f64,
+    /// Relative error of the focal length.
+    pub focal: f64,
+}
+
+/// Everything about one room.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RoomScore {
+    /// Name of the room.
+    pub room: String,
+    /// Factor that was applied to the run, 1 without scale alignment.
+    pub scale: f64,
+    /// Shift along x that brings the seen side walls together, metres.
+    pub shift_x: f64,
+    /// Camera.
+    pub camera: CameraScore,
+    /// Relative errors of width, height, depth; `None` where neither end of the extent is in view.
+    pub extents: [Option<f64>; 3],
+    /// Objects of the run, matched or not.
+    pub objects: Vec<ObjectScore>,
+    /// Objects of the truth that the run lacks.
+    pub missed: Vec<String>,
+    /// Pairs that cut each other by more than a centimetre and do not in truth.
+    pub penetrating: Vec<PairScore>,
+    /// Objects that float by more than 5 mm and do not in truth: id and gap, metres.
+    pub floating: Vec<(String, f64)>,
+    /// Seconds of the run.
+    pub seconds: f64,
+    /// Why there is no result, when there is none.
+    pub failure: Option<String>,
+}
+
+impl RoomScore {
+    /// The score of a run that delivered no scene: nothing found.
+    pub fn failed(truth: &TruthRoom, seconds: f64, reason: String) -> Self {
+        Self {
+            room: truth.name.clone(),
+            scale: 1.0,
+            shift_x: 0.0,
+            camera: CameraScore { rotation_deg: 180.0, centre_m: 10.0, focal: 1.0 },
+            extents: [None; 3],
+            objects: Vec::new(),
+            missed: truth.visible().map(|o| o.id.clone()).collect(),
+            penetrating: Vec::new(),
+            floating: Vec::new(),
+            seconds,
+            failure: Some(reason),
+        }
+    }
+}
+
+/// Settings of a judgement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ScoreOptions {
+    /// Scale the run by the median ratio of depths first.
+    pub align_scale: bool,
+}
+
+/// Judges a run.
+pub fn score(truth: &TruthRoom, run: &Prediction, options: ScoreOptions) -> RoomScore {
+    let scale = if options.align_scale { run.depth_ratio(truth).unwrap_or(1.0) } else { 1.0 };
+    let mut run = run.clone();
+    run.rescale(scale);
+    let shift_x = shift(truth, &run);
+    run.shift(DVec3::new(shift_x, 0.0, 0.0));
+    let (objects, missed) = objects::compare(truth, &run);
+    let (penetrating, floating) = contact::faults(truth, &run, &objects);
+    RoomScore {
+        room: truth.name.clone(),
+        scale,
+        shift_x,
+        camera: camera(&truth.camera, &run.camera),
+        extents: extents(truth, &run),
+        objects,
+        missed,
+        penetrating,
+        floating,
+        seconds: 0.0,
+        failure: None,
+    }
+}
+
+fn camera(truth: &Camera, found: &Camera) -> CameraScore {
+    let turn = found.rotation * truth.rotation.transpose();
+    let cos = ((turn.x_axis.x + turn.y_axis.y + turn.z_axis.z - 1.0) / 2.0).clamp(-1.0, 1.0);
+    let found = found.resized(truth.size);
+    CameraScore {
+        rotation_deg: cos.acos().to_degrees(),
+        centre_m: found.centre().distance(truth.centre()),
+        focal: found.intrinsics.fx / truth.intrinsics.fx - 1.0,
+    }
+}
+
+/// Whether a side wall's foot or top is in view, seen from the truth.
+fn shift(truth: &TruthRoom, run: &Prediction) -> f64 {
+    let (left, right) = (truth.walls.contains(&Wall::Left), truth.walls.contains(&Wall::Right));
+    if right && !left { truth.extents.width - run.extents.width } else { 0.0 }
+}
+
+fn extents(truth: &TruthRoom, run: &Prediction) -> [Option<f64>; 3] {
+    let seen = |wall: Wall| truth.walls.contains(&wall);
+    let (t, r) = (truth.extents, run.extents);
+    [
+        (seen(Wall::Left) && seen(Wall::Right)).then(|| r.width / t.width - 1.0),
+        Some(r.height / t.height - 1.0),
+        (seen(Wall::Back) && seen(Wall::Front)).then(|| r.depth / t.depth - 1.0),
+    ]
+}
