@@ -3,8 +3,14 @@
 //! | module | does |
 //! |---|---|
 //! | [`nearest`] | exact nearest neighbours between large point sets |
+//! | [`soup`] | triangle soups: from meshes and depth maps, cut to what a camera sees |
+//! | [`sample`] | points on surfaces, uniformly by area, from a seed |
+//! | [`two_way`] | Chamfer distance, precision, recall and F1 of two point sets |
 //!
 //! Geometry is in the unit its caller states; results say theirs. Same input and seed, same output: the number of
 //! threads has no influence.
 
 pub mod nearest;
+pub mod sample;
+pub mod soup;
+pub mod two_way;
