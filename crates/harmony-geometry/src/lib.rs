@@ -26,7 +26,7 @@ mod vanishing;
 
 pub use calibration::{
     AnchorKind, Calibration, CalibrationError, CalibrationEvidence, CalibrationMethod, CalibrationSettings,
-    PlaneEvidence, calibrate,
+    JointEvidence, PlaneEvidence, calibrate, calibrate_with_photo,
 };
 pub use homography::{Homography, homography_from_quad};
 pub use image::{GrayImage, ImageError};

@@ -22,6 +22,7 @@ pub mod views;
 pub use ctx::{PhaseCtx, PhaseError, Warnings};
 pub use filter::{Dropped, filter_boxes, filter_masks};
 pub use outputs::GENERATOR;
+pub use phases::layout::layout_prior;
 pub use progress::{ProgressEvent, ProgressSink};
 pub use run::{PHASES, RunError, RunOutcome, RunRequest, run};
 pub use run_file::{PhaseEntry, PhaseState, RunFile};

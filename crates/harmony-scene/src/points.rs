@@ -61,6 +61,22 @@ impl PointMap {
         Self { kind, size, xyz, confidence, intrinsics, rotation: DMat3::IDENTITY, translation: DVec3::ZERO }
     }
 
+    /// The same depths on the rays of another focal length (pixels of this map); frame and scale stay.
+    #[must_use]
+    pub fn with_focal(&self, focal_px: f64) -> Self {
+        let ratio = focal_px / self.intrinsics.fx;
+        let intrinsics =
+            Intrinsics { fx: self.intrinsics.fx * ratio, fy: self.intrinsics.fy * ratio, ..self.intrinsics };
+        let points_from_camera = self.rotation.transpose();
+        let moved = |p: &Vec3| {
+            let mut c = self.rotation * p.as_dvec3() + self.translation;
+            c.x /= ratio;
+            c.y /= ratio;
+            (points_from_camera * (c - self.translation)).as_vec3()
+        };
+        Self { xyz: self.xyz.iter().map(moved).collect(), intrinsics, ..self.clone() }
+    }
+
     /// The point at (column, row), if there is one.
     pub fn at(&self, x: u32, y: u32) -> Option<DVec3> {
         let i = y as usize * self.size.width as usize + x as usize;

@@ -56,6 +56,11 @@ impl Oracle {
         1.0 + sigma * self.draws.normal(purpose).clamp(-2.5, 2.5)
     }
 
+    /// The layout answer as calibration gets it, pixels of the truth's photo.
+    pub fn layout_prior(&self) -> harmony_geometry::LayoutPrior {
+        harmony_pipeline::layout_prior(&self.layout(), self.room.camera.size)
+    }
+
     fn layout(&self) -> LayoutAnswer {
         let (room, camera, noise) = (&self.room, &self.room.camera, &self.noise);
         let mut answer = LayoutAnswer::example();

@@ -64,6 +64,7 @@ pub(super) fn calibrate_by_prior(points: &PointMap, prior: &LayoutPrior, reason:
         axis_agreement_deg: 0.0,
         axis_support: 0.0,
         iterations: room.evidence.iterations,
+        joint: None,
         scale_source: if points.kind == PointMapKind::Metric {
             "the map is metric"
         } else {

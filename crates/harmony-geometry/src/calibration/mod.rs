@@ -2,11 +2,14 @@
 
 mod complete;
 mod fallback;
+mod joint;
 mod scale;
 mod types;
 
 use harmony_scene::{Camera, Extents, Mat3, PointMap, PointMapKind, Surface, Vec2, Vec3};
 
+pub use joint::JointEvidence;
+use joint::refine_jointly;
 pub use types::{
     AnchorKind, Calibration, CalibrationError, CalibrationEvidence, CalibrationMethod, CalibrationSettings,
     PlaneEvidence,
@@ -16,7 +19,7 @@ use crate::align::{VerticalEdge, camera_in_room, room_from_points};
 use crate::manhattan::{ManhattanAxes, ManhattanFrame, manhattan_frame};
 use crate::planes::{AxisBox, FacePlane, axis_of, fit_faces, polish_axes};
 use crate::surfels::{Surfels, surfels};
-use crate::{CameraHints, LayoutPrior};
+use crate::{CameraHints, LayoutPrior, ViewEstimate};
 
 /// Usable points below which nothing is tried.
 const LEAST_POINTS: usize = 100;
@@ -54,12 +57,55 @@ pub fn calibrate(
     prior: &LayoutPrior,
     settings: &CalibrationSettings,
 ) -> Result<Calibration, CalibrationError> {
+    calibrate_along(points, prior, settings, None)
+}
+
+/// Algorithm 1, then the same once more along the axes that the photo's lines give, refined by everything together.
+///
+/// The second value is the map seen by the refined camera: its points keep their depth and lie on the rays of the new
+/// focal length. Where the photo cannot refine anything, both come back as Algorithm 1 leaves them.
+///
+/// # Errors
+/// Those of [`calibrate`].
+pub fn calibrate_with_photo(
+    points: &PointMap,
+    prior: &LayoutPrior,
+    view: &ViewEstimate,
+    settings: &CalibrationSettings,
+) -> Result<(Calibration, PointMap), CalibrationError> {
+    let first = calibrate(points, prior, settings)?;
+    let (along, evidence) = refine_jointly(&first, points, view, prior);
+    let Some(evidence) = evidence else { return Ok((first, points.clone())) };
+    let map = points.with_focal(points.intrinsics.fx * evidence.focal_ratio);
+    // With the right axes other faces may turn out to be the room's.
+    let second = calibrate_along(&map, prior, settings, Some(along.camera.rotation))?;
+    let (refined, more) = refine_jointly(&second, &map, view, prior);
+    match more {
+        Some(more) => {
+            let map = map.with_focal(map.intrinsics.fx * more.focal_ratio);
+            let mut refined = refined;
+            let total = JointEvidence { focal_ratio: evidence.focal_ratio * more.focal_ratio, ..more };
+            let total = total.against(&first.camera, &refined.camera);
+            refined.evidence.joint = Some(total);
+            Ok((refined, map))
+        }
+        None => Ok((along, map)),
+    }
+}
+
+/// [`calibrate`]; with `camera_from_room` its axes are those, and neither searched for nor polished.
+fn calibrate_along(
+    points: &PointMap,
+    prior: &LayoutPrior,
+    settings: &CalibrationSettings,
+    camera_from_room: Option<Mat3>,
+) -> Result<Calibration, CalibrationError> {
     check(points, prior)?;
     let surfels = surfels(points);
     if surfels.usable_points < LEAST_POINTS {
         return Err(CalibrationError::TooFewPoints { got: surfels.usable_points, min: LEAST_POINTS });
     }
-    let measured = measure(points, &surfels, prior, settings);
+    let measured = measure(points, &surfels, prior, settings, camera_from_room);
     match measured.and_then(|m| solve(points, &surfels, prior, &m)) {
         Ok(calibration) => Ok(calibration),
         Err(reason) => {
@@ -112,6 +158,7 @@ fn measure(
     surfels: &Surfels,
     prior: &LayoutPrior,
     settings: &CalibrationSettings,
+    camera_from_room: Option<Mat3>,
 ) -> Result<Measured, String> {
     let tilt = hint(prior.camera.tilt_deg, -80.0, 80.0).unwrap_or(0.0).to_radians();
     let frame = manhattan_frame(surfels, points.rotation, tilt).ok_or("the point map has hardly any smooth surface")?;
@@ -126,8 +173,11 @@ fn measure(
         notes.push("the view is near a corner: back and side wall named as the prior names them".to_owned());
         axes = turned;
     }
+    if let Some(camera_from_room) = camera_from_room {
+        axes = ManhattanAxes::from_r_align((points_from_camera * camera_from_room).transpose());
+    }
     let mut faces = fit_faces(surfels, &axes, settings);
-    for _ in 0..2 {
+    for _ in 0..if camera_from_room.is_some() { 0 } else { 2 } {
         // Polishing keeps the orientation: it turns by a few degrees at most.
         axes = polish_axes(surfels, &axes, &faces);
         faces = fit_faces(surfels, &axes, settings);
@@ -234,6 +284,7 @@ fn solve(points: &PointMap, surfels: &Surfels, prior: &LayoutPrior, m: &Measured
         axis_agreement_deg: m.frame.agreement_deg,
         axis_support: m.frame.support,
         iterations: m.frame.iterations,
+        joint: None,
         scale_source: scale.source.clone(),
         height_ratio: scale.height_ratio,
         confidence: confidence(m, &anchor, scale.certainty),

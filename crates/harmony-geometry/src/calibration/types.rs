@@ -87,6 +87,9 @@ pub struct CalibrationEvidence {
     pub axis_support: f64,
     /// Rounds of the frame search.
     pub iterations: usize,
+    /// What the joint refinement with the photo changed, if it ran.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint: Option<super::JointEvidence>,
     /// Where the metric scale comes from, in words.
     pub scale_source: String,
     /// Measured height over the prior's height, where both planes are seen (metric maps: the prior's error).

@@ -2,8 +2,8 @@
 
 mod appearance;
 mod edges;
-mod pins;
-mod solved;
+pub(crate) mod pins;
+pub(crate) mod solved;
 
 use harmony_scene::{Camera, Extents, ImageSize, PointMap, PointMapKind, Surface, Vec2, Vec3};
 use serde::{Deserialize, Serialize};

@@ -66,7 +66,7 @@ const SHIFT_GAIN: f64 = 8.0;
 
 /// A pin relative to the principal point (at first the image centre).
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Pin {
+pub(crate) struct Pin {
     pub edge: RoomEdge,
     pub point: Vec2,
     pub sigma: f64,
@@ -157,7 +157,7 @@ fn corner_edges(corner: RoomCorner) -> [RoomEdge; 2] {
 }
 
 /// Usable pins of a prior, then its hints.
-pub(super) fn pins(prior: &LayoutPrior) -> Vec<Pin> {
+pub(crate) fn pins(prior: &LayoutPrior) -> Vec<Pin> {
     let (w, h) = (f64::from(prior.photo.width), f64::from(prior.photo.height));
     let centre = Vec2::new(w, h) / 2.0;
     let diagonal = diagonal(prior.photo);

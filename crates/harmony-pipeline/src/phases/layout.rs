@@ -50,7 +50,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
 
     ctx.step("asking about room and camera");
     let answer = ask(ctx, &working, &geometry, &unaided).await?;
-    let prior = prior_from(&answer, size);
+    let prior = layout_prior(&answer, size);
     let by_box = estimate_room_box(&gray, &view, &prior);
     let (camera, extents, seen, anchor, points, evidence, method, confidence, because) = match geometry {
         GeometryAnswer::Points(map) if ctx.settings.camera_calibration => {
@@ -209,8 +209,8 @@ async fn ask(
     ctx.ask("layout", question, pictures, facts, |answer: &LayoutAnswer| answer.check()).await
 }
 
-/// The layout answer in the words of the calibration.
-fn prior_from(answer: &LayoutAnswer, size: ImageSize) -> LayoutPrior {
+/// The layout answer in the words of the calibration, pixels of an image of this size.
+pub fn layout_prior(answer: &LayoutAnswer, size: ImageSize) -> LayoutPrior {
     let pixel =
         |p: &[f64; 2]| glam::DVec2::new(p[0] * f64::from(size.width) / 1000.0, p[1] * f64::from(size.height) / 1000.0);
     let c = &answer.camera;

@@ -1,0 +1,418 @@
+//! Camera and room once more, by everything that is known together.
+//!
+//! Algorithm 1 reads the frame from the point map alone: an error of its depths that is smooth over the image turns
+//! the planes and with them the camera. The photo's lines hold the directions much better, the pinned edges hold where
+//! the planes meet, the map holds how far they are. One robust least squares over focal length, rotation, the distances
+//! to the faces, the map's scale and the room's height weighs them, each in units of its own uncertainty.
+
+use harmony_scene::{Camera, PointMap, PointMapKind, Similarity, Surface, Vec2, Vec3};
+use serde::{Deserialize, Serialize};
+
+use super::types::{AnchorKind, Calibration};
+use crate::least_squares::{minimise, robust};
+use crate::room_box::pins::{Pin, pins};
+use crate::room_box::solved::CameraBox;
+use crate::vanishing::Search;
+use crate::{CameraHints, FocalPrior, LayoutPrior, LineSegment, RoomEdge, ViewEstimate};
+
+/// Cells along the longer side of the map.
+const CELLS: u32 = 36;
+/// One sigma of a map's depth, relative, and the share of the image over which its error stays the same.
+const DEPTH_SIGMA: f64 = 0.03;
+const DEPTH_LENGTH: f64 = 0.1;
+/// A cell belongs to a face when it is nearer to it than this, relative to its depth; round by round.
+const REACH: [f64; 3] = [0.1, 0.07, 0.06];
+/// Largest spread of depths in a cell, relative, over what a slanted plane has.
+const CELL_SPREAD: f64 = 0.12;
+/// Saturation of the losses, sigmas.
+const LIMIT: f64 = 2.5;
+/// Sigmas: focal length of the map's camera (logarithm), distance to a face that is not seen, width, height of a
+/// metric map's room.
+const FOCAL_SIGMA: f64 = 0.025;
+const UNSEEN_SIGMA: f64 = 0.15;
+const METRIC_HEIGHT_SIGMA: f64 = 0.08;
+/// Sigmas of the prior's camera height and distance to the back wall (logarithms): they matter where no face is seen.
+const CAMERA_HEIGHT_SIGMA: f64 = 0.12;
+const BACK_SIGMA: f64 = 0.15;
+const WIDTH_SIGMA: f64 = 0.15;
+/// A refinement that turns the camera more than this is not believed, degrees.
+const MOST_TURN_DEG: f64 = 14.0;
+
+/// What the joint refinement changed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct JointEvidence {
+    /// Turn of the camera against Algorithm 1, degrees.
+    pub turned_deg: f64,
+    /// Move of its centre, metres.
+    pub moved_m: f64,
+    /// Focal length over the map's own.
+    pub focal_ratio: f64,
+    /// Cells of the map that lie on faces.
+    pub cells: usize,
+    /// Their RMS depth residual, relative.
+    pub depth_rms: f64,
+    /// RMS distance of the pins that agree, pixels of the photo; `None` without pins.
+    pub pin_rms_px: Option<f64>,
+    /// One sigma of the rotation, degrees, and of the focal length, relative.
+    pub sigma_rotation_deg: f64,
+    /// See `sigma_rotation_deg`.
+    pub sigma_focal: f64,
+}
+
+impl JointEvidence {
+    /// The same with turn and move measured against another camera.
+    pub(super) fn against(self, before: &Camera, after: &Camera) -> Self {
+        Self {
+            turned_deg: angle_deg(after.rotation * before.rotation.transpose()),
+            moved_m: after.centre().distance(before.centre()),
+            ..self
+        }
+    }
+}
+
+const LN_FOCAL: usize = 0;
+const YAW: usize = 1;
+const TILT: usize = 2;
+const ROLL: usize = 3;
+const LN_LEFT: usize = 4;
+const LN_RIGHT: usize = 5;
+const FLOOR_LOGIT: usize = 6;
+const LN_BACK: usize = 7;
+const LN_HEIGHT: usize = 8;
+const LN_SCALE: usize = 9;
+type Unknowns = [f64; 10];
+const STEPS: Unknowns = [1e-5; 10];
+
+/// A cell of the map: where it is (photo pixels, relative to the image centre), how deep, on which face.
+#[derive(Debug, Clone, Copy)]
+struct Cell {
+    at: Vec2,
+    depth: f64,
+    face: Option<Surface>,
+}
+
+struct Problem<'a> {
+    prior: &'a LayoutPrior,
+    lines: Search,
+    pins: Vec<Pin>,
+    cells: Vec<Cell>,
+    cell_sigma: f64,
+    start: Unknowns,
+    seen: [bool; 6],
+    kind: PointMapKind,
+}
+
+/// Refines a calibration by photo, pins and map together (key `cam.joint`, beyond the paper).
+///
+/// `view` are the photo's lines; `calibration.camera` is at the map's size and stays so. The calibration comes back
+/// unchanged, with `None`, where there is nothing to refine by or the result is not believable.
+pub fn refine_jointly(
+    calibration: &Calibration,
+    points: &PointMap,
+    view: &ViewEstimate,
+    prior: &LayoutPrior,
+) -> (Calibration, Option<JointEvidence>) {
+    match Problem::new(calibration, points, view, prior).and_then(|p| p.refine(calibration, points)) {
+        Some((refined, evidence)) => (refined, Some(evidence)),
+        None => (calibration.clone(), None),
+    }
+}
+
+fn index(surface: Surface) -> usize {
+    Surface::ALL.iter().position(|s| *s == surface).unwrap_or(0)
+}
+
+impl<'a> Problem<'a> {
+    fn new(c: &Calibration, points: &PointMap, view: &ViewEstimate, prior: &'a LayoutPrior) -> Option<Self> {
+        let photo = prior.photo;
+        let camera = c.camera.resized(photo);
+        let k = f64::from(photo.width.max(1)) / f64::from(view.size.width.max(1));
+        let segments: Vec<LineSegment> = view
+            .segments
+            .iter()
+            .map(|(s, _)| LineSegment { start: s.start * k, end: s.end * k, strength: s.strength })
+            .collect();
+        let focal_px = camera.intrinsics.fx;
+        let focal = FocalPrior { focal_px, sigma: FOCAL_SIGMA };
+        let centre = camera.centre();
+        let e = c.extents;
+        let own = ViewEstimate {
+            rotation: camera.rotation,
+            ..ViewEstimate::from_hints(photo, camera.intrinsics, &CameraHints::default())
+        };
+        let positive = |v: f64| v.max(0.05);
+        let (left, right, back) = (positive(centre.x), positive(e.width - centre.x), positive(centre.z));
+        let floor = centre.y.clamp(0.02 * e.height, 0.98 * e.height);
+        let start = [
+            focal_px.ln(),
+            own.yaw_deg().to_radians(),
+            own.tilt_deg().to_radians(),
+            own.roll(),
+            left.ln(),
+            right.ln(),
+            (floor / (e.height - floor)).ln(),
+            back.ln(),
+            e.height.ln(),
+            c.room_from_points.scale.ln(),
+        ];
+        let mut seen = [false; 6];
+        for surface in &c.seen {
+            seen[index(*surface)] = true;
+        }
+        // Whoever pins an edge of a face has seen it.
+        let pins = pins(prior);
+        for pin in pins.iter().filter(|p| p.given) {
+            for surface in faces_of(pin.edge) {
+                seen[index(surface)] = true;
+            }
+        }
+        let (cells, per_side) = cells(points, photo);
+        let patch = (DEPTH_LENGTH * f64::from(per_side)).max(1.0);
+        let problem = Self {
+            prior,
+            lines: Search::new(photo, &segments, Some(focal)),
+            pins,
+            cells,
+            cell_sigma: DEPTH_SIGMA * patch,
+            start,
+            seen,
+            kind: points.kind,
+        };
+        start.iter().all(|v| v.is_finite()).then_some(problem)
+    }
+
+    fn unpack(p: &[f64]) -> CameraBox {
+        let height = p[LN_HEIGHT].exp();
+        let floor = height / (1.0 + (-p[FLOOR_LOGIT]).exp());
+        CameraBox {
+            focal: p[LN_FOCAL].exp(),
+            yaw: p[YAW],
+            tilt: p[TILT],
+            roll: p[ROLL],
+            left: p[LN_LEFT].exp(),
+            right: p[LN_RIGHT].exp(),
+            floor,
+            ceiling: height - floor,
+            back: p[LN_BACK].exp(),
+            shift: 0.0,
+        }
+    }
+
+    fn residuals(&self, p: &[f64], limit: f64, out: &mut Vec<f64>) {
+        let solved = Self::unpack(p);
+        let rotation = solved.rotation();
+        let room_from_camera = rotation.transpose();
+        for pin in &self.pins {
+            out.push(robust(solved.distance_to_edge(&rotation, pin.edge, pin.point) / pin.sigma, limit));
+        }
+        self.lines.residuals(&p[..4], out);
+        for cell in &self.cells {
+            let Some(face) = cell.face else {
+                out.push(0.0);
+                continue;
+            };
+            let ray = room_from_camera * Vec3::new(cell.at.x / solved.focal, cell.at.y / solved.focal, 1.0);
+            let off = match depth_of(&solved, face, ray) {
+                Some(expected) => (cell.depth.ln() + p[LN_SCALE] - expected.ln()) / self.cell_sigma,
+                None => limit,
+            };
+            out.push(robust(off, limit));
+        }
+        // What holds the rest: where a face is not seen, its distance stays about what it was.
+        let keep = |i: usize, sigma: f64| (p[i] - self.start[i]) / sigma;
+        let unseen = |surface: Surface| if self.seen[index(surface)] { 10.0 } else { UNSEEN_SIGMA };
+        out.push(keep(LN_LEFT, unseen(Surface::Left)));
+        out.push(keep(LN_RIGHT, unseen(Surface::Right)));
+        let hinted = |v: Option<f64>, low: f64, high: f64| v.filter(|v| (low..=high).contains(v));
+        let height = p[LN_HEIGHT].exp();
+        out.push(match hinted(self.prior.camera.height_m, 0.1, 0.97 * self.prior.extents.height) {
+            Some(h) => (solved.floor / h).ln() / CAMERA_HEIGHT_SIGMA,
+            None => keep(FLOOR_LOGIT, 1.0),
+        });
+        out.push(match hinted(self.prior.camera.dist_to_back_m, 0.2, 40.0) {
+            Some(b) => (solved.back / b).ln() / BACK_SIGMA,
+            None => keep(LN_BACK, 10.0),
+        });
+        out.push(((solved.left + solved.right) / self.prior.extents.width).ln() / WIDTH_SIGMA);
+        // The prior's height is the metric reference, but for a map that has metres of its own.
+        let wanted = self.prior.extents.height.ln();
+        if self.kind == PointMapKind::Metric {
+            out.push((height.ln() - wanted) / METRIC_HEIGHT_SIGMA);
+            out.push(keep(LN_SCALE, 0.002));
+        } else {
+            out.push((height.ln() - wanted) / 0.001);
+            out.push(keep(LN_SCALE, 2.0));
+        }
+    }
+
+    /// Gives every cell the face it lies on, if any.
+    fn assign(&mut self, p: &[f64], reach: f64) {
+        let solved = Self::unpack(p);
+        let room_from_camera = solved.rotation().transpose();
+        for i in 0..self.cells.len() {
+            let cell = self.cells[i];
+            let ray = room_from_camera * Vec3::new(cell.at.x / solved.focal, cell.at.y / solved.focal, 1.0);
+            let depth = cell.depth * p[LN_SCALE].exp();
+            // The face that the ray meets first is the one that could be seen there.
+            let met = Surface::ALL
+                .into_iter()
+                .filter(|s| self.seen[index(*s)])
+                .filter_map(|s| Some((s, depth_of(&solved, s, ray)?)))
+                .min_by(|a, b| a.1.total_cmp(&b.1));
+            self.cells[i].face = met.filter(|(_, z)| (depth / z).ln().abs() < reach).map(|(s, _)| s);
+        }
+    }
+
+    fn refine(mut self, before: &Calibration, points: &PointMap) -> Option<(Calibration, JointEvidence)> {
+        let mut p = self.start;
+        let mut sigmas = Vec::new();
+        for (round, reach) in REACH.into_iter().enumerate() {
+            self.assign(&p, reach);
+            // Wide losses first: the start may be some degrees off.
+            let limit = if round == 0 { 4.0 * LIMIT } else { LIMIT };
+            let s = minimise(&p, &STEPS, 40, |p, out| self.residuals(p, limit, out));
+            p.copy_from_slice(&s.parameters[..10]);
+            sigmas = s.sigmas;
+        }
+        let solved = Self::unpack(&p);
+        let photo = self.prior.photo;
+        let camera = solved.camera(photo);
+        let old = before.camera.resized(photo);
+        let turned_deg = angle_deg(camera.rotation * old.rotation.transpose());
+        let sound = p.iter().all(|v| v.is_finite()) && turned_deg <= MOST_TURN_DEG;
+        if !sound {
+            return None;
+        }
+        let centre = camera.centre();
+        let mut extents = before.extents;
+        extents.width = solved.left + solved.right;
+        extents.height = solved.floor + solved.ceiling;
+        // The front wall moves with the camera.
+        extents.depth = before.extents.depth - old.centre().z + centre.z;
+        let scale = p[LN_SCALE].exp();
+        let rotation = camera.rotation.transpose() * points.rotation;
+        let translation = centre - rotation * points.camera_centre() * scale;
+        let anchor = moved_anchor(before, &extents);
+        let on_faces: Vec<f64> = self
+            .cells
+            .iter()
+            .filter_map(|c| {
+                let ray = camera.rotation.transpose() * Vec3::new(c.at.x / solved.focal, c.at.y / solved.focal, 1.0);
+                Some((c.depth * scale / depth_of(&solved, c.face?, ray)?).ln())
+            })
+            .collect();
+        let rms = |v: &[f64]| (v.iter().map(|x| x * x).sum::<f64>() / v.len().max(1) as f64).sqrt();
+        let turn = camera.rotation;
+        let pinned: Vec<f64> = self
+            .pins
+            .iter()
+            .filter(|pin| pin.given)
+            .map(|pin| (solved.distance_to_edge(&turn, pin.edge, pin.point), pin.sigma))
+            .filter(|(off, sigma)| off.abs() <= 4.0 * sigma)
+            .map(|(off, _)| off)
+            .collect();
+        let mut refined = before.clone();
+        refined.camera = camera.resized(points.size);
+        refined.extents = extents;
+        refined.room_from_points = Similarity { scale, rotation, translation };
+        refined.anchor = anchor;
+        refined.seen = Surface::ALL.into_iter().filter(|s| self.seen[index(*s)]).collect();
+        refined.evidence.anchor = anchor;
+        refined.evidence.anchor_px = refined.camera.project(anchor).map(|p| p.to_array());
+        let evidence = JointEvidence {
+            turned_deg,
+            moved_m: centre.distance(old.centre()),
+            focal_ratio: solved.focal / old.intrinsics.fx,
+            cells: on_faces.len(),
+            depth_rms: rms(&on_faces),
+            pin_rms_px: (!pinned.is_empty()).then(|| rms(&pinned)),
+            sigma_rotation_deg: [YAW, TILT, ROLL]
+                .iter()
+                .map(|i| sigmas[*i] * sigmas[*i])
+                .sum::<f64>()
+                .sqrt()
+                .to_degrees(),
+            sigma_focal: sigmas[LN_FOCAL],
+        };
+        refined.evidence.joint = Some(evidence);
+        Some((refined, evidence))
+    }
+}
+
+/// The two faces that meet in an edge.
+fn faces_of(edge: RoomEdge) -> [Surface; 2] {
+    match edge {
+        RoomEdge::FloorBack => [Surface::Floor, Surface::Back],
+        RoomEdge::FloorLeft => [Surface::Floor, Surface::Left],
+        RoomEdge::FloorRight => [Surface::Floor, Surface::Right],
+        RoomEdge::CeilingBack => [Surface::Ceiling, Surface::Back],
+        RoomEdge::CeilingLeft => [Surface::Ceiling, Surface::Left],
+        RoomEdge::CeilingRight => [Surface::Ceiling, Surface::Right],
+        RoomEdge::BackLeft => [Surface::Back, Surface::Left],
+        RoomEdge::BackRight => [Surface::Back, Surface::Right],
+    }
+}
+
+/// The same corner of the room in its new size.
+fn moved_anchor(before: &Calibration, extents: &harmony_scene::Extents) -> Vec3 {
+    if before.evidence.anchor_kind == AnchorKind::Prior && before.anchor == Vec3::ZERO {
+        return before.anchor;
+    }
+    let at = |value: f64, old: f64, new: f64| if value > old / 2.0 { new } else { 0.0 };
+    Vec3::new(
+        at(before.anchor.x, before.extents.width, extents.width),
+        before.anchor.y,
+        at(before.anchor.z, before.extents.depth, extents.depth),
+    )
+}
+
+fn angle_deg(turn: harmony_scene::Mat3) -> f64 {
+    (((turn.x_axis.x + turn.y_axis.y + turn.z_axis.z) - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees()
+}
+
+/// Planar depth at which a ray (room axes, planar depth 1) from the camera meets a face; `None` when it doesn't.
+fn depth_of(b: &CameraBox, face: Surface, ray: Vec3) -> Option<f64> {
+    let (distance, towards) = match face {
+        Surface::Left => (b.left, -ray.x),
+        Surface::Right => (b.right, ray.x),
+        Surface::Floor => (b.floor, -ray.y),
+        Surface::Ceiling => (b.ceiling, ray.y),
+        Surface::Back => (b.back, -ray.z),
+        Surface::Front => return None,
+    };
+    (towards > 0.02).then(|| distance / towards)
+}
+
+/// Median depths of square cells, and how many lie along the longer side.
+fn cells(points: &PointMap, photo: harmony_scene::ImageSize) -> (Vec<Cell>, u32) {
+    let (w, h) = (points.size.width, points.size.height);
+    let side = w.max(h).div_ceil(CELLS).max(1);
+    let depth_row = points.rotation.transpose() * Vec3::Z;
+    let (kx, ky) = (f64::from(photo.width) / f64::from(w), f64::from(photo.height) / f64::from(h));
+    let centre = Vec2::new(f64::from(photo.width), f64::from(photo.height)) / 2.0;
+    let mut out = Vec::new();
+    for cy in 0..h / side {
+        for cx in 0..w / side {
+            let mut depths: Vec<f64> = Vec::new();
+            for y in cy * side..(cy + 1) * side {
+                for x in cx * side..(cx + 1) * side {
+                    if let Some(p) = points.at(x, y) {
+                        depths.push(depth_row.dot(p) + points.translation.z);
+                    }
+                }
+            }
+            depths.retain(|z| *z > 1e-6 && z.is_finite());
+            if depths.len() * 2 < (side * side) as usize {
+                continue;
+            }
+            depths.sort_by(f64::total_cmp);
+            let at = |q: f64| depths[((depths.len() - 1) as f64 * q) as usize];
+            if at(0.9) / at(0.1) - 1.0 > CELL_SPREAD {
+                continue;
+            }
+            let middle = |c: u32, k: f64| (f64::from(c * side) + f64::from(side) / 2.0) * k;
+            out.push(Cell { at: Vec2::new(middle(cx, kx), middle(cy, ky)) - centre, depth: at(0.5), face: None });
+        }
+    }
+    (out, w.max(h).div_ceil(side))
+}
