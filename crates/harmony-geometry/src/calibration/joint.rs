@@ -26,9 +26,10 @@ const REACH: [f64; 3] = [0.1, 0.07, 0.06];
 const CELL_SPREAD: f64 = 0.12;
 /// Saturation of the losses, sigmas.
 const LIMIT: f64 = 2.5;
-/// Sigmas: focal length of the map's camera (logarithm), distance to a face that is not seen, width, height of a
+/// Sigmas: focal length of the map's camera (logarithm; a sensor's is known), distance to a face that is not seen, width, height of a
 /// metric map's room.
 const FOCAL_SIGMA: f64 = 0.025;
+const SENSOR_FOCAL_SIGMA: f64 = 0.004;
 const UNSEEN_SIGMA: f64 = 0.15;
 const METRIC_HEIGHT_SIGMA: f64 = 0.08;
 /// Sigmas of the prior's camera height and distance to the back wall (logarithms): they matter where no face is seen.
@@ -98,7 +99,9 @@ struct Problem<'a> {
     cells: Vec<Cell>,
     cell_sigma: f64,
     start: Unknowns,
+    /// Faces that the map or a pin shows, and those that the map shows.
     seen: [bool; 6],
+    measured: [bool; 6],
     kind: PointMapKind,
 }
 
@@ -133,7 +136,8 @@ impl<'a> Problem<'a> {
             .map(|(s, _)| LineSegment { start: s.start * k, end: s.end * k, strength: s.strength })
             .collect();
         let focal_px = camera.intrinsics.fx;
-        let focal = FocalPrior { focal_px, sigma: FOCAL_SIGMA };
+        let sigma = if points.kind == PointMapKind::Metric { SENSOR_FOCAL_SIGMA } else { FOCAL_SIGMA };
+        let focal = FocalPrior { focal_px, sigma };
         let centre = camera.centre();
         let e = c.extents;
         let own = ViewEstimate {
@@ -155,11 +159,12 @@ impl<'a> Problem<'a> {
             e.height.ln(),
             c.room_from_points.scale.ln(),
         ];
-        let mut seen = [false; 6];
+        let mut measured = [false; 6];
         for surface in &c.seen {
-            seen[index(*surface)] = true;
+            measured[index(*surface)] = true;
         }
-        // Whoever pins an edge of a face has seen it.
+        // Whoever pins an edge of a face has seen it; but only a face that the map shows takes depths.
+        let mut seen = measured;
         let pins = pins(prior);
         for pin in pins.iter().filter(|p| p.given) {
             for surface in faces_of(pin.edge) {
@@ -176,6 +181,7 @@ impl<'a> Problem<'a> {
             cell_sigma: DEPTH_SIGMA * patch,
             start,
             seen,
+            measured,
             kind: points.kind,
         };
         start.iter().all(|v| v.is_finite()).then_some(problem)
@@ -259,7 +265,8 @@ impl<'a> Problem<'a> {
                 .filter(|s| self.seen[index(*s)])
                 .filter_map(|s| Some((s, depth_of(&solved, s, ray)?)))
                 .min_by(|a, b| a.1.total_cmp(&b.1));
-            self.cells[i].face = met.filter(|(_, z)| (depth / z).ln().abs() < reach).map(|(s, _)| s);
+            self.cells[i].face =
+                met.filter(|(s, z)| self.measured[index(*s)] && (depth / z).ln().abs() < reach).map(|(s, _)| s);
         }
     }
 

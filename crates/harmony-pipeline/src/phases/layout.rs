@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use harmony_geometry::{
     CalibrationSettings, CameraHints, FocalPrior, GrayImage, LayoutPins, LayoutPrior, PinnedEdge, RoomEdge, WallSide,
-    calibrate, estimate_room_box, estimate_view,
+    calibrate_with_photo, estimate_room_box, estimate_view,
 };
 use harmony_imaging::border::Border;
 use harmony_imaging::sheet::grid_overlay;
@@ -54,8 +54,8 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     let by_box = estimate_room_box(&gray, &view, &prior);
     let (camera, extents, seen, anchor, points, evidence, method, confidence, because) = match geometry {
         GeometryAnswer::Points(map) if ctx.settings.camera_calibration => {
-            match calibrate(&map, &prior, &CalibrationSettings::default()) {
-                Ok(c) => {
+            match calibrate_with_photo(&map, &prior, &view, &CalibrationSettings::default()) {
+                Ok((c, map)) => {
                     for fallback in &c.evidence.fallbacks {
                         ctx.warn(WarningKind::Fallback, None, fallback.clone());
                     }
@@ -67,7 +67,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
                     );
                     let method = format!("closed form from the point map ({})", words(&json!(c.evidence.method)));
                     let confidence = c.evidence.confidence;
-                    let points = Some((map, c.room_from_points));
+                    let points = Some((Arc::new(map), c.room_from_points));
                     (
                         c.camera.resized(size),
                         c.extents,
