@@ -26,7 +26,7 @@ impl Entry {
 
     /// 32-bit floats in rows of three.
     pub(super) fn points(name: &str, points: &[glam::Vec3]) -> Self {
-        let data: Vec<u8> = points.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes).collect();
+        let data: Vec<u8> = points.iter().flat_map(glam::Vec3::to_array).flat_map(f32::to_le_bytes).collect();
         Self::new(name, "<f4", &[points.len(), 3], &data)
     }
 

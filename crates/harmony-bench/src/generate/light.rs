@@ -106,6 +106,10 @@ pub(super) fn photo(dice: &mut Dice, camera: &Camera, frame: &Frame, room: &Lit)
             p
         })
         .collect();
+    let mut coarse = coarse;
+    for spread in [1, 3, 7] {
+        coarse = spread_out(&coarse, [hw, hh], spread);
+    }
     let lit: Vec<Vec3> = (0..w * h)
         .into_par_iter()
         .map(|i| smoothed(&coarse, [hw, hh], &points[i as usize], [i % w / STEP, i / w / STEP]))
@@ -237,24 +241,60 @@ fn ambient(room: &Lit) -> Vec3 {
     power * (3.2 / area) as f32 + Vec3::splat(0.05)
 }
 
-/// The mean of the neighbours on the same surface.
+/// How much two points are of one surface, 0 to 1.
+fn alike(p: &Point, q: &Point) -> f32 {
+    if q.glows {
+        return 0.0;
+    }
+    let off = (q.place - p.place).dot(p.normal).abs();
+    q.normal.dot(p.normal).max(0.0).powi(8) * (1.0 - off / 0.03).max(0.0)
+}
+
+/// One pass of an edge-keeping blur with holes (Dammertz et al., "Edge-avoiding a-trous wavelet transform", 2010),
+/// weighted by surfaces and a little by the light itself, so that shadows keep their edges.
+fn spread_out(coarse: &[Point], size: [u32; 2], step: i32) -> Vec<Point> {
+    let (w, h) = (size[0] as i32, size[1] as i32);
+    (0..coarse.len())
+        .into_par_iter()
+        .map(|i| {
+            let p = coarse[i];
+            if p.glows || p.normal == Vec3::ZERO {
+                return p;
+            }
+            let (x, y) = (i as i32 % w, i as i32 / w);
+            let (mut sum, mut weights) = (p.light, 1.0);
+            for dy in -2..=2 {
+                for dx in -2..=2 {
+                    let (qx, qy) = (x + dx * step, y + dy * step);
+                    if (dx, dy) == (0, 0) || qx < 0 || qy < 0 || qx >= w || qy >= h {
+                        continue;
+                    }
+                    let q = &coarse[(qy * w + qx) as usize];
+                    let change = (q.light - p.light).length() / (p.light.length() + 0.05);
+                    let steep = if step == 1 { 0.6 } else { 3.0 };
+                    let weight = alike(&p, q) / (1.0 + steep * change * change * 4.0);
+                    sum += q.light * weight;
+                    weights += weight;
+                }
+            }
+            Point { light: sum / weights, ..p }
+        })
+        .collect()
+}
+
+/// The mean of the nearest lit points on the same surface.
 fn smoothed(coarse: &[Point], size: [u32; 2], p: &Point, at: [u32; 2]) -> Vec3 {
-    const REACH: i32 = 3;
     let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
-    for dy in -REACH..=REACH {
-        for dx in -REACH..=REACH {
+    for dy in -1..=1 {
+        for dx in -1..=1 {
             let (x, y) = (at[0] as i32 + dx, at[1] as i32 + dy);
             if x < 0 || y < 0 || x >= size[0] as i32 || y >= size[1] as i32 {
                 continue;
             }
             let q = &coarse[(y as u32 * size[0] + x as u32) as usize];
-            let alike = q.normal.dot(p.normal).max(0.0).powi(8);
-            let off = (q.place - p.place).dot(p.normal).abs();
-            let weight = alike * (1.0 - off / 0.03).max(0.0) / (1.0 + 0.12 * (dx * dx + dy * dy) as f32);
-            if !q.glows && weight > 0.0 {
-                sum += q.light * weight;
-                weights += weight;
-            }
+            let weight = alike(p, q);
+            sum += q.light * weight;
+            weights += weight;
         }
     }
     if weights > 1e-4 {

@@ -191,7 +191,7 @@ impl GeneratedRoom {
     /// Pixels of a face of the shell.
     pub fn surface_pixels(&self, surface: Surface) -> usize {
         let id = shell::surface_id(surface);
-        self.ids.iter().filter(|i| **i == id).count()
+        self.ids.iter().map(|i| usize::from(*i == id)).sum()
     }
 }
 
@@ -213,7 +213,7 @@ pub fn generate(seed: u64, settings: &GeneratorSettings) -> GeneratedRoom {
             break;
         }
     }
-    let draft = best.map(|(_, draft)| draft).unwrap_or_else(|| Draft::empty(&mut Dice::new(seed, ATTEMPTS), settings));
+    let draft = best.map_or_else(|| Draft::empty(&mut Dice::new(seed, ATTEMPTS), settings), |(_, draft)| draft);
     draft.finish(seed, settings)
 }
 

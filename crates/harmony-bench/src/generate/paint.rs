@@ -183,8 +183,8 @@ impl Look {
         let second = if dice.chance(0.5) { scaled(color, 0.72) } else { vary(dice, FABRICS, 10.0) };
         let image = draw(128, 128, |u, v| {
             let base = match pattern {
-                0 if (u * 8.0) as u32 % 2 == 0 => second,
-                1 if ((u * 6.0) as u32 + (v * 6.0) as u32) % 2 == 0 => second,
+                0 if ((u * 8.0) as u32).is_multiple_of(2) => second,
+                1 if ((u * 6.0) as u32 + (v * 6.0) as u32).is_multiple_of(2) => second,
                 2 if (u * 5.0).fract() < 0.18 || (v * 5.0).fract() < 0.18 => second,
                 _ => color,
             };

@@ -33,13 +33,13 @@ pub(in super::super) fn bed(d: &mut Dice, p: &Palette, w: f32, long: f32) -> Pie
         s.add(frame, leg(hip, v(hip.x + x * 0.02, 0.0, hip.z), 0.034, 0.02, 8));
     }
     let mattress = top - leg_h - 0.12;
-    s.add(linen, slab(w - 0.05, mattress, long - 0.14, 9.0, 28).moved(0.0, leg_h + 0.1, 0.05));
+    s.add(linen, slab(w - 0.05, mattress, long - 0.14, 9.0, 20).moved(0.0, leg_h + 0.1, 0.05));
     // The cover hangs over three sides with a wavy hem.
     let (from, to, hang, waves) = (-long / 2.0 + d.f(0.5, 0.75), long / 2.0 - 0.005, d.f(0.16, 0.3), d.f(9.0, 16.0));
     let half = w / 2.0 - 0.012;
     let phase = d.f(0.0, 6.0);
     let hem = |t: f32, out: f32| out * (0.5 + 0.5 * (t * waves + phase).sin()) * 0.03;
-    let blanket = sheet(26, 14, 0.02, |a, b| {
+    let blanket = sheet(22, 10, 0.02, |a, b| {
         let (x, z) = ((a * 2.0 - 1.0) * (half + hang), from + b * (to + hang - from));
         let (ox, oz) = ((x.abs() - half).max(0.0), (z - to).max(0.0));
         let out = ox.max(oz) / hang;
@@ -58,16 +58,16 @@ pub(in super::super) fn bed(d: &mut Dice, p: &Palette, w: f32, long: f32) -> Pie
     for i in 0..pillows {
         let x = if pillows == 1 { 0.0 } else { (i as f32 - 0.5) * w * 0.48 };
         let pw = if pillows == 1 { w * 0.36 } else { w * 0.22 };
-        let head = pillow(v(pw, 0.085, 0.22), 0.8, 0.55, 18, 8).lumpy(0.008, 9.0, i as f32);
+        let head = pillow(v(pw, 0.085, 0.22), 0.8, 0.55, 16, 6).lumpy(0.008, 9.0, i as f32);
         s.add(linen, head.tilted(-0.18, d.f(-0.08, 0.08), 0.0).moved(x, top + 0.05, -long / 2.0 + 0.36));
         if d.chance(0.6) {
-            let extra = pillow(v(0.19, 0.17, 0.06), 0.7, 0.8, 14, 8).tilted(-0.75, d.f(-0.2, 0.2), 0.0);
+            let extra = pillow(v(0.19, 0.17, 0.06), 0.7, 0.8, 12, 6).tilted(-0.75, d.f(-0.2, 0.2), 0.0);
             s.add(second, extra.moved(x, top + 0.17, -long / 2.0 + 0.44));
         }
     }
     let (hh, arch, t) = (d.f(0.85, 1.3), d.f(0.0, 0.22), d.f(0.05, 0.1));
     let style = d.int(0, 2);
-    let head = sheet(20, 6, t, |a, b| {
+    let head = sheet(18, 3, t, |a, b| {
         let x = (a - 0.5) * (w + 0.04);
         let e = 2.0 * a - 1.0;
         let high = hh

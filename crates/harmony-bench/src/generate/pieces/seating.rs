@@ -59,7 +59,7 @@ pub(in super::super) fn chair(d: &mut Dice, p: &Palette) -> Piece {
             for i in 0..n {
                 let y = sh + (bh - sh) * (0.3 + 0.68 * i as f32 / n as f32);
                 let h = (bh - sh) * 0.42 / n as f32;
-                s.add(wood, sheet(8, 2, 0.014, |u, t| back(u, y + h * t + 0.012 * (u * 6.28).sin())));
+                s.add(wood, sheet(8, 2, 0.014, |u, t| back(u, y + h * t + 0.012 * (u * std::f32::consts::TAU).sin())));
             }
         }
         _ => {
@@ -159,9 +159,9 @@ pub(in super::super) fn sofa(d: &mut Dice, p: &Palette, width: f32, corner: Opti
     s.add(cloth, skin(&rings));
     let (roll, out) = (d.f(0.0, 0.5), d.f(0.0, 0.05));
     for x in [-1.0_f32, 1.0] {
-        let rings: Vec<Vec<Vec3>> = (0..=8)
+        let rings: Vec<Vec<Vec3>> = (0..=6)
             .map(|i| {
-                let t = i as f32 / 8.0;
+                let t = i as f32 / 6.0;
                 let h = arm_h - leg_h - 0.05 * (t - 0.2).max(0.0);
                 let soft = 1.0 - 0.25 * ((t - 0.5).abs() * 2.0).powf(6.0);
                 oval(arm_w / 2.0 * soft, h / 2.0 * (0.97 + 0.03 * soft), 3.5, 0.0, 14)
@@ -182,14 +182,14 @@ pub(in super::super) fn sofa(d: &mut Dice, p: &Palette, width: f32, corner: Opti
     for i in 0..seats {
         let (w, x) = (inner / seats as f32, inner * ((i as f32 + 0.5) / seats as f32 - 0.5));
         let front = depth - back_t - lean;
-        let seat = pillow(v(w / 2.0, 0.085, front / 2.0), 0.4, 0.3, 20, 8).lumpy(0.004, 7.0, i as f32);
+        let seat = pillow(v(w / 2.0, 0.085, front / 2.0), 0.4, 0.3, 16, 6).lumpy(0.004, 7.0, i as f32);
         s.add(cloth, seat.moved(x, seat_h - 0.065, depth / 2.0 - front / 2.0 + 0.01));
-        let back = pillow(v(w / 2.0 - 0.01, 0.2, 0.085), 0.55, 0.6, 16, 8).tilted(-0.22, d.f(-0.04, 0.04), 0.0);
+        let back = pillow(v(w / 2.0 - 0.01, 0.2, 0.085), 0.55, 0.6, 12, 6).tilted(-0.22, d.f(-0.04, 0.04), 0.0);
         s.add(cloth, back.moved(x, seat_h + 0.2, -depth / 2.0 + back_t + lean + 0.05));
     }
     if d.chance(0.6) {
         let (x, turn) = (d.f(-0.4, 0.4) * inner, d.f(-0.3, 0.3));
-        let throw = pillow(v(0.2, 0.2, 0.07), 0.7, 0.9, 14, 8).tilted(-0.4, turn, 0.1);
+        let throw = pillow(v(0.2, 0.2, 0.07), 0.7, 0.9, 12, 6).tilted(-0.4, turn, 0.1);
         s.add(accent, throw.moved(x, seat_h + 0.22, -depth / 2.0 + back_t + lean + 0.2));
     }
     let mut corners = vec![(-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)];
@@ -197,7 +197,7 @@ pub(in super::super) fn sofa(d: &mut Dice, p: &Palette, width: f32, corner: Opti
         let (w, long) = (inner / seats as f32 + arm_w * 0.9, d.f(0.55, 0.8));
         let x = side * (width / 2.0 - w / 2.0);
         s.add(cloth, slab(w, seat_h - leg_h - 0.1, long, 10.0, 20).moved(x, leg_h, depth / 2.0 + long / 2.0 - 0.05));
-        let seat = pillow(v(w / 2.0 - 0.01, 0.085, long / 2.0), 0.4, 0.3, 20, 8);
+        let seat = pillow(v(w / 2.0 - 0.01, 0.085, long / 2.0), 0.4, 0.3, 16, 6);
         s.add(cloth, seat.moved(x, seat_h - 0.065, depth / 2.0 + long / 2.0 - 0.03));
         corners.push((side, 1.0 + 2.0 * (long - 0.1) / depth));
     }

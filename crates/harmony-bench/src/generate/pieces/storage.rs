@@ -24,8 +24,11 @@ fn fronts(s: &mut Sculptor, d: &mut Dice, looks: [usize; 2], face: [f32; 4], gri
             let (x, y) = (-w / 2.0 + (i as f32 + 0.5) * cw, y0 + j as f32 * ch);
             s.add(looks[0], block(cw - gap, ch - gap, proud, 0.006).moved(x, y + gap / 2.0, z + proud / 2.0 - 0.004));
             if inset && ch > 0.3 && cw > 0.25 {
-                let panel =
-                    tapered([cw - 0.14, ch - 0.14], [cw - 0.2, ch - 0.2], 0.014, 0.004).tilted(1.5708, 0.0, 0.0);
+                let panel = tapered([cw - 0.14, ch - 0.14], [cw - 0.2, ch - 0.2], 0.014, 0.004).tilted(
+                    std::f32::consts::FRAC_PI_2,
+                    0.0,
+                    0.0,
+                );
                 s.add(looks[0], panel.moved(x, y + ch / 2.0, z + proud - 0.008));
             }
             let door = ch > cw * 0.9;

@@ -1,5 +1,7 @@
 //! Things on walls; their origin is the centre of their box, their back towards -Z.
 
+use std::f32::consts::{FRAC_PI_2, TAU};
+
 use glam::Vec3;
 
 use super::{Origin, Piece, Sculptor};
@@ -73,10 +75,10 @@ pub(in super::super) fn curtains(d: &mut Dice, p: &Palette, w: f32, h: f32) -> P
         let phase = d.f(0.0, 6.0);
         let gather = if d.chance(0.3) { 0.35 } else { 0.0 };
         let flare = d.f(0.9, 1.1);
-        let panel = sheet(40, 6, 0.006, |a, b| {
+        let panel = sheet(36, 6, 0.006, |a, b| {
             let tie = 1.0 - gather * (1.0 - ((b - 0.4) * 2.4).powi(2)).max(0.0);
             let k = wide * tie * (flare + (1.0 - flare) * b);
-            let wave = (a * pleats * 6.283 + phase + 0.6 * b).sin() * deep * (1.2 - 0.3 * b);
+            let wave = (a * pleats * TAU + phase + 0.6 * b).sin() * deep * (1.2 - 0.3 * b);
             v(x * (w / 2.0 + 0.13) - x * a * k, -h / 2.0 + b * (h - 0.03), wave)
         });
         s.add(cloth, panel);
@@ -108,7 +110,7 @@ pub(in super::super) fn door(d: &mut Dice, p: &Palette, w: f32, h: f32) -> Piece
             let (cw, ch) = (inner / columns as f32 - 0.05, (h - t - 0.2) / rows as f32 - 0.07);
             let x = inner * ((i as f32 + 0.5) / columns as f32 - 0.5);
             let y = 0.12 + (h - t - 0.2) * (j as f32 + 0.5) / rows as f32;
-            let panel = tapered([cw, ch], [cw - 0.05, ch - 0.05], 0.012, 0.004).tilted(1.5708, 0.0, 0.0);
+            let panel = tapered([cw, ch], [cw - 0.05, ch - 0.05], 0.012, 0.004).tilted(FRAC_PI_2, 0.0, 0.0);
             s.add(leaf, panel.moved(x, y, 0.016));
         }
     }
@@ -146,7 +148,7 @@ pub(in super::super) fn mirror(d: &mut Dice, p: &Palette) -> Piece {
     let glass = s.look(glass);
     let (w, h, power) = (d.f(0.45, 0.75), d.f(0.55, 1.0), d.pick(&[2.0, 2.6, 5.0, 20.0]));
     let t = d.f(0.02, 0.05);
-    let rim = |patch: Patch| patch.tilted(1.5708, 0.0, 0.0);
+    let rim = |patch: Patch| patch.tilted(FRAC_PI_2, 0.0, 0.0);
     s.add(frame, rim(slab(w, 0.024, h, power, 40)));
     s.add(glass, rim(slab(w - 2.0 * t, 0.006, h - 2.0 * t, power, 40)).moved(0.0, 0.0, 0.0205));
     s.finish("mirror", Origin::Centre)
@@ -157,11 +159,11 @@ pub(in super::super) fn clock(d: &mut Dice, p: &Palette) -> Piece {
     let mut s = Sculptor::new();
     let color = if d.chance(0.5) { p.metal } else { p.wood(d) };
     let rim = s.look(Look::plain("rim", color, 0.4));
-    let minute = d.f(0.0, 6.28);
+    let minute = d.f(0.0, TAU);
     let image = draw(96, 96, |a, b| {
         let (x, y) = (a - 0.5, b - 0.5);
         let (r, angle) = (x.hypot(y), x.atan2(-y));
-        let tick = (angle / 6.283 * 12.0 + 12.5).fract() - 0.5;
+        let tick = (angle / TAU * 12.0 + 12.5).fract() - 0.5;
         let hand = |at: f32, long: f32, wide: f32| {
             let (s, c) = at.sin_cos();
             let (along, off) = (x * s - y * c, x * c + y * s);
@@ -178,7 +180,7 @@ pub(in super::super) fn clock(d: &mut Dice, p: &Palette) -> Piece {
     });
     let face = s.look(Look::picture("face", image));
     let r = d.f(0.13, 0.2);
-    let turned = |patch: Patch| patch.tilted(1.5708, 0.0, 0.0);
+    let turned = |patch: Patch| patch.tilted(FRAC_PI_2, 0.0, 0.0);
     s.add(
         rim,
         turned(lathe(
@@ -238,7 +240,7 @@ pub(in super::super) fn radiator(d: &mut Dice, p: &Palette, w: f32) -> Piece {
     let n = (w / 0.075) as usize;
     for i in 0..n {
         let x = w * ((i as f32 + 0.5) / n as f32 - 0.5);
-        s.add(paint, pillow(v(0.03, h / 2.0, 0.05), 0.3, 0.5, 10, 8).moved(x, 0.0, 0.055));
+        s.add(paint, pillow(v(0.03, h / 2.0, 0.05), 0.3, 0.5, 8, 6).moved(x, 0.0, 0.055));
     }
     for y in [-h * 0.38, h * 0.38] {
         s.add(paint, rod(v(-w / 2.0, y, 0.05), v(w / 2.0, y, 0.05), 0.02, 0.02, 8));
