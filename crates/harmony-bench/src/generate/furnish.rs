@@ -1,6 +1,6 @@
 //! Steps that several kinds of room share.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
@@ -294,13 +294,11 @@ impl Decorator<'_> {
     pub(super) fn standing_lamp(&mut self, probability: f64) {
         if self.dice.chance(probability) {
             let lamp = self.make(pieces::floor_lamp);
-            let yaw = self.dice.pick(&[0.0, PI, FRAC_PI_2]);
             for _ in 0..4 {
                 if self.plan.edge(self.dice, &lamp).is_some() {
                     return;
                 }
             }
-            self.plan.anywhere(self.dice, &lamp, yaw, 0.3);
         }
     }
 

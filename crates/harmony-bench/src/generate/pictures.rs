@@ -48,11 +48,11 @@ pub(super) fn floor(dice: &mut Dice, palette: &Palette, w: f32, d: f32, wet: boo
 
 /// A wall of `w` by `h` metres: paint, sometimes stripes, a dado or tiles.
 pub(super) fn wall(seed: u32, color: Rgb, style: usize, w: f32, h: f32) -> RgbaImage {
-    let size = |m: f32| ((m * 90.0) as u32).clamp(64, 720);
+    let size = |m: f32| ((m * 140.0) as u32).clamp(64, 960);
     draw(size(w), size(h), |u, v| {
         let (x, y) = (u * w, (1.0 - v) * h);
         let rough =
-            0.97 + 0.03 * hash_unit((u * 900.0) as u32, (v * 900.0) as u32, seed) + 0.03 * noise(u, v, 9, 6, seed);
+            0.97 + 0.03 * hash_unit((u * 900.0) as u32, (v * 900.0) as u32, seed) + 0.02 * noise(u, v, 9, 6, seed);
         let k = match style {
             1 if ((x / 0.18) as u32).is_multiple_of(2) => 0.93,
             2 if y < 0.95 => {
@@ -62,8 +62,8 @@ pub(super) fn wall(seed: u32, color: Rgb, style: usize, w: f32, h: f32) -> RgbaI
                     0.82
                 }
             }
-            3 if y < 1.6 && ((x / 0.2).fract() < 0.03 || (y / 0.2).fract() < 0.03) => 0.8,
-            4 => 0.94 + 0.1 * noise(x, y, 7, 7, seed ^ 3),
+            3 if y < 1.6 && (x.rem_euclid(0.2) < 0.012 || y.rem_euclid(0.2) < 0.012) => 0.84,
+            4 => 0.97 + 0.03 * noise(x * 0.5, y * 0.5, 23, 23, seed ^ 3) + 0.03 * noise(x, y, 90, 90, seed ^ 5),
             _ => 1.0,
         };
         shade(color, rough * k)
