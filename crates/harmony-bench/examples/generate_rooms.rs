@@ -19,7 +19,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         let start = Instant::now();
         let room = generate(seed, &settings);
         let target = Path::new(&folder).join(&room.name);
-        std::fs::create_dir_all(&target)?;
         write(&room, &target)?;
         let seen = room.objects.iter().filter(|o| o.visible_pixels > 500).count();
         let walls = room.ids.iter().fold([0_usize; 256], |mut c, i| {

@@ -31,11 +31,12 @@ pub enum GenerateError {
     Ids(#[source] image::ImageError),
 }
 
-/// Writes a room's folder; files that are there are replaced.
+/// Writes a room's folder, which is made when missing; files that are there are replaced.
 ///
 /// # Errors
 /// [`GenerateError`].
 pub fn write(room: &GeneratedRoom, folder: &Path) -> Result<(), GenerateError> {
+    std::fs::create_dir_all(folder).map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
     let size = room.camera.size;
     write_atomic(&folder.join("photo.jpg"), &rgb_jpeg(&room.photo, room.jpeg_quality)?)?;
     write_json(&folder.join("camera.json"), &camera(room))?;

@@ -110,9 +110,9 @@ impl Decorator<'_> {
             let middle = DVec2::new(e.width * self.dice.range(0.42, 0.58), e.depth * self.dice.range(0.3, 0.5));
             let drop = (e.height - 1.95).clamp(0.35, 0.9) as f32;
             let piece = match self.dice.int(0, 3) {
-                0 if e.height > 2.5 => self.make(pieces::ceiling_fan),
+                0 if e.height > 2.5 && !wet => self.make(pieces::ceiling_fan),
                 1 => self.make(pieces::ceiling_lamp),
-                2 if e.height > 2.6 => self.make(|d, p| pieces::chandelier(d, p, drop.max(0.45))),
+                2 if e.height > 2.6 && !wet => self.make(|d, p| pieces::chandelier(d, p, drop.max(0.45))),
                 _ => self.make(|d, p| pieces::pendant(d, p, drop)),
             };
             self.plan.hang(&piece, middle, 0.0);
@@ -228,18 +228,15 @@ impl Decorator<'_> {
         let swivel = self.dice.chance(0.6);
         let chair = if swivel { self.make(pieces::office_chair) } else { self.make(pieces::chair) };
         let item = self.plan.items[desk].clone();
-        let (tuck, off) = (self.dice.range(0.0, 0.22), self.dice.range(-0.43, 0.43));
-        let p = item.to_room(DVec3::new(
-            self.dice.range(-0.08, 0.08),
-            0.0,
-            item.piece.size.z / 2.0 + chair.size.z / 2.0 - tuck,
-        ));
-        let at = DVec2::new(p.x, p.z);
-        let seat = self.plan.stand(&chair, at, item.yaw + PI + off, &[desk]);
-        if let Some(c) = seat {
+        let seat = (0..8).find_map(|_| {
+            let (tuck, off) = (self.dice.range(-0.05, 0.22), self.dice.range(-0.43, 0.43));
+            let out = item.piece.size.z / 2.0 + chair.size.z / 2.0 - tuck;
+            let p = item.to_room(DVec3::new(self.dice.range(-0.25, 0.25), 0.0, out));
+            let c = self.plan.stand(&chair, DVec2::new(p.x, p.z), item.yaw + PI + off, &[desk])?;
             self.plan.items[c].facing = Facing::Object(desk);
             self.plan.items[c].tucked = (tuck > 0.02).then_some(desk);
-        }
+            Some(c)
+        });
         self.plan.group(&[Some(desk), seat], "work");
         let screen = match self.dice.int(0, 2) {
             0 => self.make(|d, _| pieces::laptop(d)),

@@ -237,6 +237,10 @@ impl Draft {
             height: round(dice.range(2.3, 3.2)),
             depth: round(dice.range(low.max(3.0), high.max(3.6))),
         };
+        // Now and then a wide room, of which a long lens sees one wall.
+        let wide = dice.chance(0.12) && high > 4.0;
+        let extents =
+            if wide { Extents { width: high, depth: round(dice.range(3.0, 3.4)), ..extents } } else { extents };
         let palette = Palette::new(dice);
         let mut decorator = Decorator { dice, palette: &palette, plan: Plan::new(extents) };
         decorator.furnish(kind);

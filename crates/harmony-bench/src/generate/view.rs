@@ -56,10 +56,13 @@ fn candidate(dice: &mut Dice, plan: &Plan, size: ImageSize) -> Option<View> {
     if plan.items.iter().any(near) {
         return None;
     }
-    let hfov = dice.range(60.0, 90.0).to_radians();
-    let aim = DVec3::new(e.width * dice.range(0.3, 0.7), 0.0, e.depth * dice.range(0.15, 0.4)) - eye;
+    let wide = e.width > 1.35 * e.depth && dice.chance(0.7);
+    let hfov = dice.range(60.0, if wide { 66.0 } else { 90.0 }).to_radians();
+    let aim =
+        DVec3::new(if wide { eye.x } else { e.width * dice.range(0.3, 0.7) }, 0.0, e.depth * dice.range(0.15, 0.4))
+            - eye;
     let limit = 38.0_f64.to_radians();
-    let yaw = ((-aim.x).atan2(-aim.z) + dice.bell() * 0.1).clamp(-limit, limit);
+    let yaw = ((-aim.x).atan2(-aim.z) + dice.bell() * if wide { 0.04 } else { 0.1 }).clamp(-limit, limit);
     let pitch = dice.range(0.0, 18.0).to_radians();
     let forward = DVec3::new(-yaw.sin() * pitch.cos(), -pitch.sin(), -yaw.cos() * pitch.cos());
     let camera = Camera::looking(size, Intrinsics::from_horizontal_fov(size, hfov), eye, forward);
