@@ -10,6 +10,7 @@ mod mesh;
 mod part_model;
 mod shell;
 mod templates;
+mod upright;
 
 pub use bvh::{Bvh, Hit};
 pub use clean::{CleanReport, canonicalise, clean};
@@ -23,3 +24,4 @@ pub use shell::{ShellOptions, room_shell, room_shell_with, shell_material_name};
 pub use templates::{
     ArmStyle, BackStyle, LegStyle, PlantHabit, ShadeShape, SlotColor, TemplateParams, template, template_name,
 };
+pub use upright::{Upright, upright};

@@ -91,15 +91,23 @@ pub fn filter_masks(found: &[(Detection, Mask)], settings: &FilterSettings) -> V
     }
     for i in 0..found.len() {
         for j in 0..found.len() {
-            if i == j || verdict[i].is_some() || verdict[j].is_some() || found[i].0.label != found[j].0.label {
+            if i == j || verdict[i].is_some() || verdict[j].is_some() {
                 continue;
             }
+            let one_kind = found[i].0.label == found[j].0.label;
             let stronger = (belief(&found[j].0).0, areas[j], j) > (belief(&found[i].0).0, areas[i], i);
             if !stronger {
                 continue;
             }
             let shared = found[i].1.and(&found[j].1).count() as f64;
             let union = (areas[i] + areas[j]) as f64 - shared;
+            if !one_kind {
+                // Two names for one thing: nothing else on one level covers the same pixels.
+                if shared / union >= settings.same_object_iou {
+                    verdict[i] = Some(format!("the {} by another name", found[j].0.label));
+                }
+                continue;
+            }
             if shared / union >= settings.mask_iou {
                 verdict[i] = Some(format!("the same {} twice", found[i].0.label));
             } else if shared / areas[i] as f64 >= settings.mask_containment {

@@ -13,6 +13,8 @@ pub struct Settings {
     pub working_px: u32,
     /// Closed-form calibration from the point map; off: the layout answer's camera stands ("w/o camera calibration").
     pub camera_calibration: bool,
+    /// Generated meshes are set upright by their level and plumb faces; off: by principal axes, as in the paper.
+    pub upright_by_faces: bool,
     /// Review after each level ("w/o feedback loop" when 0): rounds at most.
     pub review_rounds: usize,
     /// Detection filters.
@@ -32,6 +34,7 @@ impl Default for Settings {
         Self {
             working_px: 1024,
             camera_calibration: true,
+            upright_by_faces: true,
             review_rounds: 1,
             filters: FilterSettings::default(),
             mesh: MeshSettings::default(),
@@ -50,6 +53,8 @@ pub struct FilterSettings {
     pub box_containment: f64,
     /// IoU at which two masks of one type are one object.
     pub mask_iou: f64,
+    /// IoU at which two masks of different types are one object by two names.
+    pub same_object_iou: f64,
     /// Share of a mask inside another of its type at which it is a fragment of it.
     pub mask_containment: f64,
     /// Smallest mask kept, share of the image.
@@ -60,7 +65,14 @@ pub struct FilterSettings {
 
 impl Default for FilterSettings {
     fn default() -> Self {
-        Self { box_containment: 0.85, mask_iou: 0.7, mask_containment: 0.9, min_area: 0.00005, max_candidates: 60 }
+        Self {
+            box_containment: 0.85,
+            mask_iou: 0.7,
+            same_object_iou: 0.85,
+            mask_containment: 0.9,
+            min_area: 0.00005,
+            max_candidates: 60,
+        }
     }
 }
 
@@ -109,6 +121,7 @@ impl Settings {
         range("lighting.final_samples", self.lighting.final_samples.into(), 1.0, 16384.0)?;
         range("filters.box_containment", self.filters.box_containment, 0.3, 1.0)?;
         range("filters.mask_iou", self.filters.mask_iou, 0.1, 1.0)?;
+        range("filters.same_object_iou", self.filters.same_object_iou, 0.3, 1.0)?;
         range("filters.mask_containment", self.filters.mask_containment, 0.3, 1.0)?;
         range("filters.min_area", self.filters.min_area, 0.0, 0.5)?;
         range("placement.max_rounds", self.placement.max_rounds as f64, 0.0, 100.0)?;

@@ -40,16 +40,22 @@ impl MeshGenerator for Oracle {
     }
 }
 
+/// What equal objects share.
+fn kind(object: &TruthObject) -> String {
+    format!("{} {} {:.2} {:.2}", object.label, object.model, object.size.x, object.size.y)
+}
+
 impl Oracle {
     /// Quarter turns of an object's generated mesh about up: its front is at `quarters * 90` degrees from +Z.
     pub(super) fn quarters(&self, object: &TruthObject) -> u32 {
-        self.draws.rng(&format!("quarters {}", object.model)).random_range(0..4)
+        self.draws.rng(&format!("quarters {}", kind(object))).random_range(0..4)
     }
 
-    fn generated(&self, object: &TruthObject) -> Mesh {
+    /// An object as the generator gives it, in the generator's frame and unit; its vertices are those of the truth in order.
+    pub fn generated(&self, object: &TruthObject) -> Mesh {
         let mut mesh = (*object.mesh).clone();
         // Equal models have equal tilts and scales, as one generated mesh copied: a set stays a set.
-        let mut rng = self.draws.rng(&format!("mesh {}", object.model));
+        let mut rng = self.draws.rng(&format!("mesh {}", kind(object)));
         self.make_up_back(object, &mut mesh, &mut rng);
         let tilt = self.noise.tilt_deg.to_radians() * rng.random::<f64>();
         let about = rng.random::<f64>() * std::f64::consts::TAU;

@@ -223,7 +223,7 @@ async fn generate(ctx: &PhaseCtx<'_>, level: Level, c: &Completed) -> Result<Opt
     }
 }
 
-/// De-tilts raw meshes (PCA axis nearest to up, DESIGN 6.2) and turns them to the front that the VLM picks.
+/// Sets raw meshes upright (by their faces, or as the paper does by the PCA axis nearest to up) and turns them to the front that the VLM picks.
 async fn canonicalise(
     ctx: &PhaseCtx<'_>,
     raw: Vec<(Completed, GeneratedMesh)>,
@@ -234,8 +234,12 @@ async fn canonicalise(
     let mut upright = Vec::new();
     for (completed, mut generated) in raw {
         let (mut mesh, _) = harmony_mesh::clean(&generated.mesh, ctx.settings.mesh.faces as usize);
-        let vertices: Vec<glam::DVec3> = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
-        let turn = harmony_geometry::detilt(&vertices);
+        let turn = if ctx.settings.upright_by_faces {
+            Some(harmony_mesh::upright(&mesh).turn)
+        } else {
+            let vertices: Vec<glam::DVec3> = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
+            harmony_geometry::detilt(&vertices)
+        };
         harmony_mesh::canonicalise(&mut mesh, turn.unwrap_or(glam::DMat3::IDENTITY));
         generated.mesh = Arc::new(mesh);
         upright.push((completed, generated, turn));
@@ -268,7 +272,7 @@ async fn canonicalise(
         g.frame = MeshFrame::Canonical;
         let front_before = glam::DMat3::from_rotation_y(-yaw) * glam::DVec3::Z;
         let record = json!({
-            "frame": "de-tilted by PCA, front by the VLM",
+            "frame": if ctx.settings.upright_by_faces { "set upright by its faces, front by the VLM" } else { "de-tilted by PCA, front by the VLM" },
             "detilt": turn.map(|m| m.to_cols_array_2d()),
             "front_panel": panel,
             "front_local_axis": front_before.round().to_array(),
