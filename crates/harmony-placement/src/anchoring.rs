@@ -14,6 +14,12 @@ pub(crate) const USUAL_GAP: f64 = 0.02;
 /// Largest gap of an object that is said to touch a wall, metres.
 pub(crate) const LARGEST_GAP: f64 = 0.15;
 
+/// How far beyond a loose wall an object may be placed, metres.
+const BEYOND_LOOSE: f64 = 2.5;
+
+/// How far the front of a window or door stands out from its wall, metres; the rest of a thick one is in the wall.
+const PROUD: f64 = 0.06;
+
 /// How an object is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Anchoring {
@@ -172,14 +178,17 @@ impl Frame<'_> {
             }
             Anchoring::OnWall(wall) => {
                 let y = numbers[1].clamp(0.0, (e.height - size.y).max(0.0));
-                pose.position = wall.point(&e, numbers[0], y) + wall.normal() * (self.wall_gap + size.z / 2.0);
+                let away = if self.item.traits.opening { size.z.min(PROUD) - size.z / 2.0 } else { size.z / 2.0 };
+                pose.position = wall.point(&e, numbers[0], y) + wall.normal() * (self.wall_gap + away);
             }
             Anchoring::Ceiling => pose.position.y = e.height - size.y,
             Anchoring::Floor | Anchoring::OnHost { .. } => {}
         }
         let (low, high) = reach(self.item, &pose);
-        let axis_clamp = |v: f64, lo: f64, hi: f64, length: f64| {
-            let (from, to) = (-lo + self.wall_gap, length - hi - self.wall_gap);
+        // Where a wall is not known, what is seen decides, and the wall follows.
+        let beyond = |wall| if self.scene.is_loose(wall) { BEYOND_LOOSE } else { 0.0 };
+        let axis_clamp = |v: f64, lo: f64, hi: f64, length: f64, ends: [Wall; 2]| {
+            let (from, to) = (-lo + self.wall_gap - beyond(ends[0]), length - hi - self.wall_gap + beyond(ends[1]));
             if from <= to { v.clamp(from, to) } else { f64::midpoint(from, to) }
         };
         // Wall-held objects keep their distance to the wall; the clamp along the other axis still applies.
@@ -188,10 +197,10 @@ impl Frame<'_> {
             _ => None,
         };
         if fixed_axis != Some(true) {
-            pose.position.x = axis_clamp(pose.position.x, low.x, high.x, e.width);
+            pose.position.x = axis_clamp(pose.position.x, low.x, high.x, e.width, [Wall::Left, Wall::Right]);
         }
         if fixed_axis != Some(false) {
-            pose.position.z = axis_clamp(pose.position.z, low.z, high.z, e.depth);
+            pose.position.z = axis_clamp(pose.position.z, low.z, high.z, e.depth, [Wall::Back, Wall::Front]);
         }
         if let Anchoring::OnHost { host, level } = self.anchoring {
             pose.position.y = self.surface(host, level, &pose).map_or(level, |s| s.height);

@@ -4,7 +4,7 @@
 //! object is the shortest displacement, in the directions that its support allows, after which it meets none of its
 //! neighbours and no wall. What rests on it goes along.
 
-use harmony_scene::{Level, ObjectId, Support, Vec3};
+use harmony_scene::{Level, ObjectId, Support, Vec3, Wall};
 
 use crate::anchoring::Anchoring;
 use crate::level::anchoring_of;
@@ -17,8 +17,15 @@ const SOFT_TOLERANCE: f64 = 0.06;
 /// Clearance left after a move, metres.
 const CLEARANCE: f64 = 1e-3;
 
-/// Longest move, as a share of the object's larger level side.
-const LONGEST_MOVE: f64 = 0.6;
+/// Longest move: a share of the object's larger level side, and metres. A longer one would contradict what is seen.
+const LONGEST_MOVE: [f64; 2] = [0.6, 0.16];
+
+/// Rounds in which all objects are brought apart together, and the share of a gap that is closed in each.
+const ROUNDS: usize = 60;
+const STEP: f64 = 0.6;
+
+/// Weight of an object that agrees with nothing, beside one that agrees with its mask: it moves first.
+const LEAST_WEIGHT: f64 = 0.03;
 
 /// Share of a decoration's footprint that must still be on its host after a move.
 const STILL_SUPPORTED: f64 = 0.5;
@@ -145,7 +152,7 @@ fn least_move(
         return None;
     }
     let size = scene.placed[object].size();
-    let limit = LONGEST_MOVE * size.width.max(size.depth);
+    let limit = longest_move(&size);
     let mut best: Option<Vec3> = None;
     for direction in free_directions(scene, object) {
         let mut intervals: Vec<Interval> = Vec::new();
@@ -175,16 +182,106 @@ fn least_move(
     best
 }
 
+fn longest_move(size: &harmony_scene::Size) -> f64 {
+    (LONGEST_MOVE[0] * size.width.max(size.depth)).min(LONGEST_MOVE[1])
+}
+
+/// Brings all placed objects apart together: every pair that collides shares the least displacement between its two,
+/// the one that is surer of its place moving less, round after round, as in position-based dynamics (Müller et al.,
+/// 2007). Where the paper moves one object clear of all its neighbours at once, a row of cupboards each a little too
+/// wide makes room along the whole row.
+///
+/// Returns how far each object went, metres.
+pub(crate) fn relax(scene: &mut PartialScene, settings: &PlacementSettings) -> Vec<f64> {
+    let mut all = solids(scene);
+    let n = all.len();
+    let weights: Vec<f64> = scene
+        .placed
+        .iter()
+        .map(|p| {
+            let seen = p.evidence.silhouette_iou.unwrap_or(0.2);
+            let whole = if p.item.traits.heavily_occluded { 0.5 } else { 1.0 };
+            (whole * seen * seen).max(LEAST_WEIGHT)
+        })
+        .collect();
+    let free: Vec<Vec<Vec3>> = (0..n).map(|i| free_directions(scene, i)).collect();
+    let mut gone = vec![Vec3::ZERO; n];
+    for _ in 0..ROUNDS {
+        let mut worst: f64 = 0.0;
+        for a in 0..n {
+            for b in a + 1..n {
+                let depth = excess(scene, &all, a, b, settings);
+                if depth <= 0.0 {
+                    continue;
+                }
+                worst = worst.max(depth);
+                let Some((who, by)) = cheapest_parting(scene, &all, [a, b], &weights, &free, &gone) else { continue };
+                for (object, by) in who.into_iter().zip(by) {
+                    if by != Vec3::ZERO {
+                        shift(scene, &mut all, object, by);
+                        gone[object] += by;
+                    }
+                }
+            }
+        }
+        if worst <= 0.0 {
+            break;
+        }
+    }
+    gone.into_iter().map(Vec3::length).collect()
+}
+
+/// The displacements of two colliding objects that cost least: squared lengths by weight.
+fn cheapest_parting(
+    scene: &PartialScene,
+    all: &[Solid],
+    pair: [usize; 2],
+    weights: &[f64],
+    free: &[Vec<Vec3>],
+    gone: &[Vec3],
+) -> Option<([usize; 2], [Vec3; 2])> {
+    let [a, b] = pair;
+    let mut best: Option<(f64, [Vec3; 2])> = None;
+    for direction in free[a].iter().chain(&free[b]) {
+        for d in [*direction, -*direction] {
+            let depth = STEP * (way_out(&all[a].meetings(&all[b], d)) + CLEARANCE);
+            let may = |object: usize, by: Vec3| {
+                let goes = free[object].iter().any(|f| f.dot(by.normalize_or_zero()) > 0.999);
+                let near = (gone[object] + by).length() <= longest_move(&scene.placed[object].size());
+                goes && near && feasible(scene, all, object, &body(scene, object), by)
+            };
+            let (wa, wb) = (weights[a], weights[b]);
+            let share = wb / (wa + wb);
+            let both = [d * depth * share, -d * depth * (1.0 - share)];
+            let options = [
+                (depth * depth * wa * wb / (wa + wb), both),
+                (depth * depth * wa, [d * depth, Vec3::ZERO]),
+                (depth * depth * wb, [Vec3::ZERO, -d * depth]),
+            ];
+            for (cost, by) in options {
+                let allowed = [(a, by[0]), (b, by[1])].into_iter().all(|(o, by)| by == Vec3::ZERO || may(o, by));
+                if best.is_none_or(|(c, _)| cost < c) && allowed {
+                    best = Some((cost, by));
+                }
+            }
+        }
+    }
+    best.map(|(_, by)| (pair, by))
+}
+
 /// How far an object may reach out of the room, in metres.
 const SLACK: f64 = 5e-3;
 
 /// Whether a displacement keeps an object in the room and on its host.
 fn feasible(scene: &PartialScene, all: &[Solid], object: usize, members: &[usize], by: Vec3) -> bool {
     let e = scene.room.extents.as_vec();
+    let open = |wall| if scene.is_loose(wall) { f64::INFINITY } else { SLACK };
+    let below = Vec3::new(open(Wall::Left), SLACK, open(Wall::Back));
+    let above = Vec3::new(open(Wall::Right), SLACK, open(Wall::Front));
     let inside = members.iter().all(|m| {
         let (low, high) = (all[*m].low, all[*m].high);
         // What was outside already (a recessed window) must only not go further.
-        (0..3).all(|i| (low + by)[i] >= low[i].min(-SLACK) && (high + by)[i] <= high[i].max(e[i] + SLACK))
+        (0..3).all(|i| (low + by)[i] >= low[i].min(-below[i]) && (high + by)[i] <= high[i].max(e[i] + above[i]))
     });
     if !inside {
         return false;

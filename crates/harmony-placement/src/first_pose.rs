@@ -6,12 +6,16 @@
 use harmony_scene::{Level, PlacementType, Pose, Vec2, Vec3};
 
 use crate::anchoring::{Anchoring, Frame, YawRule, prior_scale, size_of};
+use crate::cost::angle_between;
 use crate::formulas::median;
 use crate::view::View;
 use crate::{Item, PartialScene, PlacementSettings, YawHint, first_on_host, first_on_wall, steps};
 
 /// Price of standing free although a wall was said to be behind, or of standing on the floor for want of a host.
 pub(crate) const AGAINST_RELATION: f64 = 0.12;
+
+/// Price of a front that is a quarter turn or more from where it was said to be.
+const WRONG_TURN: f64 = 0.1;
 
 /// Expected error of a yaw that follows from what an object faces, radians.
 const FACING_SIGMA: f64 = 0.35;
@@ -21,6 +25,9 @@ const HINT_SIGMA: f64 = 0.4;
 
 /// Expected error of the yaw of furniture that stands free although a wall was said to be behind it, radians.
 const WALL_SIGMA: f64 = 0.15;
+
+/// Expected error of the yaw of furniture at a wall that is not seen, radians.
+const LOOSE_SIGMA: f64 = 0.05;
 
 /// Expected error of a rug's alignment with the room, radians.
 const RUG_SIGMA: f64 = 0.09;
@@ -121,6 +128,13 @@ impl<'a> Starter<'a, '_> {
     fn on_floor(&self, price: f64) -> Vec<Hypothesis<'a>> {
         let mut out = Vec::new();
         let wall = if self.settings.relations { self.item.relations.wall_affinity.wall() } else { None };
+        if let Some(wall) = wall.filter(|w| self.scene.is_loose(*w)) {
+            // The wall is not seen: the object shows where it is, and it is turned as if it stood there.
+            let frame = self.frame(Anchoring::Floor, YawRule::About { yaw: wall.yaw(), sigma: LOOSE_SIGMA });
+            out.extend(self.floor_positions(&frame).into_iter().map(|p| self.settled(frame, p, price)));
+            out.extend(self.elsewhere(wall, price + AGAINST_RELATION));
+            return out;
+        }
         if let Some(wall) = wall {
             let frame = self.frame(Anchoring::AgainstWall(wall), YawRule::Fixed(wall.yaw()));
             for position in self.wall_positions(&frame, wall) {
@@ -133,6 +147,7 @@ impl<'a> Starter<'a, '_> {
             for position in self.floor_positions(&frame) {
                 out.push(self.settled(frame, position, price + AGAINST_RELATION * (1.0 + hidden)));
             }
+            out.extend(self.elsewhere(wall, price + AGAINST_RELATION * (1.0 + hidden)));
             return out;
         }
         let rough = self.frame(Anchoring::Floor, YawRule::Fixed(0.0));
@@ -145,8 +160,32 @@ impl<'a> Starter<'a, '_> {
                         let pose = frame.settle(&self.sized(around, turned));
                         out.push(Hypothesis { frame, pose, price });
                     }
+                    // The front may have been named wrongly by quarter turns.
+                    for quarters in [1.0, 2.0, 3.0] {
+                        let rule = YawRule::About { yaw: yaw + quarters * std::f64::consts::FRAC_PI_2, sigma };
+                        out.push(self.settled(self.frame(Anchoring::Floor, rule), around, price + WRONG_TURN));
+                    }
                 }
             }
+        }
+        out
+    }
+
+    /// Poses for the case that the relation is wrong: against another wall, or turned as the given front says.
+    fn elsewhere(&self, said: harmony_scene::Wall, price: f64) -> Vec<Hypothesis<'a>> {
+        let mut out = Vec::new();
+        for wall in harmony_scene::Wall::ALL.into_iter().filter(|w| *w != said && !self.scene.is_loose(*w)) {
+            let frame = self.frame(Anchoring::AgainstWall(wall), YawRule::Fixed(wall.yaw()));
+            // The wall that the given front speaks for costs no more than standing free.
+            let agrees = matches!(self.item.yaw, YawHint::About(yaw) if angle_between(yaw, wall.yaw()).abs() < 0.6);
+            let price = if agrees { price } else { price + 0.5 * AGAINST_RELATION };
+            out.extend(self.floor_positions(&frame).into_iter().map(|p| self.settled(frame, p, price)));
+        }
+        if let YawHint::About(yaw) = self.item.yaw
+            && angle_between(yaw, said.yaw()).abs() > 0.6
+        {
+            let frame = self.frame(Anchoring::Floor, YawRule::About { yaw, sigma: HINT_SIGMA });
+            out.extend(self.floor_positions(&frame).into_iter().map(|p| self.settled(frame, p, price)));
         }
         out
     }

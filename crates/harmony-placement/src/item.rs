@@ -16,6 +16,8 @@ pub struct Traits {
     pub soft: bool,
     /// A thin wall item (painting, mirror, window, door, clock).
     pub planar: bool,
+    /// A window or door: it sits in its wall, not on it.
+    pub opening: bool,
     /// Hangs down (pendant, curtain).
     pub hangs: bool,
     /// Proportions may be corrected (part models, slabs).

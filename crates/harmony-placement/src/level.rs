@@ -59,6 +59,8 @@ pub struct LevelReport {
     pub unresolved: Vec<Unresolved>,
     /// What group refinement changed.
     pub groups: GroupReport,
+    /// Shift of the whole scene along x, because the left wall was not seen and had to move, metres.
+    pub shifted_x: f64,
     /// Everything that went another way than intended.
     pub warnings: Vec<Warning>,
 }
@@ -127,6 +129,10 @@ pub fn place_level(
         }
     }
     if let Some(level) = level {
+        if settings.collision {
+            part_all(scene, level, settings, &mut report);
+        }
+        report.shifted_x = scene.fit_loose_walls();
         crate::evidence::measure_level(scene, level, settings);
     }
     for object in &mut report.objects {
@@ -211,6 +217,21 @@ fn look_again(scene: &mut PartialScene, first: usize, settings: &PlacementSettin
             separate(scene, i, settings, report);
         }
     }
+}
+
+/// Brings everything apart together, and reports what stays.
+fn part_all(scene: &mut PartialScene, level: Level, settings: &PlacementSettings, report: &mut LevelReport) {
+    crate::evidence::measure_level(scene, level, settings);
+    let gone = collision::relax(scene, settings);
+    for (placed, far) in scene.placed.iter().zip(gone) {
+        if let Some(object) = report.objects.iter_mut().find(|o| o.id == placed.item.id) {
+            object.moved_by_collision += far;
+        }
+    }
+    report.unresolved = collision::collisions(scene, settings)
+        .into_iter()
+        .map(|c| Unresolved { a: c.a, b: Some(c.b), penetration: c.penetration })
+        .collect();
 }
 
 /// Resolves the collisions of one placed object.
@@ -304,7 +325,7 @@ pub(crate) fn anchoring_of(scene: &PartialScene, object: usize) -> Anchoring {
             _ => Anchoring::Floor,
         },
         Support::Floor => match placed.item.relations.wall_affinity.wall() {
-            Some(wall) if at_wall(scene, placed, wall) => Anchoring::AgainstWall(wall),
+            Some(wall) if !scene.is_loose(wall) && at_wall(scene, placed, wall) => Anchoring::AgainstWall(wall),
             _ => Anchoring::Floor,
         },
     }

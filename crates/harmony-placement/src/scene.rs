@@ -4,10 +4,13 @@ use std::sync::Arc;
 
 use harmony_scene::{
     Camera, Confidence, ImageSize, Level, Mask, ObjectId, PointMap, PointMapKind, Pose, Room, Similarity, Size,
-    Support, Vec3,
+    Support, Vec3, Wall,
 };
 
 use crate::{Evidence, Item};
+
+/// Room left between an object and a loose wall, metres.
+const LOOSE_GAP: f64 = 0.01;
 
 /// The point map in the room frame.
 #[derive(Debug, Clone)]
@@ -103,6 +106,82 @@ impl PartialScene {
             .max_by(|a, b| camera.depth(*a).total_cmp(&camera.depth(*b)))
             .unwrap_or(Vec3::ZERO);
         Self { room, camera, points, anchor: anchor.unwrap_or(deepest), placed: Vec::new(), upcoming: Vec::new() }
+    }
+
+    /// Whether a wall is where a guess put it: the room says which faces were seen, and this one was not.
+    ///
+    /// Objects may stand beyond a loose wall; [`PartialScene::fit_loose_walls`] then moves it. A room that says of no
+    /// face that it was seen has no loose walls, and the back wall, which the room frame hangs on, is never loose.
+    pub fn is_loose(&self, wall: Wall) -> bool {
+        wall != Wall::Back && !self.room.seen.is_empty() && !self.room.seen.contains(&wall.surface())
+    }
+
+    /// Moves the loose walls: out to hold everything that was placed, and to the backs of what is said to stand at
+    /// them. Returns the shift along x of everything, metres: not 0 when the left wall, the frame's origin, has moved.
+    pub fn fit_loose_walls(&mut self) -> f64 {
+        let mut shift = 0.0;
+        for wall in [Wall::Right, Wall::Front, Wall::Left] {
+            if !self.is_loose(wall) {
+                continue;
+            }
+            let by = self.loose_wall_moves_out(wall);
+            if by.abs() < 1e-6 {
+                continue;
+            }
+            for p in &mut self.placed {
+                if matches!(&p.support, Support::Wall { wall: w } if *w == wall) {
+                    p.pose.position -= wall.normal() * by;
+                }
+            }
+            match wall {
+                Wall::Front => self.room.extents.depth += by,
+                Wall::Right | Wall::Left => self.room.extents.width += by,
+                Wall::Back => {}
+            }
+            if wall == Wall::Left {
+                shift = by;
+                self.shift(Vec3::X * by);
+            }
+        }
+        shift
+    }
+
+    /// How far a loose wall goes outward, metres (inward: negative).
+    fn loose_wall_moves_out(&self, wall: Wall) -> f64 {
+        let e = self.room.extents;
+        let inward = |p: Vec3| wall.distance(&e, p);
+        let own = |p: &Placed| !matches!(&p.support, Support::Wall { wall: w } if *w == wall);
+        let nearest = |p: &Placed| {
+            let (low, high) = crate::anchoring::reach(&p.item, &p.pose);
+            inward(p.pose.position + low).min(inward(p.pose.position + high))
+        };
+        let least = self.placed.iter().filter(|p| own(p)).map(nearest).fold(f64::INFINITY, f64::min);
+        let at_wall = self
+            .placed
+            .iter()
+            .filter(|p| p.support == Support::Floor && p.item.relations.wall_affinity.wall() == Some(wall))
+            .map(nearest)
+            .fold(f64::INFINITY, f64::min);
+        // Points and camera stay inside.
+        let seen = self.points.as_ref().filter(|p| p.is_dense()).map_or(0.0, |points| {
+            let mut far: Vec<f64> = points.xyz.iter().filter(|p| p.is_finite()).map(|p| inward(*p)).collect();
+            let k = far.len() / 200;
+            if far.is_empty() { 0.0 } else { *far.select_nth_unstable_by(k, f64::total_cmp).1 }
+        });
+        let bound = seen.min(inward(self.camera.centre()) - 0.2).min(least - LOOSE_GAP);
+        if at_wall.is_finite() { -bound.min(at_wall - LOOSE_GAP) } else { -bound.min(0.0) }
+    }
+
+    /// Moves everything: camera, points, objects, anchor. The room's extents stay.
+    fn shift(&mut self, by: Vec3) {
+        self.camera.translation -= self.camera.rotation * by;
+        self.anchor += by;
+        for p in &mut self.placed {
+            p.pose.position += by;
+        }
+        for p in self.points.iter_mut().flat_map(|p| &mut p.xyz) {
+            *p += by;
+        }
     }
 
     /// The placed object with this id.

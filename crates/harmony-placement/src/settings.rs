@@ -57,7 +57,7 @@ impl Default for PlacementSettings {
             window_px: 128,
             wall_gap: 0.003,
             size_sigma: 0.2,
-            collision_tolerance: 0.01,
+            collision_tolerance: 0.006,
         }
     }
 }

@@ -33,9 +33,8 @@ pub async fn run(ctx: &PhaseCtx<'_>, level: Level, mut state: SceneState) -> Res
         }
         outcome = json!({ "placed": report.objects.len(), "unresolved": report.unresolved.len() });
     }
-    if level == Level::Wall {
-        state.partial.room.openings = surfaces::openings(&state);
-    }
+    // On every level: walls that are not seen move with what stands at them.
+    state.partial.room.openings = surfaces::openings(&state);
     if level == Level::Decoration {
         ctx.step("room surfaces");
         surfaces::all(ctx, &mut state).await?;

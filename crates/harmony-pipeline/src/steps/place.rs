@@ -38,6 +38,12 @@ pub async fn in_order(
     .await
     .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
     state.partial = partial;
+    if report.shifted_x != 0.0 {
+        if let Some((_, similarity)) = &mut state.layout.points {
+            similarity.translation.x += report.shifted_x;
+        }
+    }
+    state.layout.camera = state.partial.camera;
     for warning in &report.warnings {
         ctx.warn(warning.kind, warning.object.clone(), warning.message.clone());
     }
@@ -114,7 +120,9 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
         traits: Traits {
             flat: is_flat(&label),
             soft,
-            planar,
+            // A generated mesh has its own proportions; a slab of ours may be given others.
+            planar: planar && p.part_model.is_some(),
+            opening: level == Level::Wall && matches!(harmony_mesh::template_name(&label), Some("window" | "door")),
             hangs: level == Level::Ceiling || harmony_mesh::template_name(&label) == Some("curtain"),
             may_stretch: p.part_model.is_some(),
             as_wide_as_deep: !planar && (o.size_m.width / o.size_m.depth - 1.0).abs() < 0.02,
