@@ -36,6 +36,8 @@ const METRIC_HEIGHT_SIGMA: f64 = 0.08;
 const CAMERA_HEIGHT_SIGMA: f64 = 0.12;
 const BACK_SIGMA: f64 = 0.15;
 const WIDTH_SIGMA: f64 = 0.15;
+/// Edges that must be pinned before a side wall without a pinned edge is doubted.
+const VOUCHING_EDGES: usize = 2;
 /// A refinement that turns the camera more than this is not believed, degrees.
 const MOST_TURN_DEG: f64 = 14.0;
 
@@ -270,6 +272,16 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// Whether a side wall is one: who pins the room's edges pins those of the side walls that are there. The flank of
+    /// a cupboard at the image's border is a plane like a wall, but nobody sees its edge with the floor as the room's.
+    fn vouched(&self, surface: Surface) -> bool {
+        let given = || self.pins.iter().filter(|p| p.given);
+        let mut edges: Vec<RoomEdge> = given().map(|p| p.edge).collect();
+        edges.dedup();
+        let side = matches!(surface, Surface::Left | Surface::Right);
+        !side || edges.len() < VOUCHING_EDGES || given().any(|p| faces_of(p.edge).contains(&surface))
+    }
+
     fn refine(mut self, before: &Calibration, points: &PointMap) -> Option<(Calibration, JointEvidence)> {
         let mut p = self.start;
         let mut sigmas = Vec::new();
@@ -323,7 +335,7 @@ impl<'a> Problem<'a> {
         refined.extents = extents;
         refined.room_from_points = Similarity { scale, rotation, translation };
         refined.anchor = anchor;
-        refined.seen = Surface::ALL.into_iter().filter(|s| self.seen[index(*s)]).collect();
+        refined.seen = Surface::ALL.into_iter().filter(|s| self.seen[index(*s)] && self.vouched(*s)).collect();
         refined.evidence.anchor = anchor;
         refined.evidence.anchor_px = refined.camera.project(anchor).map(|p| p.to_array());
         let evidence = JointEvidence {
