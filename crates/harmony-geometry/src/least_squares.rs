@@ -7,19 +7,23 @@ use nalgebra::{DMatrix, DVector};
 
 /// Where the solver ended.
 #[derive(Debug, Clone)]
-pub(crate) struct Solution {
+pub struct Solution {
+    /// Where it ended.
     pub parameters: Vec<f64>,
     /// Half the sum of squared residuals.
     pub cost: f64,
+    /// Steps taken.
     pub iterations: usize,
     /// One sigma of each parameter, when the residuals are in units of theirs; infinite where nothing holds it.
     pub sigmas: Vec<f64>,
+    /// The information matrix (approximate Hessian of the cost) at the end, row by row.
+    pub information: Vec<f64>,
 }
 
 /// Minimises half the sum of squares of what `residuals` pushes; `steps` are the derivative steps by parameter.
 ///
 /// The number of residuals must not change. Residuals that aren't finite make a trial point unacceptable.
-pub(crate) fn minimise(
+pub fn minimise(
     start: &[f64],
     steps: &[f64],
     max_iterations: usize,
@@ -68,7 +72,8 @@ pub(crate) fn minimise(
     }
     let inverse = normal.clone().cholesky().map(|c| c.inverse());
     let sigmas = (0..n).map(|i| inverse.as_ref().map_or(f64::INFINITY, |m| m[(i, i)].max(0.0).sqrt())).collect();
-    Solution { parameters: p, cost, iterations, sigmas }
+    let information = normal.iter().copied().collect();
+    Solution { parameters: p, cost, iterations, sigmas, information }
 }
 
 fn jacobian(p: &[f64], steps: &[f64], rows: usize, evaluate: &impl Fn(&[f64]) -> (DVector<f64>, f64)) -> DMatrix<f64> {
@@ -91,7 +96,7 @@ fn jacobian(p: &[f64], steps: &[f64], rows: usize, evaluate: &impl Fn(&[f64]) ->
 }
 
 /// Geman-McClure loss as a residual: `r` for small values, never more than `limit`.
-pub(crate) fn robust(r: f64, limit: f64) -> f64 {
+pub fn robust(r: f64, limit: f64) -> f64 {
     let k = r / limit;
     r / (1.0 + k * k).sqrt()
 }

@@ -13,7 +13,7 @@ pub mod align;
 mod calibration;
 mod homography;
 mod image;
-mod least_squares;
+pub mod least_squares;
 mod lines;
 pub mod manhattan;
 mod pca;
@@ -26,7 +26,7 @@ mod vanishing;
 
 pub use calibration::{
     AnchorKind, Calibration, CalibrationError, CalibrationEvidence, CalibrationMethod, CalibrationSettings,
-    JointEvidence, PlaneEvidence, calibrate, calibrate_with_photo,
+    JointEvidence, PlaneEvidence, RoomPosterior, calibrate, calibrate_with_photo, room_from_unknowns, room_unknowns,
 };
 pub use homography::{Homography, homography_from_quad};
 pub use image::{GrayImage, ImageError};

@@ -59,6 +59,8 @@ pub struct LevelReport {
     pub unresolved: Vec<Unresolved>,
     /// What group refinement changed.
     pub groups: GroupReport,
+    /// What the global refinement did, if it ran.
+    pub global: Option<crate::GlobalReport>,
     /// Shift of the whole scene along x, because the left wall was not seen and had to move, metres.
     pub shifted_x: f64,
     /// Everything that went another way than intended.
@@ -129,6 +131,14 @@ pub fn place_level(
         }
     }
     if let Some(level) = level {
+        if settings.refinement && settings.global_refinement {
+            crate::evidence::measure_level(scene, level, settings);
+            report.global = crate::refine_globally(scene, settings);
+            if report.global.is_some_and(|g| g.kept) {
+                polish_all(scene, settings);
+            }
+            tracing::debug!(?level, report = ?report.global, "refined globally");
+        }
         if settings.collision {
             part_all(scene, level, settings, &mut report);
         }
@@ -232,6 +242,30 @@ fn part_all(scene: &mut PartialScene, level: Level, settings: &PlacementSettings
         .into_iter()
         .map(|c| Unresolved { a: c.a, b: Some(c.b), penetration: c.penetration })
         .collect();
+}
+
+/// Looks at every object once more in the camera and room that the global refinement left.
+fn polish_all(scene: &mut PartialScene, settings: &PlacementSettings) {
+    use rayon::prelude::*;
+    let still: &PartialScene = scene;
+    let poses: Vec<Option<harmony_scene::Pose>> = (0..still.placed.len())
+        .into_par_iter()
+        .map(|i| {
+            let item = Arc::clone(&still.placed[i].item);
+            let others = neighbours(still, &item, &[], Some(i));
+            let view = View::new(still, Some(i), &item.mask, &others, settings.window_px)?;
+            let pose = still.placed[i].pose;
+            let yaw = YawRule::About { yaw: pose.yaw, sigma: 0.1 };
+            let (anchoring, wall_gap) = (anchoring_of(still, i), settings.wall_gap);
+            let frame = Frame { scene: still, item: &item, anchoring, yaw, wall_gap, fixed_size: false };
+            Some(polish(frame, &pose, &view, settings, settings.renders_per_object / 4).pose)
+        })
+        .collect();
+    for (placed, pose) in scene.placed.iter_mut().zip(poses) {
+        if let Some(pose) = pose {
+            placed.pose = pose;
+        }
+    }
 }
 
 /// Resolves the collisions of one placed object.

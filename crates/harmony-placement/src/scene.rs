@@ -7,6 +7,8 @@ use harmony_scene::{
     Support, Vec3, Wall,
 };
 
+use harmony_geometry::RoomPosterior;
+
 use crate::{Evidence, Item};
 
 /// Room left between an object and a loose wall, metres.
@@ -80,6 +82,8 @@ pub struct PartialScene {
     pub anchor: Vec3,
     /// Objects in placement order.
     pub placed: Vec<Placed>,
+    /// How surely camera, room and scale are known, when a point map was calibrated.
+    pub posterior: Option<RoomPosterior>,
     /// Masks of objects of later levels, as far as they are known already: they may hide what is placed now.
     pub upcoming: Vec<Upcoming>,
 }
@@ -105,7 +109,15 @@ impl PartialScene {
             .into_iter()
             .max_by(|a, b| camera.depth(*a).total_cmp(&camera.depth(*b)))
             .unwrap_or(Vec3::ZERO);
-        Self { room, camera, points, anchor: anchor.unwrap_or(deepest), placed: Vec::new(), upcoming: Vec::new() }
+        Self {
+            room,
+            camera,
+            points,
+            anchor: anchor.unwrap_or(deepest),
+            placed: Vec::new(),
+            posterior: None,
+            upcoming: Vec::new(),
+        }
     }
 
     /// Whether a wall is where a guess put it: the room says which faces were seen, and this one was not.

@@ -26,6 +26,8 @@ pub struct PlacementSettings {
     pub collision: bool,
     /// Group refinement (sizes, facing, swaps, copies).
     pub groups: bool,
+    /// Refinement of all poses, camera, room and scale together after each level.
+    pub global_refinement: bool,
     /// Rounds of silhouette and depth step, at most.
     pub max_rounds: usize,
     /// Renders the optimiser may spend on one object.
@@ -52,6 +54,7 @@ impl Default for PlacementSettings {
             second_look: true,
             collision: true,
             groups: true,
+            global_refinement: true,
             max_rounds: 5,
             renders_per_object: 160,
             window_px: 128,

@@ -75,7 +75,15 @@ pub(super) fn calibrate_by_prior(points: &PointMap, prior: &LayoutPrior, reason:
         confidence: 0.5 * room.confidence,
         fallbacks,
     };
-    Calibration { camera, room_from_points, extents: room.extents, seen: vec![], anchor: room.anchor, evidence }
+    Calibration {
+        camera,
+        room_from_points,
+        extents: room.extents,
+        seen: vec![],
+        anchor: room.anchor,
+        evidence,
+        posterior: None,
+    }
 }
 
 fn scale_to_box(points: &PointMap, room: &RoomBox) -> f64 {

@@ -5,7 +5,7 @@
 //! the planes meet, the map holds how far they are. One robust least squares over focal length, rotation, the distances
 //! to the faces, the map's scale and the room's height weighs them, each in units of its own uncertainty.
 
-use harmony_scene::{Camera, PointMap, PointMapKind, Similarity, Surface, Vec2, Vec3};
+use harmony_scene::{Camera, Extents, ImageSize, PointMap, PointMapKind, Similarity, Surface, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::types::{AnchorKind, Calibration};
@@ -71,6 +71,45 @@ impl JointEvidence {
             ..self
         }
     }
+}
+
+/// How surely camera, room and the map's scale are known: the information matrix of the joint refinement over
+/// `ln focal, yaw, tilt, roll, ln left, ln right, logit(floor / height), ln back, ln height, ln scale` (radians;
+/// distances of the camera to the faces, metres), row by row.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RoomPosterior {
+    /// 10 x 10 values.
+    pub information: Vec<f64>,
+    /// One sigma of the scale, relative.
+    pub sigma_scale: f64,
+}
+
+/// The ten unknowns of [`RoomPosterior`] for a camera in a room; focal length in pixels of its image.
+pub fn room_unknowns(camera: &Camera, extents: &Extents, scale: f64) -> [f64; 10] {
+    let view = ViewEstimate {
+        rotation: camera.rotation,
+        ..ViewEstimate::from_hints(camera.size, camera.intrinsics, &CameraHints::default())
+    };
+    let (centre, positive) = (camera.centre(), |v: f64| v.max(0.05));
+    let floor = centre.y.clamp(0.02 * extents.height, 0.98 * extents.height);
+    [
+        camera.intrinsics.fx.ln(),
+        view.yaw_deg().to_radians(),
+        view.tilt_deg().to_radians(),
+        view.roll(),
+        positive(centre.x).ln(),
+        positive(extents.width - centre.x).ln(),
+        (floor / (extents.height - floor)).ln(),
+        positive(centre.z).ln(),
+        extents.height.ln(),
+        scale.ln(),
+    ]
+}
+
+/// Camera and room of ten unknowns; the room's depth is the distance to the back wall, which is all that they know.
+pub fn room_from_unknowns(unknowns: &[f64], size: ImageSize) -> (Camera, Extents) {
+    let solved = Problem::unpack(unknowns);
+    (solved.camera(size), solved.extents(0.0))
 }
 
 const LN_FOCAL: usize = 0;
@@ -140,27 +179,7 @@ impl<'a> Problem<'a> {
         let focal_px = camera.intrinsics.fx;
         let sigma = if points.kind == PointMapKind::Metric { SENSOR_FOCAL_SIGMA } else { FOCAL_SIGMA };
         let focal = FocalPrior { focal_px, sigma };
-        let centre = camera.centre();
-        let e = c.extents;
-        let own = ViewEstimate {
-            rotation: camera.rotation,
-            ..ViewEstimate::from_hints(photo, camera.intrinsics, &CameraHints::default())
-        };
-        let positive = |v: f64| v.max(0.05);
-        let (left, right, back) = (positive(centre.x), positive(e.width - centre.x), positive(centre.z));
-        let floor = centre.y.clamp(0.02 * e.height, 0.98 * e.height);
-        let start = [
-            focal_px.ln(),
-            own.yaw_deg().to_radians(),
-            own.tilt_deg().to_radians(),
-            own.roll(),
-            left.ln(),
-            right.ln(),
-            (floor / (e.height - floor)).ln(),
-            back.ln(),
-            e.height.ln(),
-            c.room_from_points.scale.ln(),
-        ];
+        let start = room_unknowns(&camera, &c.extents, c.room_from_points.scale);
         let mut measured = [false; 6];
         for surface in &c.seen {
             measured[index(*surface)] = true;
@@ -284,14 +303,14 @@ impl<'a> Problem<'a> {
 
     fn refine(mut self, before: &Calibration, points: &PointMap) -> Option<(Calibration, JointEvidence)> {
         let mut p = self.start;
-        let mut sigmas = Vec::new();
+        let (mut sigmas, mut information) = (Vec::new(), Vec::new());
         for (round, reach) in REACH.into_iter().enumerate() {
             self.assign(&p, reach);
             // Wide losses first: the start may be some degrees off.
             let limit = if round == 0 { 4.0 * LIMIT } else { LIMIT };
             let s = minimise(&p, &STEPS, 40, |p, out| self.residuals(p, limit, out));
             p.copy_from_slice(&s.parameters[..10]);
-            sigmas = s.sigmas;
+            (sigmas, information) = (s.sigmas, s.information);
         }
         let solved = Self::unpack(&p);
         let photo = self.prior.photo;
@@ -354,6 +373,7 @@ impl<'a> Problem<'a> {
             sigma_focal: sigmas[LN_FOCAL],
         };
         refined.evidence.joint = Some(evidence);
+        refined.posterior = Some(RoomPosterior { information, sigma_scale: sigmas[LN_SCALE] });
         Some((refined, evidence))
     }
 }

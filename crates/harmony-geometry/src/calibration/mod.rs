@@ -8,8 +8,8 @@ mod types;
 
 use harmony_scene::{Camera, Extents, Mat3, PointMap, PointMapKind, Surface, Vec2, Vec3};
 
-pub use joint::JointEvidence;
 use joint::refine_jointly;
+pub use joint::{JointEvidence, RoomPosterior, room_from_unknowns, room_unknowns};
 pub use types::{
     AnchorKind, Calibration, CalibrationError, CalibrationEvidence, CalibrationMethod, CalibrationSettings,
     PlaneEvidence,
@@ -291,7 +291,15 @@ fn solve(points: &PointMap, surfels: &Surfels, prior: &LayoutPrior, m: &Measured
         fallbacks,
     };
     let seen = Surface::ALL.into_iter().filter(|s| m.face(*s).is_some()).collect();
-    Ok(Calibration { camera, room_from_points: similarity, extents, seen, anchor: floor_in_room, evidence })
+    Ok(Calibration {
+        camera,
+        room_from_points: similarity,
+        extents,
+        seen,
+        anchor: floor_in_room,
+        evidence,
+        posterior: None,
+    })
 }
 
 /// Refuses a box whose measured sides have nothing to do with the prior's.

@@ -115,6 +115,9 @@ pub struct Calibration {
     pub anchor: Vec3,
     /// What speaks for it.
     pub evidence: CalibrationEvidence,
+    /// How surely camera, room and scale are known, when the joint refinement ran.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub posterior: Option<super::RoomPosterior>,
 }
 
 /// Calibration is impossible.

@@ -52,6 +52,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     let answer = ask(ctx, &working, &geometry, &unaided).await?;
     let prior = layout_prior(&answer, size);
     let by_box = estimate_room_box(&gray, &view, &prior);
+    let mut posterior = None;
     let (camera, extents, seen, anchor, points, evidence, method, confidence, because) = match geometry {
         GeometryAnswer::Points(map) if ctx.settings.camera_calibration => {
             match calibrate_with_photo(&map, &prior, &view, &CalibrationSettings::default()) {
@@ -67,6 +68,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
                     );
                     let method = format!("closed form from the point map ({})", words(&json!(c.evidence.method)));
                     let confidence = c.evidence.confidence;
+                    posterior.clone_from(&c.posterior);
                     let points = Some((Arc::new(map), c.room_from_points));
                     (
                         c.camera.resized(size),
@@ -113,7 +115,8 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         }),
     };
     let room_points = points.as_ref().map(|(map, similarity)| RoomPoints::new(map, similarity));
-    let partial = PartialScene::new(room, camera, room_points, Some(anchor));
+    let mut partial = PartialScene::new(room, camera, room_points, Some(anchor));
+    partial.posterior = posterior;
     let layout = Layout { answer, camera, points, evidence, method, confidence, because };
     let state = SceneState {
         photo_frame: Arc::new(Border::of(&working).mask(camera.size)),

@@ -7,7 +7,9 @@ use harmony_mesh::catalogue;
 use harmony_placement::{Item, LevelReport, Shape, Traits, YawHint, place_level};
 use harmony_prompts::{FrontPanel, FrontsAnswer, FrontsVars, Occlusion, orient};
 use harmony_roles::Picture;
-use harmony_scene::{Level, ObjectId, Placement, Relations, Size, Support, WallAffinity, WarningKind};
+use harmony_scene::{
+    Camera, Level, ObjectId, Placement, Relations, Similarity, Size, Support, WallAffinity, WarningKind,
+};
 use image::RgbaImage;
 use serde_json::{Value, json};
 
@@ -37,12 +39,11 @@ pub async fn in_order(
     })
     .await
     .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
-    state.partial = partial;
-    if report.shifted_x != 0.0 {
-        if let Some((_, similarity)) = &mut state.layout.points {
-            similarity.translation.x += report.shifted_x;
-        }
+    let scale = report.global.filter(|g| g.kept).map_or(1.0, |g| g.scale);
+    if let Some((_, room_from_points)) = &mut state.layout.points {
+        *room_from_points = carried(room_from_points, &state.partial.camera, &partial.camera, scale);
     }
+    state.partial = partial;
     state.layout.camera = state.partial.camera;
     for warning in &report.warnings {
         ctx.warn(warning.kind, warning.object.clone(), warning.message.clone());
@@ -60,6 +61,13 @@ pub async fn in_order(
         );
     }
     Ok(report)
+}
+
+/// The way of the map's points into the room after the camera moved there and the scale changed.
+fn carried(room_from_points: &Similarity, old: &Camera, new: &Camera, scale: f64) -> Similarity {
+    let camera_from_room = Similarity { scale, rotation: old.rotation, translation: old.translation * scale };
+    let room_from_camera = Similarity { scale: 1.0, rotation: new.rotation.transpose(), translation: new.centre() };
+    room_from_camera * camera_from_room * *room_from_points
 }
 
 /// What placement needs to know about a prepared object.

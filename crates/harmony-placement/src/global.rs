@@ -1,0 +1,489 @@
+//! All poses, the camera, the room and the scale together (beyond the paper; DESIGN section 8).
+//!
+//! Placing objects one after the other in a fixed camera leaves each with its own errors, and all with those of the
+//! camera and the walls. Here everything is one weighted least squares: the outlines of all masks in a dozen
+//! directions each, the front depths of the map, sizes, walls at backs, equal sizes within sets, and what calibration
+//! knows of camera, room and scale, each in units of its own uncertainty. An outline is compared only where the mask
+//! ends by itself: not at the image's border, and not at something nearer.
+
+use harmony_geometry::least_squares::{minimise, robust};
+use harmony_geometry::{RoomPosterior, room_from_unknowns, room_unknowns};
+use harmony_scene::{Camera, Extents, Level, Mask, PointMapKind, Pose, Support, Vec2, Vec3, Wall};
+
+use crate::anchoring::{Anchoring, USUAL_GAP, prior_scale, size_of};
+use crate::formulas::front_surface_depth;
+use crate::level::{anchoring_of, neighbours};
+use crate::view::View;
+use crate::{PartialScene, PlacementSettings, RoomPoints};
+
+/// Directions in which outlines are compared.
+const DIRECTIONS: usize = 16;
+/// One sigma of an outline, pixels of an image 1000 pixels wide, and relative to the object's size in the image: masks
+/// are ragged, and generated meshes approximate.
+const OUTLINE_SIGMA: [f64; 2] = [2.5, 0.015];
+/// One sigma of reaching a cut, in outline sigmas.
+const CUT_SIGMA: f64 = 2.0;
+/// Share of the outermost pixels that must end by themselves.
+const FREE_SHARE: f64 = 0.6;
+/// A neighbour whose depth is smaller than this share of the own one is nearer.
+const NEARER: f64 = 0.955;
+/// One sigma of the map's depth, relative: smooth error over a patch (share of the image's width), and its floor.
+const DEPTH_SIGMA: [f64; 2] = [0.03, 0.012];
+const PATCH: f64 = 0.1;
+/// One sigma of a metric map's depth, relative.
+const SENSOR_SIGMA: f64 = 0.012;
+/// One sigma of the gap to a wall that an object stands at, metres.
+const GAP_SIGMA: f64 = 0.02;
+/// One sigma of sizes within a matched set, relative.
+const SET_SIGMA: f64 = 0.01;
+/// One sigma of the turn from where sequential placement left it, radians.
+const YAW_SIGMA: f64 = 0.12;
+/// One sigma of what nothing else holds: move from where sequential placement left it, metres; and size, relative.
+const TETHER: [f64; 2] = [0.3, 0.3];
+/// One sigma of the camera's angles, radians: many lines of the photo hold them, better than calibration claims.
+const ROTATION_SIGMA: f64 = 0.0025;
+/// Objects that agree less with their masks say nothing about the others.
+const TRUSTED_IOU: f64 = 0.6;
+/// Saturation of the losses, sigmas.
+const LIMIT: f64 = 3.0;
+/// Surface points an object is outlined by, at most.
+const OUTLINE_POINTS: usize = 240;
+/// Least-squares rounds; outlines and depths are read anew before each.
+const ROUNDS: usize = 2;
+const ITERATIONS: usize = 8;
+/// Mean agreement with the masks that a refinement may cost.
+const IOU_SLACK: f64 = 0.06;
+
+/// Numbers of the room at the front of all unknowns, then four an object: place (two), yaw, ln scale.
+const ROOM: usize = 10;
+const EACH: usize = 4;
+
+/// What the refinement did.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct GlobalReport {
+    /// Mean agreement of outlines with masks before and after.
+    pub iou: [f64; 2],
+    /// Move of the camera, metres, and its turn, degrees.
+    pub camera_moved_m: f64,
+    /// See `camera_moved_m`.
+    pub camera_turned_deg: f64,
+    /// Factor on the scene's scale.
+    pub scale: f64,
+    /// Mean move of the objects, metres.
+    pub objects_moved_m: f64,
+    /// Whether the result was kept.
+    pub kept: bool,
+}
+
+/// One object as the problem sees it.
+struct Body {
+    /// Index into the placed objects.
+    object: usize,
+    anchoring: Anchoring,
+    /// Canonical points whose projections make its outline.
+    outline: Vec<Vec3>,
+    /// How far the mask reaches in each direction, pixels, and whether it ends there by itself.
+    reach: Vec<(f64, bool)>,
+    outline_sigma: f64,
+    /// Front depth of the map over that of the object, and one sigma, relative.
+    depth: Option<(f64, f64)>,
+    start: Pose,
+    /// Planar depth of its position at the start.
+    start_depth: f64,
+    size_log: f64,
+    size_sigma: f64,
+    /// Its set's first member, in bodies.
+    twin: Option<usize>,
+}
+
+/// Refines everything that is placed; the scene changes only when its agreement with the masks does not suffer.
+///
+/// `None` where calibration left no posterior (no point map) or nothing is placed.
+pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<GlobalReport> {
+    let posterior = scene.posterior.clone()?;
+    let before = mean_iou(scene, settings)?;
+    let (camera, positions): (Camera, Vec<Vec3>) =
+        (scene.camera, scene.placed.iter().map(|p| p.pose.position).collect());
+    let mut trial = scene.clone();
+    let mut scale = 1.0;
+    for _ in 0..ROUNDS {
+        scale *= round(&mut trial, &posterior, settings)?;
+    }
+    let after = mean_iou(&trial, settings)?;
+    let kept = after >= before - IOU_SLACK;
+    let turn = trial.camera.rotation * camera.rotation.transpose();
+    let cos = ((turn.x_axis.x + turn.y_axis.y + turn.z_axis.z - 1.0) / 2.0).clamp(-1.0, 1.0);
+    let moved: f64 = trial.placed.iter().zip(&positions).map(|(p, q)| p.pose.position.distance(*q)).sum();
+    let report = GlobalReport {
+        iou: [before, after],
+        camera_moved_m: trial.camera.centre().distance(camera.centre()),
+        camera_turned_deg: cos.acos().to_degrees(),
+        scale,
+        objects_moved_m: moved / positions.len().max(1) as f64,
+        kept,
+    };
+    if kept {
+        *scene = trial;
+    }
+    Some(report)
+}
+
+/// Mean agreement of what is placed with its masks, in the partial scene.
+fn mean_iou(scene: &PartialScene, settings: &PlacementSettings) -> Option<f64> {
+    use rayon::prelude::*;
+    let all: Vec<f64> = (0..scene.placed.len())
+        .into_par_iter()
+        .filter_map(|i| crate::measure(scene, i, settings).silhouette_iou)
+        .collect();
+    (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
+}
+
+fn direction(k: usize) -> Vec2 {
+    Vec2::from_angle(std::f64::consts::TAU * k as f64 / DIRECTIONS as f64)
+}
+
+/// One round; returns the factor on the scale.
+fn round(scene: &mut PartialScene, posterior: &RoomPosterior, settings: &PlacementSettings) -> Option<f64> {
+    let bodies = bodies(scene, settings);
+    let factor = root(&posterior.information)?;
+    let start_room = room_unknowns(&scene.camera, &scene.room.extents, 1.0);
+    let mut start = start_room.to_vec();
+    for b in &bodies {
+        start.extend(numbers(b, &scene.room.extents));
+    }
+    let steps: Vec<f64> = (0..start.len()).map(|i| if i < ROOM { 1e-5 } else { 1e-4 }).collect();
+    let loose = [scene.is_loose(Wall::Left), scene.is_loose(Wall::Right)];
+    let solution = minimise(&start, &steps, ITERATIONS, |p, out| {
+        // What calibration knows.
+        for row in 0..ROOM {
+            out.push((0..ROOM).map(|c| factor[row * ROOM + c] * (p[c] - start_room[c])).sum());
+        }
+        out.extend((1..4).map(|i| (p[i] - start_room[i]) / ROTATION_SIGMA));
+        // A loose wall says nothing, and stays where it is.
+        out.push(if loose[0] { (p[4] - start_room[4]) / 0.01 } else { 0.0 });
+        out.push(if loose[1] { (p[5] - start_room[5]) / 0.01 } else { 0.0 });
+        let (camera, extents) = room(p, scene);
+        let poses: Vec<Pose> = bodies
+            .iter()
+            .enumerate()
+            .map(|(i, b)| pose(scene, b, &p[ROOM + EACH * i..ROOM + EACH * (i + 1)], &extents))
+            .collect();
+        for (i, (b, pose)) in bodies.iter().zip(&poses).enumerate() {
+            residuals(scene, b, pose, &camera, &extents, p[9], out);
+            if let Some(twin) = b.twin {
+                let own = p[ROOM + EACH * i + 3] - bodies[i].start.scale.ln();
+                let other = p[ROOM + EACH * twin + 3] - bodies[twin].start.scale.ln();
+                out.push((own - other) / SET_SIGMA);
+            }
+        }
+    });
+    let p = &solution.parameters;
+    if !p.iter().all(|v| v.is_finite()) {
+        return None;
+    }
+    let (camera, extents) = room(p, scene);
+    let poses: Vec<Pose> = bodies
+        .iter()
+        .enumerate()
+        .map(|(i, b)| pose(scene, b, &p[ROOM + EACH * i..ROOM + EACH * (i + 1)], &extents))
+        .collect();
+    let scale = p[9].exp();
+    carry_points(scene, &camera, scale);
+    scene.camera = camera;
+    scene.room.extents = extents;
+    for (b, pose) in bodies.iter().zip(poses) {
+        scene.placed[b.object].pose = pose;
+    }
+    settle_all(scene, settings);
+    Some(scale)
+}
+
+/// Camera and room of some unknowns; what they do not know stays: the front wall, the principal point.
+fn room(p: &[f64], scene: &PartialScene) -> (Camera, Extents) {
+    let (mut camera, mut extents) = room_from_unknowns(&p[..ROOM], scene.camera.size);
+    camera.intrinsics.cx = scene.camera.intrinsics.cx;
+    camera.intrinsics.cy = scene.camera.intrinsics.cy;
+    extents.depth = scene.room.extents.depth - scene.camera.centre().z + camera.centre().z;
+    (camera, extents)
+}
+
+/// A matrix whose square is the information: `F^T F = I`.
+fn root(information: &[f64]) -> Option<Vec<f64>> {
+    let m = nalgebra::DMatrix::from_column_slice(ROOM, ROOM, information);
+    let eigen = nalgebra::SymmetricEigen::new((&m + m.transpose()) * 0.5);
+    let mut out = vec![0.0; ROOM * ROOM];
+    for row in 0..ROOM {
+        let k = eigen.eigenvalues[row].max(0.0).sqrt();
+        for c in 0..ROOM {
+            out[row * ROOM + c] = k * eigen.eigenvectors[(c, row)];
+        }
+    }
+    out.iter().all(|v| v.is_finite()).then_some(out)
+}
+
+fn bodies(scene: &PartialScene, settings: &PlacementSettings) -> Vec<Body> {
+    use rayon::prelude::*;
+    let mut out: Vec<Body> = (0..scene.placed.len()).into_par_iter().filter_map(|i| body(scene, i, settings)).collect();
+    for i in 0..out.len() {
+        let set = |b: &Body| scene.placed[b.object].item.relations.matched_set.clone();
+        let own = set(&out[i]);
+        if own.is_some() {
+            out[i].twin = (0..i).find(|j| set(&out[*j]) == own);
+        }
+    }
+    out
+}
+
+fn body(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Option<Body> {
+    let placed = &scene.placed[object];
+    let item = &placed.item;
+    let others = neighbours(scene, item, &[], Some(object));
+    let view = View::new(scene, Some(object), &item.mask, &others, settings.window_px)?;
+    let (reference, rendered) = view.front_depths(item.shape.proxy(), &placed.pose);
+    let dense = settings.point_map && scene.points.as_ref().is_some_and(RoomPoints::is_dense);
+    let poor = placed.evidence.silhouette_iou.unwrap_or(0.0) < TRUSTED_IOU;
+    let b = &view.mask_box;
+    let width = f64::from(scene.camera.size.width);
+    let metric = scene.points.as_ref().is_some_and(|p| p.kind == PointMapKind::Metric);
+    let patches = 1.0 + b.width() * b.height() / (PATCH * width).powi(2);
+    let depth_sigma = if metric { SENSOR_SIGMA } else { (DEPTH_SIGMA[0] / patches.sqrt()).hypot(DEPTH_SIGMA[1]) };
+    let depth = match (!poor && dense && reference.len() >= 12 && rendered.len() >= 12).then_some(()) {
+        Some(()) => {
+            let ratio = front_surface_depth(&reference)? / front_surface_depth(&rendered)?;
+            // Another surface was read: an object in front, a wall behind.
+            ((ratio - 1.0).abs() < 0.25).then_some((ratio, depth_sigma))
+        }
+        None => None,
+    };
+    let extent = b.width().max(b.height());
+    let heavily = if item.traits.heavily_occluded { 2.0 } else { 1.0 };
+    let outline_sigma = (OUTLINE_SIGMA[0] * width / 1000.0).hypot(OUTLINE_SIGMA[1] * extent) * heavily;
+    let reach = if poor {
+        vec![(f64::NEG_INFINITY, false); DIRECTIONS]
+    } else {
+        (0..DIRECTIONS).map(|k| mask_reach(scene, &item.mask, direction(k), &others_of(scene, object))).collect()
+    };
+    let (scale, stretch) = prior_scale(item, item.size);
+    let relative = (placed.pose.stretch / stretch).max(Vec3::splat(1e-3));
+    let stretched = (relative.x * relative.y * relative.z).cbrt().ln();
+    Some(Body {
+        object,
+        anchoring: anchoring_of(scene, object),
+        outline: outline_points(scene, object),
+        reach,
+        outline_sigma,
+        depth,
+        start: placed.pose,
+        start_depth: scene.camera.depth(placed.pose.position),
+        size_log: scale.ln() - stretched,
+        size_sigma: 0.75 * settings.size_sigma,
+        twin: None,
+    })
+}
+
+fn others_of(scene: &PartialScene, object: usize) -> Vec<usize> {
+    (0..scene.placed.len())
+        .filter(|i| *i != object && !scene.placed[*i].item.traits.flat && scene.placed[*i].item.level != Level::Wall)
+        .collect()
+}
+
+/// The canonical points that can be the outermost in some direction: extremes of the hulls.
+fn outline_points(scene: &PartialScene, object: usize) -> Vec<Vec3> {
+    let all: Vec<Vec3> = scene.placed[object].item.shape.hulls().iter().flatten().copied().collect();
+    if all.len() <= OUTLINE_POINTS {
+        return all;
+    }
+    let mut chosen: Vec<usize> = Vec::new();
+    for i in 0..OUTLINE_POINTS {
+        // A Fibonacci sphere of directions.
+        let y = 1.0 - 2.0 * (i as f64 + 0.5) / OUTLINE_POINTS as f64;
+        let (sin, cos) = (i as f64 * 2.399_963).sin_cos();
+        let d = Vec3::new(cos * (1.0 - y * y).sqrt(), y, sin * (1.0 - y * y).sqrt());
+        let best = (0..all.len()).max_by(|a, b| all[*a].dot(d).total_cmp(&all[*b].dot(d)));
+        chosen.extend(best.filter(|b| !chosen.contains(b)));
+    }
+    chosen.into_iter().map(|i| all[i]).collect()
+}
+
+/// How far a mask reaches in a direction (pixels), and whether it ends there by itself: not at the image's border,
+/// nor at a mask of something nearer.
+fn mask_reach(scene: &PartialScene, mask: &Mask, d: Vec2, others: &[usize]) -> (f64, bool) {
+    let size = mask.size();
+    let (w, h) = (size.width as i64, size.height as i64);
+    let mut along: Vec<(f64, i64, i64)> = Vec::new();
+    let Some(b) = mask.bounds() else { return (f64::NEG_INFINITY, false) };
+    for y in b.y0 as i64..b.y1 as i64 {
+        // Only the ends of a row can be outermost.
+        let mut row = (b.x0 as i64..b.x1 as i64).filter(|x| mask.get(*x, y));
+        if let Some(first) = row.next() {
+            let last = row.last().unwrap_or(first);
+            for x in [first, last] {
+                let p = Vec2::new(x as f64 + 0.5, y as f64 + 0.5);
+                along.push((p.dot(d) + 0.5 * (d.x.abs() + d.y.abs()), x, y));
+            }
+        }
+    }
+    if d.y.abs() > 0.9 {
+        // Up and down the outermost rows count with all their pixels.
+        for y in [b.y0 as i64, b.y1 as i64 - 1] {
+            for x in b.x0 as i64..b.x1 as i64 {
+                if mask.get(x, y) {
+                    along.push((Vec2::new(x as f64 + 0.5, y as f64 + 0.5).dot(d) + 0.5, x, y));
+                }
+            }
+        }
+    }
+    along.sort_by(|a, b| b.0.total_cmp(&a.0));
+    // A stray pixel or two is no outline.
+    let reach = along.get(along.len() / 300).map_or(f64::NEG_INFINITY, |a| a.0);
+    let band: Vec<&(f64, i64, i64)> = along.iter().take_while(|a| a.0 > reach - 3.0).take(200).collect();
+    let depth_at = |x: i64, y: i64| depth_at(scene, x, y);
+    let cut = |&&(_, x, y): &&(f64, i64, i64)| {
+        (2..=6).step_by(2).any(|k| {
+            let (u, v) = (x + (d.x * f64::from(k)).round() as i64, y + (d.y * f64::from(k)).round() as i64);
+            if u < 1 || v < 1 || u >= w - 1 || v >= h - 1 {
+                return true;
+            }
+            let other = others.iter().any(|o| scene.placed[*o].item.mask.get(u, v)) && !mask.get(u, v);
+            match (depth_at(u, v), depth_at(x, y)) {
+                (Some(there), Some(here)) => there < NEARER * here,
+                _ => other,
+            }
+        })
+    };
+    let cuts = band.iter().filter(|a| cut(a)).count();
+    (reach, (cuts as f64) < (1.0 - FREE_SHARE) * band.len() as f64)
+}
+
+fn depth_at(scene: &PartialScene, x: i64, y: i64) -> Option<f64> {
+    let points = scene.points.as_ref().filter(|p| p.is_dense())?;
+    let k = |v: i64, own: u32, full: u32| (v * i64::from(own) / i64::from(full)).clamp(0, i64::from(own) - 1) as usize;
+    let (u, v) = (k(x, points.size.width, scene.camera.size.width), k(y, points.size.height, scene.camera.size.height));
+    let p = points.xyz[v * points.size.width as usize + u];
+    p.is_finite().then(|| scene.camera.depth(p))
+}
+
+/// The four numbers of an object.
+fn numbers(b: &Body, extents: &Extents) -> [f64; EACH] {
+    let p = b.start.position;
+    let (u, v) = match b.anchoring {
+        Anchoring::OnWall(wall) => (wall.coordinates(p).x, p.y),
+        Anchoring::AgainstWall(wall) => (wall.coordinates(p).x, wall.distance(extents, p)),
+        _ => (p.x, p.z),
+    };
+    [u, v, b.start.yaw, b.start.scale.ln()]
+}
+
+/// The pose of four numbers in a room of some size.
+fn pose(scene: &PartialScene, b: &Body, n: &[f64], extents: &Extents) -> Pose {
+    let item = &scene.placed[b.object].item;
+    let mut pose = Pose { yaw: n[2], scale: n[3].exp(), ..b.start };
+    match b.anchoring {
+        Anchoring::OnWall(wall) => {
+            let away = wall.distance(&scene.room.extents, b.start.position);
+            pose.position = wall.point(extents, n[0], n[1]) + wall.normal() * away;
+            pose.yaw = b.start.yaw;
+        }
+        Anchoring::AgainstWall(wall) => {
+            pose.position = wall.point(extents, n[0], 0.0) + wall.normal() * n[1];
+            pose.position.y = b.start.position.y;
+            pose.yaw = b.start.yaw;
+        }
+        Anchoring::Ceiling => {
+            pose.position = Vec3::new(n[0], extents.height - size_of(item, &pose).y, n[1]);
+        }
+        Anchoring::Floor => pose.position = Vec3::new(n[0], b.start.position.y, n[1]),
+        Anchoring::OnHost { .. } => pose.position = Vec3::new(n[0], b.start.position.y, n[1]),
+    }
+    pose
+}
+
+fn residuals(
+    scene: &PartialScene,
+    b: &Body,
+    pose: &Pose,
+    camera: &Camera,
+    extents: &Extents,
+    ln_scale: f64,
+    out: &mut Vec<f64>,
+) {
+    let linear = camera.rotation * pose.linear();
+    let offset = camera.to_camera(pose.position);
+    let k = camera.intrinsics;
+    let mut far = [f64::NEG_INFINITY; DIRECTIONS];
+    for p in &b.outline {
+        let c = linear * *p + offset;
+        if c.z < 0.05 {
+            continue;
+        }
+        let pixel = Vec2::new(k.fx * c.x / c.z + k.cx, k.fy * c.y / c.z + k.cy);
+        for (i, far) in far.iter_mut().enumerate() {
+            *far = far.max(pixel.dot(direction(i)));
+        }
+    }
+    for (far, (reach, free)) in far.iter().zip(&b.reach) {
+        let off = if reach.is_finite() && far.is_finite() { (far - reach) / b.outline_sigma } else { 0.0 };
+        // Where the mask is cut the outline may go on, but must get there.
+        let off = if *free { off } else { (off / CUT_SIGMA).min(0.0) };
+        out.push(robust(off, LIMIT) / (DIRECTIONS as f64 / 4.0).sqrt());
+    }
+    out.push(match b.depth {
+        Some((ratio, sigma)) => {
+            // Ratio of the map's depth to the object's: the object goes with its position.
+            let own = camera.depth(pose.position) / b.start_depth.max(0.05);
+            robust((ratio.ln() + ln_scale - own.max(0.05).ln()) / sigma, LIMIT)
+        }
+        None => 0.0,
+    });
+    out.push(robust((pose.scale.ln() - b.size_log) / b.size_sigma, LIMIT));
+    let item = &scene.placed[b.object].item;
+    out.push(match b.anchoring {
+        Anchoring::AgainstWall(wall) => {
+            let gap = wall.distance(extents, pose.position) - size_of(item, pose).z / 2.0;
+            (gap - USUAL_GAP) / if gap < 0.003 { 0.3 * GAP_SIGMA } else { GAP_SIGMA }
+        }
+        _ => 0.0,
+    });
+    let turn = crate::cost::angle_between(pose.yaw, b.start.yaw);
+    out.push(turn / YAW_SIGMA);
+    let start = b.start.position;
+    out.push((pose.position.x - start.x) / TETHER[0]);
+    out.push((pose.position.z - start.z) / TETHER[0]);
+    out.push((pose.scale / b.start.scale).ln() / TETHER[1]);
+}
+
+/// Brings the map's points along: they keep their pixels and take the new scale.
+fn carry_points(scene: &mut PartialScene, camera: &Camera, scale: f64) {
+    let old = scene.camera;
+    let ratio = camera.intrinsics.fx / old.intrinsics.fx;
+    for p in scene.points.iter_mut().flat_map(|p| &mut p.xyz) {
+        if p.is_finite() {
+            let c = old.to_camera(*p) * scale;
+            *p = camera.to_room(Vec3::new(c.x / ratio, c.y / ratio, c.z));
+        }
+    }
+}
+
+/// Puts everything back onto its support, hosts before what they carry.
+fn settle_all(scene: &mut PartialScene, settings: &PlacementSettings) {
+    use crate::anchoring::{Frame, YawRule};
+    let order: Vec<usize> = {
+        let carried = |i: usize| matches!(scene.placed[i].support, Support::Object { .. });
+        let mut all: Vec<usize> = (0..scene.placed.len()).collect();
+        all.sort_by_key(|i| carried(*i));
+        all
+    };
+    for i in order {
+        let item = std::sync::Arc::clone(&scene.placed[i].item);
+        let frame = Frame {
+            scene,
+            item: &item,
+            anchoring: anchoring_of(scene, i),
+            yaw: YawRule::Fixed(scene.placed[i].pose.yaw),
+            wall_gap: settings.wall_gap,
+            fixed_size: true,
+        };
+        let pose = frame.settle(&scene.placed[i].pose);
+        scene.placed[i].pose = pose;
+    }
+}
