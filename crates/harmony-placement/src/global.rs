@@ -465,7 +465,7 @@ fn carry_points(scene: &mut PartialScene, camera: &Camera, scale: f64) {
 }
 
 /// Puts everything back onto its support, hosts before what they carry.
-fn settle_all(scene: &mut PartialScene, settings: &PlacementSettings) {
+pub(crate) fn settle_all(scene: &mut PartialScene, settings: &PlacementSettings) {
     use crate::anchoring::{Frame, YawRule};
     let order: Vec<usize> = {
         let carried = |i: usize| matches!(scene.placed[i].support, Support::Object { .. });

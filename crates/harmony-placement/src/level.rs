@@ -143,6 +143,8 @@ pub fn place_level(
             part_all(scene, level, settings, &mut report);
         }
         report.shifted_x = scene.fit_loose_walls();
+        // Collisions may have moved a host under what it carries.
+        crate::global::settle_all(scene, settings);
         crate::evidence::measure_level(scene, level, settings);
     }
     for object in &mut report.objects {
@@ -255,7 +257,7 @@ fn polish_all(scene: &mut PartialScene, settings: &PlacementSettings) {
             let others = neighbours(still, &item, &[], Some(i));
             let view = View::new(still, Some(i), &item.mask, &others, settings.window_px)?;
             let pose = still.placed[i].pose;
-            let yaw = YawRule::About { yaw: pose.yaw, sigma: 0.1 };
+            let yaw = YawRule::About { yaw: pose.yaw, sigma: 0.04 };
             let (anchoring, wall_gap) = (anchoring_of(still, i), settings.wall_gap);
             let frame = Frame { scene: still, item: &item, anchoring, yaw, wall_gap, fixed_size: false };
             Some(polish(frame, &pose, &view, settings, settings.renders_per_object / 4).pose)
@@ -266,6 +268,7 @@ fn polish_all(scene: &mut PartialScene, settings: &PlacementSettings) {
             placed.pose = pose;
         }
     }
+    crate::global::settle_all(scene, settings);
 }
 
 /// Resolves the collisions of one placed object.

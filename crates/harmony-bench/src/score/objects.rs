@@ -14,6 +14,9 @@ const LEAST_IOU: f64 = 0.3;
 /// A turned mesh that lies nearer to itself than this (share of its diagonal, in the mean) is the same.
 const SAME: f64 = 0.012;
 
+/// Surface points by which turns are compared.
+const SAMPLES: usize = 150;
+
 /// One object of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ObjectScore {
@@ -27,7 +30,7 @@ pub struct ObjectScore {
     pub offset: [f64; 3],
     /// Its length.
     pub position_m: f64,
-    /// Smallest turn that makes the yaw right, degrees; symmetries of the object count as right.
+    /// Turn of the geometry against the true one, degrees; symmetries of the object count as right.
     pub yaw_deg: f64,
     /// Whether it has a front that counts.
     pub has_front: bool,
@@ -93,13 +96,14 @@ pub fn compare(truth: &TruthRoom, run: &Prediction) -> (Vec<ObjectScore>, Vec<St
         let mask = Mask::from_fn(run.camera.size, |x, y| {
             ids[y as usize * run.camera.size.width as usize + x as usize] == i as u32 + 1
         });
-        let yaw = turn(t, o.object.pose.yaw - t.yaw);
+        let counts = t.level != Level::Wall && t.has_front();
+        let yaw = if counts { turn(t, &o.mesh) } else { None };
         scores.push(ObjectScore {
             truth: Some(t.id.clone()),
             offset: offset.to_array(),
             position_m: offset.length(),
             yaw_deg: yaw.unwrap_or(0.0),
-            has_front: t.level != Level::Wall && t.has_front() && yaw.is_some(),
+            has_front: yaw.is_some(),
             size: sizes.iter().map(|r| (r - 1.0).abs()).sum::<f64>() / sizes.len() as f64,
             size_bias: sizes.iter().sum::<f64>() / sizes.len() as f64 - 1.0,
             iou: mask.iou(&truth.mask(t.index)),
@@ -173,29 +177,54 @@ fn sides(t: &TruthObject, o: &PredictedObject) -> Vec<f64> {
     order.into_iter().take(if flat { 2 } else { 3 }).map(|i| ratio[i]).collect()
 }
 
-/// Smallest turn between two yaws under the object's symmetries, degrees; `None` for what is round.
-fn turn(t: &TruthObject, difference: f64) -> Option<f64> {
-    let bvh = Bvh::new(&t.mesh);
-    let diagonal = t.size.length().max(1e-6);
-    let samples: Vec<DVec3> = crate::score::contact::surface_points(&t.mesh, 400, 5);
-    let same = |deg: f64| {
-        let turn = DMat3::from_rotation_y(deg.to_radians());
-        let far = samples.iter().filter_map(|p| Some(bvh.closest_point(turn * *p)?.distance)).sum::<f64>();
-        far / samples.len().max(1) as f64 <= SAME * diagonal
+/// Turn about the vertical that brings the run's mesh best onto the true one, degrees; `None` for what is round.
+///
+/// Both are centred and brought to one size first. It is the geometry that is judged: a generated mesh whose front was
+/// named wrongly, but which stands as in the photo, is right. Among turns that fit nearly as well as the best (the
+/// object's symmetries) the smallest counts.
+fn turn(t: &TruthObject, found: &Mesh) -> Option<f64> {
+    let true_mesh = {
+        let mut m = (*t.mesh).clone();
+        m.map(|p| t.point(p.as_dvec3()).as_vec3(), |n| n);
+        m
     };
+    let unit = |mesh: &Mesh| {
+        let b = mesh.bounds()?;
+        let base = DVec3::new(b.centre().x, b.min.y, b.centre().z);
+        let size = b.size().y.max(1e-3).max(0.1 * b.size().length());
+        let mut out = mesh.clone();
+        out.map(|p| ((p.as_dvec3() - base) / size).as_vec3(), |n| n);
+        Some(out)
+    };
+    let (a, b) = (unit(found)?, unit(&true_mesh)?);
+    let (tree_a, tree_b) = (Bvh::new(&a), Bvh::new(&b));
+    let points_a = super::contact::surface_points(&a, SAMPLES, 5);
+    let points_b = super::contact::surface_points(&b, SAMPLES, 6);
+    let far = |deg: f64| {
+        let turn = DMat3::from_rotation_y(deg.to_radians());
+        let one: f64 = points_a.iter().filter_map(|p| Some(tree_b.closest_point(turn * *p)?.distance)).sum();
+        let other: f64 =
+            points_b.iter().filter_map(|p| Some(tree_a.closest_point(turn.transpose() * *p)?.distance)).sum();
+        (one + other) / (2 * SAMPLES) as f64
+    };
+    let steps: Vec<(f64, f64)> = (0..72).map(|k| (5.0 * f64::from(k), far(5.0 * f64::from(k)))).collect();
+    let best = steps.iter().map(|s| s.1).fold(f64::INFINITY, f64::min);
+    let worst = steps.iter().map(|s| s.1).fold(0.0, f64::max);
+    let diagonal = b.bounds()?.size().length();
+    if worst - best < SAME * diagonal {
+        return None;
+    }
     let wrapped = |deg: f64| {
         let d = deg.rem_euclid(360.0);
         d.min(360.0 - d)
     };
-    let difference = difference.to_degrees();
-    if same(45.0) && same(20.0) {
-        return None;
-    }
-    let mut best = wrapped(difference);
-    for symmetry in [90.0, 180.0, 270.0] {
-        if same(symmetry) {
-            best = best.min(wrapped(difference - symmetry));
+    let mut turns: Vec<f64> = Vec::new();
+    for (k, (deg, off)) in steps.iter().enumerate() {
+        let neighbours = [steps[(k + 71) % 72].1, steps[(k + 1) % 72].1];
+        if neighbours.iter().all(|n| off <= n) && *off <= best + 0.25 * SAME * diagonal + 0.1 * best {
+            let fine = (-4..=4).map(|i| deg + f64::from(i)).min_by(|a, b| far(*a).total_cmp(&far(*b)));
+            turns.push(wrapped(fine.unwrap_or(*deg)));
         }
     }
-    Some(best)
+    turns.into_iter().min_by(f64::total_cmp)
 }
