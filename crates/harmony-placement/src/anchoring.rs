@@ -177,7 +177,8 @@ impl Frame<'_> {
                 pose.position = wall.point(&e, numbers[0], 0.0) + wall.normal() * (gap + size.z / 2.0);
             }
             Anchoring::OnWall(wall) => {
-                let y = numbers[1].clamp(0.0, (e.height - size.y).max(0.0));
+                let highest = if self.item.traits.to_floor { 0.0 } else { (e.height - size.y).max(0.0) };
+                let y = numbers[1].clamp(0.0, highest);
                 let away = if self.item.traits.opening { size.z.min(PROUD) - size.z / 2.0 } else { size.z / 2.0 };
                 pose.position = wall.point(&e, numbers[0], y) + wall.normal() * (self.wall_gap + away);
             }

@@ -316,7 +316,7 @@ fn mask_reach(scene: &PartialScene, mask: &Mask, d: Vec2, others: &[usize]) -> (
         // Only the ends of a row can be outermost.
         let mut row = (b.x0 as i64..b.x1 as i64).filter(|x| mask.get(*x, y));
         if let Some(first) = row.next() {
-            let last = row.last().unwrap_or(first);
+            let last = row.next_back().unwrap_or(first);
             for x in [first, last] {
                 let p = Vec2::new(x as f64 + 0.5, y as f64 + 0.5);
                 along.push((p.dot(d) + 0.5 * (d.x.abs() + d.y.abs()), x, y));

@@ -18,6 +18,8 @@ pub struct Traits {
     pub planar: bool,
     /// A window or door: it sits in its wall, not on it.
     pub opening: bool,
+    /// A door: its lower edge is at the floor.
+    pub to_floor: bool,
     /// Hangs down (pendant, curtain).
     pub hangs: bool,
     /// Proportions may be corrected (part models, slabs).

@@ -131,6 +131,7 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
             // A generated mesh has its own proportions; a slab of ours may be given others.
             planar: planar && p.part_model.is_some(),
             opening: level == Level::Wall && matches!(harmony_mesh::template_name(&label), Some("window" | "door")),
+            to_floor: level == Level::Wall && harmony_mesh::template_name(&label) == Some("door"),
             hangs: level == Level::Ceiling || harmony_mesh::template_name(&label) == Some("curtain"),
             may_stretch: p.part_model.is_some(),
             as_wide_as_deep: !planar && (o.size_m.width / o.size_m.depth - 1.0).abs() < 0.02,
