@@ -1,5 +1,7 @@
 //! The full configuration beside variants that lack one part each: the paper's ablation table and further switches.
 
+use std::fmt::Write;
+
 use harmony_calls::Cast;
 use harmony_io::FileError;
 use serde::{Deserialize, Serialize};
@@ -203,15 +205,15 @@ fn write(out: &std::path::Path, ablation: &Ablation) -> Result<(), FileError> {
 pub fn text_table(ablation: &Ablation) -> String {
     let mut out = format!("{:<32}", "variant");
     for c in &COLUMNS {
-        out.push_str(&format!(" {:>10}", c.heading));
+        let _ = write!(out, " {:>10}", c.heading);
     }
     out.push_str("   failed\n");
     for v in &ablation.variants {
-        out.push_str(&format!("{:<32}", v.name));
+        let _ = write!(out, "{:<32}", v.name);
         for c in &COLUMNS {
-            out.push_str(&format!(" {:>10}", c.text(v)));
+            let _ = write!(out, " {:>10}", c.text(v));
         }
-        out.push_str(&format!("   {}\n", v.failed));
+        let _ = writeln!(out, "   {}", v.failed);
     }
     out
 }
@@ -249,7 +251,7 @@ pub fn markdown(ablation: &Ablation) -> String {
     );
     for v in &ablation.variants {
         let cells: Vec<String> = COLUMNS.iter().map(|c| c.text(v)).collect();
-        out.push_str(&format!("| {} | {} |\n", v.name, cells.join(" | ")));
+        let _ = writeln!(out, "| {} | {} |", v.name, cells.join(" | "));
     }
     out.push_str(
         "\n## Beside the paper\n\nThe paper's numbers are from its table \"Ablation of our key design choices\" \
@@ -269,8 +271,9 @@ pub fn markdown(ablation: &Ablation) -> String {
         let ours = |name: &str| find(&v.figures, name).map(|f| f.value).filter(|n| n.is_finite());
         let base = |name: &str| find(&full?.figures, name).map(|f| f.value).filter(|n| n.is_finite());
         let (loss, clip) = (paper.map(|p| p.pixel_loss), paper.map(|p| p.n_clip));
-        out.push_str(&format!(
-            "| {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
+        let _ = writeln!(
+            out,
+            "| {} | {} | {} | {} | {} | {} | {} | {} | {} |",
             v.name,
             four(ours(PIXEL_LOSS)),
             change(ours(PIXEL_LOSS), base(PIXEL_LOSS)),
@@ -280,7 +283,7 @@ pub fn markdown(ablation: &Ablation) -> String {
             change(clip, Some(paper_full.n_clip)),
             ours(POSITION).map_or_else(|| "-".to_owned(), number),
             change(ours(POSITION), base(POSITION)),
-        ));
+        );
     }
     out
 }

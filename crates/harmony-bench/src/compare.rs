@@ -1,6 +1,7 @@
 //! Two results side by side.
 
 use std::collections::BTreeMap;
+use std::fmt::Write;
 
 use crate::run::BenchResult;
 use crate::score::{ObjectScore, RoomScore};
@@ -91,7 +92,9 @@ pub fn compare(before: &BenchResult, after: &BenchResult, aligned: bool) -> Comp
     let pick = |r: &'_ BenchResult| if aligned { r.aligned.clone() } else { r.raw.clone() };
     let (a, b) = (pick(before), pick(after));
     let mut out = Comparison { figures: figures(&summary(&a), &summary(&b)), ..Comparison::default() };
-    let (mut first, second) = (by_case(&a), by_case(&b));
+    // Files of older versions know no seeds.
+    let seeds = a.iter().chain(&b).all(|r| r.seed.is_some());
+    let (mut first, second) = (by_case(&a, seeds), by_case(&b, seeds));
     for (case, new) in &second {
         let Some(old) = first.remove(case) else {
             out.unpaired.push(case.clone());
@@ -111,15 +114,16 @@ fn change(o: &ObjectChange) -> f64 {
     if difference.is_nan() { f64::INFINITY } else { difference }
 }
 
-/// Rooms by room and seed; older files know no seed, there the n-th run of a room is the n-th.
-fn by_case(rooms: &[RoomScore]) -> BTreeMap<String, &RoomScore> {
+/// Rooms by room and seed; without seeds the n-th run of a room is the n-th.
+fn by_case(rooms: &[RoomScore], seeds: bool) -> BTreeMap<String, &RoomScore> {
     let mut out: BTreeMap<String, &RoomScore> = BTreeMap::new();
     for r in rooms {
-        let mut case = r.case();
+        let name = if seeds { r.case() } else { r.room.clone() };
+        let mut case = name.clone();
         let mut again = 1;
         while out.contains_key(&case) {
             again += 1;
-            case = format!("{} ({again})", r.case());
+            case = format!("{name} ({again})");
         }
         out.insert(case, r);
     }
@@ -199,20 +203,21 @@ pub fn text(c: &Comparison) -> String {
     rooms.sort_by(|a, b| (b.position_m[1] - b.position_m[0]).total_cmp(&(a.position_m[1] - a.position_m[0])));
     for r in rooms {
         let [a, b] = r.position_m;
-        out.push_str(&format!("  {:<28} {:>9} {:>9} {:>9}\n", r.case, number(a), number(b), signed(b - a)));
+        let _ = writeln!(out, "  {:<28} {:>9} {:>9} {:>9}", r.case, number(a), number(b), signed(b - a));
     }
-    out.push_str(&format!(
+    let _ = write!(
+        out,
         "\n{} objects worse by more than {WORSE_M} m or lost, {} better by as much or found\n",
         c.worse.len(),
         c.better
-    ));
+    );
     for o in &c.worse {
         let [a, b] = o.position_m;
         let after = if b.is_nan() { "lost".to_owned() } else { number(b) };
-        out.push_str(&format!("  {:<28} {:<24} {:>9} {after:>9}\n", o.case, o.object, number(a)));
+        let _ = writeln!(out, "  {:<28} {:<24} {:>9} {after:>9}", o.case, o.object, number(a));
     }
     if !c.unpaired.is_empty() {
-        out.push_str(&format!("\nonly in one of them: {}\n", c.unpaired.join(", ")));
+        let _ = write!(out, "\nonly in one of them: {}\n", c.unpaired.join(", "));
     }
     out
 }

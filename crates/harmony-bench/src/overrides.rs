@@ -96,12 +96,16 @@ pub fn with_changes(settings: &Settings, changes: &[String]) -> Result<Settings,
     changes.iter().try_fold(settings.clone(), |settings, change| with_change(&settings, change))
 }
 
-/// The key that shares most with what was typed: the same last word, or few letters apart.
+/// The key that shares most with what was typed: at most a third of the last word's letters differ, or of all.
 fn similar(settings: &Settings, typed: &str) -> Option<String> {
     let last = |key: &str| key.rsplit('.').next().unwrap_or_default().to_owned();
-    let distance = |key: &str| edits(&last(key), &last(typed)).min(edits(key, typed));
-    let nearest = keys(settings).into_iter().map(|(key, _)| (distance(&key), key)).min()?;
-    (nearest.0 * 3 <= typed.len()).then_some(nearest.1)
+    let near = |distance: usize, of: &str| (distance * 3 <= of.len()).then_some(distance);
+    let distance = |key: &str| {
+        let word = near(edits(&last(key), &last(typed)), &last(typed));
+        [word, near(edits(key, typed), typed)].into_iter().flatten().min()
+    };
+    let nearest = keys(settings).into_iter().filter_map(|(key, _)| Some((distance(&key)?, key))).min()?;
+    Some(nearest.1)
 }
 
 /// Letters to insert, drop or replace (Levenshtein).

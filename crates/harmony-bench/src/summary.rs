@@ -3,6 +3,8 @@
 //! Surfaces and pixel loss are means over the rooms, as the published tables have them; a room whose reconstruction is
 //! empty has no such score and is left out, as the protocol does (`n` tells).
 
+use std::fmt::Write;
+
 use harmony_scene::Level;
 use serde::{Deserialize, Serialize};
 
@@ -116,10 +118,10 @@ impl Figure {
     }
 
     /// A distribution; its quantiles count from the better end.
-    fn distributed(mut self, values: Vec<f64>) -> Self {
+    fn distributed(mut self, values: &[f64]) -> Self {
         let at = |q: f64| {
             let from_best = if self.more_is_better { 1.0 - q } else { q };
-            Some(quantile(&values, from_best))
+            Some(quantile(values, from_best))
         };
         [self.p25, self.median, self.p75, self.p90, self.worst] = [0.25, 0.5, 0.75, 0.9, 1.0].map(at);
         let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
@@ -131,13 +133,13 @@ impl Figure {
 }
 
 fn spread(name: &str, unit: &str, values: &[f64], target: [Option<f64>; 2]) -> Figure {
-    let mut figure = Figure::new(name, unit, values.len(), quantile(values, 0.5), None).distributed(values.to_vec());
+    let mut figure = Figure::new(name, unit, values.len(), quantile(values, 0.5), None).distributed(values);
     figure.target = target;
     figure
 }
 
 /// The mean over rooms.
-fn mean_of(name: &str, unit: &str, values: Vec<f64>, more_is_better: bool, target: Option<f64>) -> Figure {
+fn mean_of(name: &str, unit: &str, values: &[f64], more_is_better: bool, target: Option<f64>) -> Figure {
     let mut figure = Figure::new(name, unit, values.len(), f64::NAN, target);
     figure.more_is_better = more_is_better;
     let mut figure = figure.distributed(values);
@@ -166,16 +168,17 @@ fn surfaces(rooms: &[RoomScore]) -> Vec<Figure> {
     ];
     for (what, of, [f_target, chamfer_target]) in sets {
         for (threshold, target) in [(0.1, f_target), (0.01, None), (0.001, None)] {
-            let values = scored().filter_map(|g| of(g)?.f(threshold)).collect();
-            figures.push(mean_of(&format!("gen3dsr F@{threshold}, {what} (mean)"), "%", values, true, target));
+            let values: Vec<f64> = scored().filter_map(|g| of(g)?.f(threshold)).collect();
+            figures.push(mean_of(&format!("gen3dsr F@{threshold}, {what} (mean)"), "%", &values, true, target));
         }
-        let values = scored().filter_map(|g| Some(of(g)?.chamfer_m)).collect();
-        figures.push(mean_of(&format!("gen3dsr CD, {what} (mean)"), "m", values, false, chamfer_target));
+        let values: Vec<f64> = scored().filter_map(|g| Some(of(g)?.chamfer_m)).collect();
+        figures.push(mean_of(&format!("gen3dsr CD, {what} (mean)"), "m", &values, false, chamfer_target));
     }
     let midi = |f: fn(&MidiFigures) -> f64| scored().filter_map(|g| g.midi.as_ref()).map(f).collect::<Vec<f64>>();
-    figures.push(mean_of("midi F@0.1, normalised, ICP (mean)", "%", midi(|m| m.f), true, None));
-    figures.push(mean_of("midi CD, normalised, squared (mean)", "", midi(|m| m.chamfer_squared), false, None));
-    figures.push(mean_of(PIXEL_LOSS, "", rooms.iter().filter_map(|r| r.pixel_loss).collect(), false, None));
+    figures.push(mean_of("midi F@0.1, normalised, ICP (mean)", "%", &midi(|m| m.f), true, None));
+    figures.push(mean_of("midi CD, normalised, squared (mean)", "", &midi(|m| m.chamfer_squared), false, None));
+    let losses: Vec<f64> = rooms.iter().filter_map(|r| r.pixel_loss).collect();
+    figures.push(mean_of(PIXEL_LOSS, "", &losses, false, None));
     figures
 }
 
@@ -267,8 +270,9 @@ pub fn text_table(figures: &[Figure]) -> String {
             Some(false) => "NOT met",
             None => "",
         };
-        out.push_str(&format!(
-            "{:<48} {:>4} {:>9} {:>9} {:>9}  {:<4} {:<12} {verdict}\n",
+        let _ = writeln!(
+            out,
+            "{:<48} {:>4} {:>9} {:>9} {:>9}  {:<4} {:<12} {verdict}",
             f.name,
             f.count,
             number(f.value),
@@ -276,7 +280,7 @@ pub fn text_table(figures: &[Figure]) -> String {
             optional(f.worst),
             f.unit,
             targets(f),
-        ));
+        );
     }
     out
 }

@@ -83,7 +83,9 @@ pub fn page(result: &BenchResult, out: &Path) -> String {
             f.count
         );
     }
-    html.push_str("</div><h2>Rooms</h2>");
+    html.push_str(
+        "</div><h2>Rooms</h2><p class=\"soft\">Turn and centre: errors of the camera. Position and size: medians.</p>",
+    );
     rooms(&mut html, &result.raw);
     worst(&mut html, result, out);
     html.push_str(
@@ -136,8 +138,8 @@ fn table(html: &mut String, figures: &[Figure]) {
 
 fn rooms(html: &mut String, rooms: &[RoomScore]) {
     html.push_str(
-        "<div class=\"wide\"><table><tr><th>room<th>camera, deg<th>camera, m<th>objects<th>missed<th>position, \
-         median m<th>worst m<th>size, median %<th>F@0.1 %<th>CD m<th>PL<th>cutting<th>floating<th>s</tr>",
+        "<div class=\"wide\"><table><tr><th>room<th>turn deg<th>centre m<th>objects<th>missed<th>position m<th>worst m\
+         <th>size %<th>F@0.1 %<th>CD m<th>PL<th>cutting<th>floating<th>s</tr>",
     );
     for r in rooms {
         let figures = summary(std::slice::from_ref(r));

@@ -248,9 +248,10 @@ mod tests {
         let far = own.iter().flatten().zip(theirs.iter().flatten()).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
         // Depths are f32 and drawn from other pixel grids; a shift by half a pixel would show as some 10 mm.
         assert!(far <= 1e-4, "{far}");
-        let score = geometry(&truth, &run, 2000);
+        // About 25 square metres: 20,000 points leave next to none without a neighbour within 0.1 m.
+        let score = geometry(&truth, &run, 20_000);
         assert!(score.objects.is_none() && score.midi.is_none(), "nothing to compare");
         assert!(score.with_background.unwrap().f(0.1).unwrap() > 99.0);
-        assert_eq!(score.points, 2000);
+        assert_eq!(score.points, 20_000);
     }
 }
