@@ -31,7 +31,7 @@ fn object(truth: Option<&str>, position_m: f64) -> ObjectScore {
         id: format!("{}, found", truth.unwrap_or("ghost")),
         truth: truth.map(str::to_owned),
         level: Level::Furniture,
-        offset: [position_m, 0.0, 0.0],
+        offset: truth.map_or([0.0; 3], |_| [position_m, 0.0, 0.0]),
         position_m,
         yaw_deg: position_m * 10.0,
         has_front: true,
