@@ -2,9 +2,13 @@
 //!
 //! `harmony bench` runs the pipeline on such rooms and judges every change to the geometry.
 
+pub mod ablate;
+pub mod compare;
 pub mod generate;
 pub mod metrics;
 pub mod oracle;
+pub mod overrides;
+pub mod report;
 pub mod run;
 pub mod score;
 pub mod summary;

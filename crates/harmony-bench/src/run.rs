@@ -32,6 +32,14 @@ pub struct BenchRequest {
     pub exact_height: bool,
     /// Settings of the pipeline.
     pub settings: Settings,
+    /// What was changed in them, as typed.
+    pub changes: Vec<String>,
+    /// Points drawn from each side's surfaces; 0 leaves out the comparison of surfaces.
+    pub points: usize,
+    /// Runs at a time.
+    pub jobs: usize,
+    /// Run folders stay; else they go once judged.
+    pub keep: bool,
 }
 
 /// Scores of a benchmark, as measured and after scale alignment.
@@ -39,10 +47,13 @@ pub struct BenchRequest {
 pub struct BenchResult {
     /// What was run, in words.
     pub title: String,
-    /// Level of noise.
-    pub level: NoiseLevel,
+    /// Level of noise; `None` when only results were judged.
+    pub level: Option<NoiseLevel>,
     /// Whether the room's height was exact.
     pub exact_height: bool,
+    /// Changes to the settings, `key=value`.
+    #[serde(default)]
+    pub changes: Vec<String>,
     /// One a room and seed, metres as delivered.
     pub raw: Vec<RoomScore>,
     /// The same after scaling each run by its median depth ratio.
@@ -72,60 +83,238 @@ pub enum BenchError {
         /// Why.
         reason: String,
     },
+    /// Runs and rooms don't go together.
+    #[error("{reason}: {path}", path = path.display())]
+    NoRuns {
+        /// Folder of the runs.
+        path: PathBuf,
+        /// What is missing.
+        reason: String,
+    },
+    /// A table or picture.
+    #[error(transparent)]
+    File(#[from] harmony_io::FileError),
 }
 
-/// Runs all rooms with all seeds. `tell` hears a line after each.
+/// Folder of the pictures of each case, beside the runs.
+pub const PICTURES: &str = "cases";
+
+/// One room with one seed.
+struct Job {
+    place: usize,
+    room: PathBuf,
+    seed: u64,
+}
+
+/// Runs all rooms with all seeds, [`BenchRequest::jobs`] at a time. `tell` hears a line after each.
 ///
 /// # Errors
 /// Folders that cannot be used. A run that fails is no error: its score says so and counts as nothing found.
+///
+/// # Panics
+/// Outside a Tokio runtime.
 pub async fn run(
     request: &BenchRequest,
     offline: &Cast,
     tell: &(dyn Fn(String) + Sync),
 ) -> Result<BenchResult, BenchError> {
-    let (mut raw, mut aligned) = (Vec::new(), Vec::new());
-    for folder in &request.rooms {
-        let truth = TruthRoom::load(folder)?;
-        for seed in &request.seeds {
-            let out = request.out.join(format!("{}_{seed}", truth.name));
-            let begun = Instant::now();
-            let failure = Box::pin(one(request, &truth, *seed, &out, offline)).await?;
-            let seconds = begun.elapsed().as_secs_f64();
-            let [a, b] = judged(&truth, &out, seconds, failure.as_deref());
-            tell(line(&a));
-            raw.push(a);
-            aligned.push(b);
+    let cases = request.rooms.iter().flat_map(|room| request.seeds.iter().map(move |seed| (room.clone(), *seed)));
+    let mut waiting = cases.enumerate().map(|(place, (room, seed))| Job { place, room, seed });
+    let count = request.rooms.len() * request.seeds.len();
+    let shared = Arc::new(request.clone());
+    let mut scores: Vec<(usize, [RoomScore; 2])> = Vec::new();
+    let mut working = tokio::task::JoinSet::new();
+    loop {
+        while working.len() < request.jobs.max(1)
+            && let Some(job) = waiting.next()
+        {
+            let (shared, offline) = (Arc::clone(&shared), offline.clone());
+            let runtime = tokio::runtime::Handle::current();
+            // Judging computes for seconds, and a run is not `Send` throughout: each job has its own thread.
+            working.spawn_blocking(move || {
+                runtime.block_on(Box::pin(case(&shared, &job, &offline))).map(|scores| (job.place, scores))
+            });
         }
+        let Some(done) = working.join_next().await else { break };
+        // A panic is a fault of this program: it goes on as one.
+        let (place, judged) = done.unwrap_or_else(|e| std::panic::resume_unwind(e.into_panic()))?;
+        tell(format!("{:>3}/{count} {}", scores.len() + 1, line(&judged[0])));
+        scores.push((place, judged));
     }
-    let title = format!("{} rooms, {} seeds, noise {}", request.rooms.len(), request.seeds.len(), request.level.name());
-    Ok(BenchResult { title, level: request.level, exact_height: request.exact_height, raw, aligned })
+    scores.sort_by_key(|(place, _)| *place);
+    let (raw, aligned) = scores.into_iter().map(|(_, [a, b])| (a, b)).unzip();
+    Ok(BenchResult {
+        title: format!("{} rooms, {} seeds, noise {}", request.rooms.len(), request.seeds.len(), request.level.name()),
+        level: Some(request.level),
+        exact_height: request.exact_height,
+        changes: request.changes.clone(),
+        raw,
+        aligned,
+    })
 }
 
-/// Judges a run folder raw and scale-aligned.
-pub fn judged(truth: &TruthRoom, folder: &Path, seconds: f64, failure: Option<&str>) -> [RoomScore; 2] {
-    let of = |align_scale: bool| match Prediction::load(folder) {
+/// Runs and judges one case.
+async fn case(request: &BenchRequest, job: &Job, offline: &Cast) -> Result<[RoomScore; 2], BenchError> {
+    let truth = TruthRoom::load(&job.room)?;
+    let name = format!("{}_{}", truth.name, job.seed);
+    let out = request.out.join(&name);
+    let begun = Instant::now();
+    let failure = Box::pin(one(request, &truth, job.seed, &out, offline)).await?;
+    let seconds = begun.elapsed().as_secs_f64();
+    let mut scores = judged(&truth, &out, request.points, seconds, failure.as_deref());
+    for s in &mut scores {
+        s.seed = Some(job.seed);
+    }
+    write_picture(&request.out, &name, &truth, &out)?;
+    if !request.keep {
+        std::fs::remove_dir_all(&out).map_err(|e| BenchError::Run { room: name, reason: e.to_string() })?;
+    }
+    Ok(scores)
+}
+
+/// Photo, render and outlines of a case side by side, for the report; a run without a scene has none.
+fn write_picture(out: &Path, case: &str, truth: &TruthRoom, folder: &Path) -> Result<(), BenchError> {
+    let Some(jpeg) = Prediction::load(folder).ok().and_then(|run| crate::report::case_picture(truth, &run)) else {
+        return Ok(());
+    };
+    let pictures = out.join(PICTURES);
+    std::fs::create_dir_all(&pictures).map_err(|e| BenchError::Run { room: case.to_owned(), reason: e.to_string() })?;
+    Ok(harmony_io::write_atomic(&pictures.join(format!("{case}.jpg")), &jpeg)?)
+}
+
+/// Judges a run folder raw and scale-aligned; `points` as in [`ScoreOptions`].
+pub fn judged(truth: &TruthRoom, folder: &Path, points: usize, seconds: f64, failure: Option<&str>) -> [RoomScore; 2] {
+    let run = Prediction::load(folder);
+    [false, true].map(|align_scale| match &run {
         Ok(run) => {
-            let mut s = score(truth, &run, ScoreOptions { align_scale });
-            s.seconds = seconds;
-            s.failure = failure.map(str::to_owned);
-            s
+            let s = score(truth, run, ScoreOptions { align_scale, points });
+            RoomScore { seconds, failure: failure.map(str::to_owned), ..s }
         }
         Err(error) => RoomScore::failed(truth, seconds, failure.map_or_else(|| error.to_string(), str::to_owned)),
-    };
-    [of(false), of(true)]
+    })
 }
 
+/// Judges finished runs: one run folder against one room, or a folder of runs named `<room>_<seed>` (or `<room>`)
+/// against a folder of rooms. With `out`, the pictures of the cases go there.
+///
+/// # Errors
+/// Folders that cannot be used, or no run that goes with a room.
+pub fn judge_finished(
+    runs: &Path,
+    rooms: &[PathBuf],
+    points: usize,
+    out: Option<&Path>,
+    tell: &dyn Fn(String),
+) -> Result<BenchResult, BenchError> {
+    let pairs = pairs(runs, rooms)?;
+    let (mut raw, mut aligned) = (Vec::new(), Vec::new());
+    for (folder, room, seed) in &pairs {
+        let truth = TruthRoom::load(room)?;
+        let [mut a, mut b] = judged(&truth, folder, points, 0.0, None);
+        (a.seed, b.seed) = (*seed, *seed);
+        if let Some(out) = out {
+            write_picture(out, &a.case(), &truth, folder)?;
+        }
+        tell(line(&a));
+        raw.push(a);
+        aligned.push(b);
+    }
+    Ok(BenchResult {
+        title: format!("{} finished runs", pairs.len()),
+        level: None,
+        exact_height: false,
+        changes: Vec::new(),
+        raw,
+        aligned,
+    })
+}
+
+fn is_run(folder: &Path) -> bool {
+    folder.join("run.json").is_file() || folder.join("scene.json").is_file()
+}
+
+/// The room of a run folder's name, and the seed.
+fn room_of<'a>(name: &str, rooms: &'a [PathBuf]) -> Option<(&'a PathBuf, Option<u64>)> {
+    let named = |wanted: &str| rooms.iter().find(|r| r.file_name().is_some_and(|n| n.to_string_lossy() == wanted));
+    if let Some(room) = named(name) {
+        return Some((room, None));
+    }
+    let (room, seed) = name.rsplit_once('_')?;
+    Some((named(room)?, Some(seed.parse().ok()?)))
+}
+
+type Pair = (PathBuf, PathBuf, Option<u64>);
+
+fn pairs(runs: &Path, rooms: &[PathBuf]) -> Result<Vec<Pair>, BenchError> {
+    let missing = |reason: &str| BenchError::NoRuns { path: runs.to_owned(), reason: reason.to_owned() };
+    let name = |path: &Path| path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    if is_run(runs) {
+        return match (room_of(&name(runs), rooms), rooms) {
+            (Some((room, seed)), _) => Ok(vec![(runs.to_owned(), room.clone(), seed)]),
+            (None, [room]) => Ok(vec![(runs.to_owned(), room.clone(), None)]),
+            (None, _) => Err(missing("no room has the name of this run; give the room's own folder")),
+        };
+    }
+    let entries = std::fs::read_dir(runs).map_err(|e| missing(&e.to_string()))?;
+    let mut folders: Vec<PathBuf> = entries.filter_map(Result::ok).map(|e| e.path()).filter(|p| is_run(p)).collect();
+    folders.sort();
+    let pairs: Vec<Pair> = folders
+        .into_iter()
+        .filter_map(|f| {
+            let (room, seed) = room_of(&name(&f), rooms)?;
+            Some((f, room.clone(), seed))
+        })
+        .collect();
+    if pairs.is_empty() {
+        return Err(missing("no run that is named like a room is in it (<room>_<seed>)"));
+    }
+    Ok(pairs)
+}
+
+/// Reads a `scores.json`, of older versions too.
+///
+/// JSON has no NaN: what was not measured on objects without a counterpart stands as `null` there.
+///
+/// # Errors
+/// A file that cannot be read or holds something else.
+pub fn read_result(path: &Path) -> Result<BenchResult, BenchError> {
+    let mut value: serde_json::Value = harmony_io::read_json(path)?;
+    for list in ["raw", "aligned"] {
+        let rooms = value.get_mut(list).and_then(serde_json::Value::as_array_mut).into_iter().flatten();
+        for object in rooms.filter_map(|r| r.get_mut("objects")?.as_array_mut()).flatten() {
+            for key in ["position_m", "yaw_deg", "size", "size_bias"] {
+                if object.get(key).is_some_and(serde_json::Value::is_null) {
+                    object[key] = UNMEASURED.into();
+                }
+            }
+        }
+    }
+    let wrong = |e: serde_json::Error| BenchError::NoRuns { path: path.to_owned(), reason: format!("no scores: {e}") };
+    let mut result: BenchResult = serde_json::from_value(value).map_err(wrong)?;
+    for object in result.raw.iter_mut().chain(&mut result.aligned).flat_map(|r| &mut r.objects) {
+        for v in [&mut object.position_m, &mut object.yaw_deg, &mut object.size, &mut object.size_bias] {
+            if *v == UNMEASURED {
+                *v = f64::NAN;
+            }
+        }
+    }
+    Ok(result)
+}
+
+/// Stands for NaN on the way through JSON: no length, angle or ratio has this value.
+const UNMEASURED: f64 = f64::MIN;
+
 fn line(s: &RoomScore) -> String {
-    let mut far: Vec<f64> = s.objects.iter().filter(|o| o.truth.is_some()).map(|o| o.position_m).collect();
-    far.sort_by(f64::total_cmp);
-    let median = far.get(far.len() / 2).copied().unwrap_or(f64::NAN);
+    let f = s.geometry.as_ref().and_then(|g| g.objects.as_ref()?.f(0.1));
     format!(
-        "{:<20} camera {:>5.2} deg {:.3} m  {:>2} objects ({} missed)  position {median:.3} m  {:.1} s{}",
-        s.room,
+        "{:<20} camera {:>5.2} deg {:.3} m  {:>2} objects ({} missed)  position {:.3} m  F@0.1 {}  {:.1} s{}",
+        s.case(),
         s.camera.rotation_deg,
         s.camera.centre_m,
         s.objects.len(),
         s.missed.len(),
+        s.median_position(),
+        f.map_or_else(|| "-".to_owned(), |f| format!("{f:.1} %")),
         s.seconds,
         s.failure.as_ref().map_or_else(String::new, |f| format!("  FAILED: {f}")),
     )

@@ -1,9 +1,14 @@
 //! Scores of many rooms in a table: median, 90th percentile, worst, beside the target.
+//!
+//! Surfaces and pixel loss are means over the rooms, as the published tables have them; a room whose reconstruction is
+//! empty has no such score and is left out, as the protocol does (`n` tells).
+
+use std::fmt::Write;
 
 use harmony_scene::Level;
 use serde::{Deserialize, Serialize};
 
-use crate::score::{ObjectScore, RoomScore};
+use crate::score::{GeometryScore, MidiFigures, ObjectScore, RoomScore, SurfaceScore};
 
 /// One line of the table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -14,16 +19,55 @@ pub struct Figure {
     pub unit: String,
     /// Number of measurements.
     pub count: usize,
-    /// Median, or the share for a percentage, or the total for a count.
+    /// Median, or the mean for surfaces and pictures, or the share for a percentage, or the total for a count.
     pub value: f64,
-    /// 90th percentile, where there is a distribution.
+    /// Better quarter, where there is a distribution.
+    #[serde(default)]
+    pub p25: Option<f64>,
+    /// Median, where there is a distribution.
+    #[serde(default)]
+    pub median: Option<f64>,
+    /// Three quarters are at least as good, where there is a distribution.
+    #[serde(default)]
+    pub p75: Option<f64>,
+    /// Nine of ten are at least as good, where there is a distribution.
     pub p90: Option<f64>,
-    /// Largest, where there is a distribution.
+    /// Worst, where there is a distribution.
     pub worst: Option<f64>,
+    /// Mean, where there is a distribution.
+    #[serde(default)]
+    pub mean: Option<f64>,
     /// Target for `value` and for `p90`.
     pub target: [Option<f64>; 2],
     /// Whether more is better.
     pub more_is_better: bool,
+    /// What was measured, where there is a distribution; not written.
+    #[serde(skip)]
+    pub values: Vec<f64>,
+}
+
+/// Name of a main figure.
+pub const POSITION: &str = "position, furniture + wall + ceiling";
+/// Name of a main figure.
+pub const POSITION_SMALL: &str = "position, decorations";
+/// Name of a main figure.
+pub const YAW: &str = "yaw within 10 deg";
+/// Name of a main figure.
+pub const SIZE: &str = "size";
+/// Name of a main figure.
+pub const RECALL: &str = "object recall";
+/// Name of a main figure.
+pub const PENETRATING: &str = "pairs cutting by > 1 cm";
+/// Name of a main figure.
+pub const F_OBJECTS: &str = "gen3dsr F@0.1, objects (mean)";
+/// Name of a main figure.
+pub const CHAMFER_OBJECTS: &str = "gen3dsr CD, objects (mean)";
+/// Name of a main figure.
+pub const PIXEL_LOSS: &str = "pixel loss PL (mean)";
+
+/// A figure by its name.
+pub fn find<'a>(figures: &'a [Figure], name: &str) -> Option<&'a Figure> {
+    figures.iter().find(|f| f.name == name)
 }
 
 impl Figure {
@@ -54,43 +98,88 @@ pub fn quantile(values: &[f64], q: f64) -> f64 {
     v[((q * v.len() as f64).ceil() as usize).clamp(1, v.len()) - 1]
 }
 
-fn spread(name: &str, unit: &str, values: &[f64], target: [Option<f64>; 2]) -> Figure {
-    Figure {
-        name: name.to_owned(),
-        unit: unit.to_owned(),
-        count: values.len(),
-        value: quantile(values, 0.5),
-        p90: Some(quantile(values, 0.9)),
-        worst: Some(quantile(values, 1.0)),
-        target,
-        more_is_better: false,
+impl Figure {
+    fn new(name: &str, unit: &str, count: usize, value: f64, target: Option<f64>) -> Self {
+        Self {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            count,
+            value,
+            p25: None,
+            median: None,
+            p75: None,
+            p90: None,
+            worst: None,
+            mean: None,
+            target: [target, None],
+            more_is_better: false,
+            values: Vec::new(),
+        }
     }
+
+    /// A distribution; its quantiles count from the better end.
+    fn distributed(mut self, values: &[f64]) -> Self {
+        let at = |q: f64| {
+            let from_best = if self.more_is_better { 1.0 - q } else { q };
+            Some(quantile(values, from_best))
+        };
+        [self.p25, self.median, self.p75, self.p90, self.worst] = [0.25, 0.5, 0.75, 0.9, 1.0].map(at);
+        let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+        self.mean = Some(crate::metrics::two_way::mean(&finite));
+        self.count = finite.len();
+        self.values = finite;
+        self
+    }
+}
+
+fn spread(name: &str, unit: &str, values: &[f64], target: [Option<f64>; 2]) -> Figure {
+    let mut figure = Figure::new(name, unit, values.len(), quantile(values, 0.5), None).distributed(values);
+    figure.target = target;
+    figure
+}
+
+/// The mean over rooms.
+fn mean_of(name: &str, unit: &str, values: &[f64], more_is_better: bool, target: Option<f64>) -> Figure {
+    let mut figure = Figure::new(name, unit, values.len(), f64::NAN, target);
+    figure.more_is_better = more_is_better;
+    let mut figure = figure.distributed(values);
+    figure.value = figure.mean.unwrap_or(f64::NAN);
+    figure
 }
 
 fn share(name: &str, right: usize, of: usize, target: Option<f64>) -> Figure {
-    Figure {
-        name: name.to_owned(),
-        unit: "%".to_owned(),
-        count: of,
-        value: if of == 0 { f64::NAN } else { 100.0 * right as f64 / of as f64 },
-        p90: None,
-        worst: None,
-        target: [target, None],
-        more_is_better: true,
-    }
+    let value = if of == 0 { f64::NAN } else { 100.0 * right as f64 / of as f64 };
+    Figure { more_is_better: true, ..Figure::new(name, "%", of, value, target) }
 }
 
 fn total(name: &str, unit: &str, count: usize, rooms: usize, target: Option<f64>) -> Figure {
-    Figure {
-        name: name.to_owned(),
-        unit: unit.to_owned(),
-        count: rooms,
-        value: count as f64,
-        p90: None,
-        worst: None,
-        target: [target, None],
-        more_is_better: false,
+    Figure::new(name, unit, rooms, count as f64, target)
+}
+
+/// Surfaces and pictures.
+fn surfaces(rooms: &[RoomScore]) -> Vec<Figure> {
+    type Of = fn(&GeometryScore) -> Option<&SurfaceScore>;
+    let scored = || rooms.iter().filter_map(|r| r.geometry.as_ref());
+    let mut figures = Vec::new();
+    let sets: [(&str, Of, [Option<f64>; 2]); 3] = [
+        ("objects", |g| g.objects.as_ref(), [Some(96.0), Some(0.03)]),
+        ("with background", |g| g.with_background.as_ref(), [None, None]),
+        ("objects, truth whole", |g| g.whole.as_ref(), [None, None]),
+    ];
+    for (what, of, [f_target, chamfer_target]) in sets {
+        for (threshold, target) in [(0.1, f_target), (0.01, None), (0.001, None)] {
+            let values: Vec<f64> = scored().filter_map(|g| of(g)?.f(threshold)).collect();
+            figures.push(mean_of(&format!("gen3dsr F@{threshold}, {what} (mean)"), "%", &values, true, target));
+        }
+        let values: Vec<f64> = scored().filter_map(|g| Some(of(g)?.chamfer_m)).collect();
+        figures.push(mean_of(&format!("gen3dsr CD, {what} (mean)"), "m", &values, false, chamfer_target));
     }
+    let midi = |f: fn(&MidiFigures) -> f64| scored().filter_map(|g| g.midi.as_ref()).map(f).collect::<Vec<f64>>();
+    figures.push(mean_of("midi F@0.1, normalised, ICP (mean)", "%", &midi(|m| m.f), true, None));
+    figures.push(mean_of("midi CD, normalised, squared (mean)", "", &midi(|m| m.chamfer_squared), false, None));
+    let losses: Vec<f64> = rooms.iter().filter_map(|r| r.pixel_loss).collect();
+    figures.push(mean_of(PIXEL_LOSS, "", &losses, false, None));
+    figures
 }
 
 /// The table of some rooms. Targets are those for the photo-like rooms at level `real`.
@@ -110,22 +199,18 @@ pub fn summary(rooms: &[RoomScore]) -> Vec<Figure> {
     let extent =
         |i: usize| -> Vec<f64> { rooms.iter().filter_map(|r| r.extents[i]).map(|v| 100.0 * v.abs()).collect() };
     let walls: Vec<&ObjectScore> = objects.iter().copied().filter(|o| o.level == Level::Wall).collect();
-    vec![
+    let seconds: Vec<f64> = camera(|r| r.seconds).into_iter().filter(|s| *s > 0.0).collect();
+    let mut figures = vec![
         spread("camera rotation", "deg", &camera(|r| r.camera.rotation_deg), [Some(0.7), Some(2.0)]),
         spread("camera centre", "m", &camera(|r| r.camera.centre_m), [Some(0.06), None]),
         spread("focal length", "%", &camera(|r| 100.0 * r.camera.focal.abs()), [None, None]),
         spread("room width (both walls seen)", "%", &extent(0), [None, None]),
         spread("room height", "%", &extent(1), [None, None]),
-        spread(
-            "position, furniture + wall + ceiling",
-            "m",
-            &values(&large, |o| o.position_m),
-            [Some(0.05), Some(0.15)],
-        ),
+        spread(POSITION, "m", &values(&large, |o| o.position_m), [Some(0.05), Some(0.15)]),
         spread("  furniture", "m", &of_level(Level::Furniture), [None, None]),
         spread("  wall", "m", &of_level(Level::Wall), [None, None]),
         spread("  ceiling", "m", &of_level(Level::Ceiling), [None, None]),
-        spread("position, decorations", "m", &values(&small, |o| o.position_m), [None, None]),
+        spread(POSITION_SMALL, "m", &values(&small, |o| o.position_m), [None, None]),
         share(
             "decorations on the right host",
             small.iter().filter(|o| o.support_right).count(),
@@ -133,14 +218,14 @@ pub fn summary(rooms: &[RoomScore]) -> Vec<Figure> {
             Some(97.0),
         ),
         spread("  position on the host", "m", &on_host, [Some(0.05), None]),
-        share("yaw within 10 deg", fronted.iter().filter(|o| o.yaw_deg <= 10.0).count(), fronted.len(), Some(95.0)),
-        spread("size", "%", &values(&objects, |o| 100.0 * o.size), [Some(4.0), None]),
-        share("object recall", objects.len(), objects.len() + missed, Some(97.0)),
+        share(YAW, fronted.iter().filter(|o| o.yaw_deg <= 10.0).count(), fronted.len(), Some(95.0)),
+        spread(SIZE, "%", &values(&objects, |o| 100.0 * o.size), [Some(4.0), None]),
+        share(RECALL, objects.len(), objects.len() + missed, Some(97.0)),
         share("object precision", objects.len(), all, Some(97.0)),
         spread("1 - IoU of visible masks", "", &values(&objects, |o| 1.0 - o.iou), [None, None]),
         share("support right", objects.iter().filter(|o| o.support_right).count(), objects.len(), None),
         share("wall right", walls.iter().filter(|o| o.support_right).count(), walls.len(), None),
-        total("pairs cutting by > 1 cm", "", rooms.iter().map(|r| r.penetrating.len()).sum(), rooms.len(), Some(0.0)),
+        total(PENETRATING, "", rooms.iter().map(|r| r.penetrating.len()).sum(), rooms.len(), Some(0.0)),
         total("floating by > 5 mm", "", rooms.iter().map(|r| r.floating.len()).sum(), rooms.len(), Some(0.0)),
         share(
             "confidence >= 0.9: within 0.15 m, 10 deg, 12 %",
@@ -148,8 +233,10 @@ pub fn summary(rooms: &[RoomScore]) -> Vec<Figure> {
             sure.len(),
             Some(90.0),
         ),
-        spread("seconds", "s", &camera(|r| r.seconds), [None, None]),
-    ]
+    ];
+    figures.extend(surfaces(rooms));
+    figures.push(spread("seconds", "s", &seconds, [None, None]));
+    figures
 }
 
 /// Whether an object is within three times the median targets (the 90th percentile of the position).
@@ -157,37 +244,43 @@ pub fn good(o: &ObjectScore) -> bool {
     o.truth.is_some() && o.position_m <= 0.15 && o.size <= 0.12 && (!o.has_front || o.yaw_deg <= 10.0)
 }
 
+/// A number as tables show it.
+pub fn number(v: f64) -> String {
+    if v.is_nan() {
+        "-".to_owned()
+    } else if v.abs() >= 100.0 {
+        format!("{v:.0}")
+    } else {
+        format!("{v:.3}")
+    }
+}
+
+/// The targets of a figure as tables show them.
+pub fn targets(figure: &Figure) -> String {
+    figure.target.iter().flatten().map(|t| format!("{t}")).collect::<Vec<_>>().join(" / ")
+}
+
 /// The table for a terminal.
 pub fn text_table(figures: &[Figure]) -> String {
     let mut out = String::new();
     for f in figures {
-        let number = |v: f64| {
-            if v.is_nan() {
-                "-".to_owned()
-            } else if v.abs() >= 100.0 {
-                format!("{v:.0}")
-            } else {
-                format!("{v:.3}")
-            }
-        };
         let optional = |v: Option<f64>| v.map_or_else(String::new, number);
-        let targets =
-            [f.target[0], f.target[1]].iter().flatten().map(|t| format!("{t}")).collect::<Vec<_>>().join(" / ");
         let verdict = match f.met() {
             Some(true) => "met",
             Some(false) => "NOT met",
             None => "",
         };
-        out.push_str(&format!(
-            "{:<48} {:>4} {:>9} {:>9} {:>9}  {:<4} {:<12} {verdict}\n",
+        let _ = writeln!(
+            out,
+            "{:<48} {:>4} {:>9} {:>9} {:>9}  {:<4} {:<12} {verdict}",
             f.name,
             f.count,
             number(f.value),
             optional(f.p90),
             optional(f.worst),
             f.unit,
-            targets,
-        ));
+            targets(f),
+        );
     }
     out
 }

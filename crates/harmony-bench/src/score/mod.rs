@@ -7,6 +7,7 @@
 //! With `scale` the whole run is first scaled by the median ratio of true to predicted depth over the photo's pixels.
 
 mod contact;
+mod geometry;
 mod objects;
 mod prediction;
 
@@ -15,6 +16,7 @@ use harmony_scene::{Camera, Wall};
 use serde::{Deserialize, Serialize};
 
 pub use contact::{PairScore, Solid};
+pub use geometry::{BENCH_POINTS, GeometryScore, MidiFigures, SurfaceScore, ThresholdFigures};
 pub use objects::ObjectScore;
 pub use prediction::{Prediction, PredictionError};
 
@@ -36,6 +38,9 @@ pub struct CameraScore {
 pub struct RoomScore {
     /// Name of the room.
     pub room: String,
+    /// Seed of the oracle's noise, where it is known.
+    #[serde(default)]
+    pub seed: Option<u64>,
     /// Factor that was applied to the run, 1 without scale alignment.
     pub scale: f64,
     /// Shift along x that brings the seen side walls together, metres.
@@ -52,17 +57,39 @@ pub struct RoomScore {
     pub penetrating: Vec<PairScore>,
     /// Objects that float by more than 5 mm and do not in truth: id and gap, metres.
     pub floating: Vec<(String, f64)>,
-    /// Seconds of the run.
+    /// Surfaces, when they were compared.
+    #[serde(default)]
+    pub geometry: Option<GeometryScore>,
+    /// Pixel loss of the evenly lit picture against the photo.
+    #[serde(default)]
+    pub pixel_loss: Option<f64>,
+    /// Seconds of the run; 0 when only the result was judged.
     pub seconds: f64,
     /// Why there is no result, when there is none.
     pub failure: Option<String>,
 }
 
 impl RoomScore {
+    /// Objects of the run that are in the truth, too.
+    pub fn matched(&self) -> impl Iterator<Item = &ObjectScore> {
+        self.objects.iter().filter(|o| o.truth.is_some())
+    }
+
+    /// Room and seed in one word, as run folders are named.
+    pub fn case(&self) -> String {
+        self.seed.map_or_else(|| self.room.clone(), |seed| format!("{}_{seed}", self.room))
+    }
+
+    /// Median error of position over all its objects, metres; NaN without any.
+    pub fn median_position(&self) -> f64 {
+        crate::summary::quantile(&self.matched().map(|o| o.position_m).collect::<Vec<_>>(), 0.5)
+    }
+
     /// The score of a run that delivered no scene: nothing found.
     pub fn failed(truth: &TruthRoom, seconds: f64, reason: String) -> Self {
         Self {
             room: truth.name.clone(),
+            seed: None,
             scale: 1.0,
             shift_x: 0.0,
             camera: CameraScore { rotation_deg: 180.0, centre_m: 10.0, focal: 1.0 },
@@ -71,6 +98,8 @@ impl RoomScore {
             missed: truth.visible().map(|o| o.id.clone()).collect(),
             penetrating: Vec::new(),
             floating: Vec::new(),
+            geometry: None,
+            pixel_loss: None,
             seconds,
             failure: Some(reason),
         }
@@ -82,6 +111,8 @@ impl RoomScore {
 pub struct ScoreOptions {
     /// Scale the run by the median ratio of depths first.
     pub align_scale: bool,
+    /// Points drawn from each side's surfaces; 0 leaves out the comparison of surfaces.
+    pub points: usize,
 }
 
 /// Judges a run.
@@ -95,6 +126,7 @@ pub fn score(truth: &TruthRoom, run: &Prediction, options: ScoreOptions) -> Room
     let (penetrating, floating) = contact::faults(truth, &run, &objects);
     RoomScore {
         room: truth.name.clone(),
+        seed: None,
         scale,
         shift_x,
         camera: camera(&truth.camera, &run.camera),
@@ -103,6 +135,8 @@ pub fn score(truth: &TruthRoom, run: &Prediction, options: ScoreOptions) -> Room
         missed,
         penetrating,
         floating,
+        geometry: (options.points > 0).then(|| geometry::geometry(truth, &run, options.points)),
+        pixel_loss: geometry::picture_loss(truth, &run),
         seconds: 0.0,
         failure: None,
     }

@@ -1,15 +1,25 @@
 //! `harmony bench`: rooms with known truth, played by the oracle, judged.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use anyhow::{Context, Result};
+use harmony_bench::ablate::{self, AblationError, ablate};
+use harmony_bench::compare::{compare, text as comparison};
+use harmony_bench::generate::{GeneratorSettings, generate, write as write_room};
 use harmony_bench::oracle::NoiseLevel;
-use harmony_bench::run::{BenchRequest, BenchResult, run as run_bench};
+use harmony_bench::overrides::{OverrideError, with_change, with_changes};
+use harmony_bench::report::write_tables;
+use harmony_bench::run::{BenchRequest, BenchResult, judge_finished, read_result, run as run_bench};
+use harmony_bench::score::BENCH_POINTS;
 use harmony_bench::summary::{TEXT_HEADING, summary, text_table};
 use harmony_bench::truth::rooms_in;
 
 use crate::display::hinted;
 use crate::{EXIT_INCOMPLETE, EXIT_OK, config, say, tell};
+
+/// Stack of the threads that run a pipeline each, bytes: as much as a program's first thread usually has.
+const STACK: usize = 8 << 20;
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -22,11 +32,19 @@ pub struct Args {
 enum Command {
     /// Run the pipeline on rooms with known truth, the oracle playing every role, and judge the results.
     Run(RunArgs),
+    /// Make furnished rooms with known truth.
+    Generate(GenerateArgs),
+    /// Judge runs that are there: one run folder, or a folder of runs named <room>_<seed>.
+    Score(ScoreArgs),
+    /// Run the full configuration and every part switched off in turn, as in the paper's ablation table.
+    Ablate(AblateArgs),
+    /// Two results side by side: every figure, every room, the objects that got worse.
+    Compare(CompareArgs),
 }
 
-/// Arguments of `bench run`.
+/// Arguments of `bench run`; `bench ablate` has them, too.
 #[derive(Debug, clap::Args)]
-pub struct RunArgs {
+struct RunArgs {
     /// A folder of rooms with truth, or one such room.
     rooms: PathBuf,
     /// Folder for the runs and the tables.
@@ -47,6 +65,68 @@ pub struct RunArgs {
     /// Configuration (default: harmony.toml here, if there is one).
     #[arg(long)]
     config: Option<PathBuf>,
+    /// Change a setting, for instance placement.refinement=false; may be repeated.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    changes: Vec<String>,
+    /// Points drawn from each side's surfaces (the published protocol takes 1000000); 0 leaves surfaces out.
+    #[arg(long, default_value_t = BENCH_POINTS)]
+    points: usize,
+    /// Runs at a time.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: u16,
+    /// Keep the run folders (true, false); the tables and the pictures of the cases stay in any case.
+    #[arg(long, default_value_t = true, default_missing_value = "true", num_args = 0..=1, action = clap::ArgAction::Set)]
+    keep: bool,
+}
+
+/// Arguments of `bench generate`.
+#[derive(Debug, clap::Args)]
+struct GenerateArgs {
+    /// Folder for the rooms; each gets its own in it.
+    folder: PathBuf,
+    /// Seed of the first room.
+    #[arg(long, default_value_t = 1)]
+    first_seed: u64,
+    /// Number of rooms.
+    #[arg(long, default_value_t = 1)]
+    count: u64,
+}
+
+/// Arguments of `bench score`.
+#[derive(Debug, clap::Args)]
+struct ScoreArgs {
+    /// A run folder, or a folder of runs named <room>_<seed>.
+    run: PathBuf,
+    /// The room's truth, or a folder of rooms.
+    truth: PathBuf,
+    /// Folder for the tables (default: they are only printed).
+    #[arg(long, short)]
+    out: Option<PathBuf>,
+    /// Points drawn from each side's surfaces; 0 leaves surfaces out.
+    #[arg(long, default_value_t = BENCH_POINTS)]
+    points: usize,
+}
+
+/// Arguments of `bench ablate`.
+#[derive(Debug, clap::Args)]
+struct AblateArgs {
+    #[command(flatten)]
+    run: RunArgs,
+    /// Only these variants, comma separated: full, or changes such as placement.refinement=false.
+    #[arg(long, value_delimiter = ',')]
+    variants: Vec<String>,
+}
+
+/// Arguments of `bench compare`.
+#[derive(Debug, clap::Args)]
+struct CompareArgs {
+    /// scores.json before (or the folder that holds it).
+    before: PathBuf,
+    /// scores.json after.
+    after: PathBuf,
+    /// Compare what was measured after scale alignment.
+    #[arg(long)]
+    aligned: bool,
 }
 
 /// Runs the command.
@@ -54,34 +134,142 @@ pub struct RunArgs {
 /// # Errors
 /// Folders and files that cannot be used.
 pub fn run(args: Args) -> Result<u8> {
-    let Command::Run(args) = args.command;
-    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting")?;
-    let mut rooms = rooms_in(&args.rooms).map_err(|e| hinted(e.to_string(), e.hint()))?;
-    rooms.retain(|r| args.only.as_ref().is_none_or(|o| r.to_string_lossy().contains(o.as_str())));
+    match args.command {
+        Command::Run(args) => rooms(&args),
+        Command::Generate(args) => make(&args),
+        Command::Score(args) => judge(&args),
+        Command::Ablate(args) => variants(&args),
+        Command::Compare(args) => {
+            let result = |path: &Path| {
+                let path = if path.is_dir() { path.join("scores.json") } else { path.to_owned() };
+                read_result(&path).map_err(|e| hinted(e.to_string(), Some("`harmony bench run` writes scores.json")))
+            };
+            let (before, after) = (result(&args.before)?, result(&args.after)?);
+            say!("before: {}\nafter:  {}\n", about(&before), about(&after))?;
+            say!("{}", comparison(&compare(&before, &after, args.aligned)))?;
+            Ok(EXIT_OK)
+        }
+    }
+}
+
+fn runtime() -> Result<tokio::runtime::Runtime> {
+    let mut builder = tokio::runtime::Builder::new_multi_thread();
+    builder.enable_all().thread_stack_size(STACK).build().context("starting")
+}
+
+fn truths(folder: &Path, only: Option<&str>) -> Result<Vec<PathBuf>> {
+    let mut rooms = rooms_in(folder).map_err(|e| hinted(e.to_string(), e.hint()))?;
+    let name = |path: &Path| path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    rooms.retain(|r| only.is_none_or(|o| name(r).contains(o)));
+    if rooms.is_empty() {
+        let text = format!("no room in {} is named like {:?}", folder.display(), only.unwrap_or_default());
+        return Err(hinted(text, Some("--only takes a part of a room's name")));
+    }
+    Ok(rooms)
+}
+
+fn refused(error: &OverrideError) -> anyhow::Error {
+    hinted(error.to_string(), error.hint())
+}
+
+fn request(args: &RunArgs) -> Result<BenchRequest> {
     let settings = config::load(args.config.as_deref())?.settings;
-    let request = BenchRequest {
-        rooms,
+    Ok(BenchRequest {
+        rooms: truths(&args.rooms, args.only.as_deref())?,
         out: args.out.clone(),
         level: args.noise,
         noise: args.noise.noise(),
         seeds: args.seeds.clone(),
         exact_height: args.exact_height,
-        settings,
-    };
-    let offline = harmony_players::offline_cast();
-    let result = runtime.block_on(run_bench(&request, &offline, &|line| tell!("{line}")))?;
-    harmony_io::write_json(&args.out.join("scores.json"), &result)?;
-    print(&result)
+        settings: with_changes(&settings, &args.changes).map_err(|e| refused(&e))?,
+        changes: args.changes.clone(),
+        points: args.points,
+        jobs: args.jobs.into(),
+        keep: args.keep,
+    })
 }
 
-fn print(result: &BenchResult) -> Result<u8> {
-    let height = if result.exact_height { "room height exact" } else { "room height as noisy as the rest" };
-    say!("{} ({height}), metres as delivered\n{TEXT_HEADING}\n{}", result.title, text_table(&summary(&result.raw)))?;
-    say!("the same after scale alignment\n{}", text_table(&summary(&result.aligned)))?;
-    let failed = result.raw.iter().filter(|r| r.failure.is_some()).count();
-    if failed > 0 {
-        tell!("{failed} runs failed");
-        return Ok(EXIT_INCOMPLETE);
+fn rooms(args: &RunArgs) -> Result<u8> {
+    let request = request(args)?;
+    let offline = harmony_players::offline_cast();
+    let result = runtime()?.block_on(run_bench(&request, &offline, &|line| tell!("{line}")))?;
+    write_tables(&args.out, &result)?;
+    print(&result)?;
+    tell!("tables and pictures: {}", args.out.join("report.html").display());
+    Ok(exit_code(result.raw.iter().filter(|r| r.failure.is_some()).count()))
+}
+
+fn make(args: &GenerateArgs) -> Result<u8> {
+    let settings = GeneratorSettings::default();
+    let last = args.first_seed.checked_add(args.count).context("seeds end at 2^64")?;
+    for seed in args.first_seed..last {
+        let begun = Instant::now();
+        let room = generate(seed, &settings);
+        let folder = args.folder.join(&room.name);
+        write_room(&room, &folder)?;
+        tell!(
+            "{:>3}/{} {:<20} {:?}, {:.1} x {:.1} x {:.1} m, {} objects, {} in view, {:.1} s",
+            seed - args.first_seed + 1,
+            args.count,
+            room.name,
+            room.kind,
+            room.extents.width,
+            room.extents.height,
+            room.extents.depth,
+            room.objects.len(),
+            room.objects.iter().filter(|o| o.visible_pixels > 0).count(),
+            begun.elapsed().as_secs_f64()
+        );
     }
     Ok(EXIT_OK)
+}
+
+fn judge(args: &ScoreArgs) -> Result<u8> {
+    let rooms = truths(&args.truth, None)?;
+    let result = judge_finished(&args.run, &rooms, args.points, args.out.as_deref(), &|line| tell!("{line}"))?;
+    if let Some(out) = &args.out {
+        write_tables(out, &result)?;
+    }
+    print(&result)?;
+    Ok(exit_code(result.raw.iter().filter(|r| r.failure.is_some()).count()))
+}
+
+fn variants(args: &AblateArgs) -> Result<u8> {
+    let request = request(&args.run)?;
+    let changes = if args.variants.is_empty() { ablate::variants(&request.settings) } else { args.variants.clone() };
+    for change in changes.iter().filter(|c| *c != ablate::FULL) {
+        with_change(&request.settings, change).map_err(|e| refused(&e))?;
+    }
+    let offline = harmony_players::offline_cast();
+    let done = runtime()?.block_on(ablate(&request, &changes, &offline, &|line| tell!("{line}")));
+    let ablation = done.map_err(|e| match e {
+        AblationError::Override(e) => refused(&e),
+        other => other.into(),
+    })?;
+    say!("{}, metres as delivered\n{}", ablation.title, ablate::text_table(&ablation))?;
+    tell!("tables: {}", args.run.out.join("ablation.md").display());
+    Ok(exit_code(ablation.variants.iter().map(|v| v.failed).sum()))
+}
+
+fn about(result: &BenchResult) -> String {
+    let height = match (result.level, result.exact_height) {
+        (None, _) => "",
+        (_, true) => " (room height exact)",
+        (_, false) => " (room height as noisy as the rest)",
+    };
+    let changes = if result.changes.is_empty() { String::new() } else { format!(", {}", result.changes.join(", ")) };
+    format!("{}{height}{changes}", result.title)
+}
+
+fn print(result: &BenchResult) -> Result<()> {
+    say!("{}, metres as delivered\n{TEXT_HEADING}\n{}", about(result), text_table(&summary(&result.raw)))?;
+    say!("the same after scale alignment\n{}", text_table(&summary(&result.aligned)))
+}
+
+fn exit_code(failed: usize) -> u8 {
+    if failed > 0 {
+        tell!("{failed} runs failed");
+        return EXIT_INCOMPLETE;
+    }
+    EXIT_OK
 }
