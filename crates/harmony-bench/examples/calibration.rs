@@ -68,7 +68,7 @@ fn main() {
                 b[1],
                 b[2],
                 first.as_secs_f64() * 1e3,
-                (both - first).as_secs_f64() * 1e3,
+                (both.as_secs_f64() - first.as_secs_f64()) * 1e3,
                 evidence.map(|e| format!(
                     "{} cells {:.3}, pins {:.1} px, sigma {:.2} deg {:.3}",
                     e.cells,

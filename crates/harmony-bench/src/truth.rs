@@ -38,7 +38,6 @@ pub enum TruthError {
 
 impl TruthError {
     /// What a person can do about it.
-    #[expect(clippy::unused_self, reason = "like the other errors")]
     pub fn hint(&self) -> Option<&'static str> {
         Some(
             "a truth folder holds photo.jpg, camera.json, room.json, objects.json, depth.png, instances.png, meshes.npz",
@@ -110,6 +109,7 @@ pub struct TruthRoom {
     pub depth: Vec<f32>,
 }
 
+#[expect(clippy::needless_pass_by_value, reason = "errors and texts alike")]
 fn bad(path: &Path, reason: impl ToString) -> TruthError {
     TruthError::Format { path: path.to_owned(), reason: reason.to_string() }
 }

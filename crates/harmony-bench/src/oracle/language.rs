@@ -65,7 +65,7 @@ impl Oracle {
         let (room, camera, noise) = (&self.room, &self.room.camera, &self.noise);
         let mut answer = LayoutAnswer::example();
         let height = if self.exact_height { 1.0 } else { self.factor("height", noise.height) };
-        answer.room.room_type = room.name.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_').to_owned();
+        room.name.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_').clone_into(&mut answer.room.room_type);
         answer.room.ceiling_height_m = room.extents.height * height;
         answer.room.floor_width_m = room.extents.width * self.factor("width", noise.extent);
         answer.room.floor_depth_m = room.extents.depth * self.factor("depth", noise.extent);
@@ -85,15 +85,11 @@ impl Oracle {
             let long = f64::from(camera.size.width.max(camera.size.height));
             p + DVec2::new(normal(&mut rng), normal(&mut rng)) * noise.pins * long
         };
-        match room.seen_corner() {
-            Some((wall, pixel)) => {
-                c.corner_px = Some(per_mille(shaken(pixel, "corner")));
-                c.back_wall_side = if wall == Wall::Left { BackWallSide::Right } else { BackWallSide::Left };
-            }
-            None => {
-                c.corner_px = None;
-                c.back_wall_side = BackWallSide::Both;
-            }
+        c.corner_px = None;
+        c.back_wall_side = BackWallSide::Both;
+        if let Some((wall, pixel)) = room.seen_corner() {
+            c.corner_px = Some(per_mille(shaken(pixel, "corner")));
+            c.back_wall_side = if wall == Wall::Left { BackWallSide::Right } else { BackWallSide::Left };
         }
         let foot = camera.project(DVec3::new(centre.x, 0.0, 0.0)).unwrap_or(DVec2::new(0.0, 0.6));
         c.floor_junction_y_frac = shaken(foot, "junction").y / f64::from(camera.size.height);
@@ -188,9 +184,10 @@ impl Oracle {
             .unwrap_or_default();
         let objects: Vec<InspectedObject> = shown
             .iter()
-            .map(|(id, label, object)| match object {
-                Some(i) => self.inspected(id, label, &self.room.objects[*i], &ids, &placed),
-                None => {
+            .map(|(id, label, object)| {
+                if let Some(i) = object {
+                    self.inspected(id, label, &self.room.objects[*i], &ids, &placed)
+                } else {
                     let size = InspectedSize { width: 0.5, height: 0.5, depth: 0.5 };
                     let mut unknown = InspectedObject::plain(id, label, size);
                     unknown.keep = false;
@@ -242,7 +239,7 @@ impl Oracle {
             label,
             InspectedSize { width: size.x, height: size.y, depth: size.z.max(0.002) },
         );
-        o.description = object.label.clone();
+        o.description.clone_from(&object.label);
         o.occlusion = match object.occluded {
             v if v < 0.1 => Occlusion::None,
             v if v < 0.5 => Occlusion::Partly,

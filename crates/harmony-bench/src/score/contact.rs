@@ -192,7 +192,7 @@ pub fn faults(truth: &TruthRoom, run: &Prediction, scores: &[ObjectScore]) -> (V
 }
 
 fn wall_gap(wall: Wall, run: &Prediction, solid: &Solid) -> f64 {
-    let (low, high) = (solid.bounds.min, solid.bounds.max);
+    let (low, high) = (solid.bounds.min - run.corner, solid.bounds.max - run.corner);
     match wall {
         Wall::Back => low.z,
         Wall::Left => low.x,

@@ -43,6 +43,8 @@ pub struct Prediction {
     pub camera: Camera,
     /// Room.
     pub extents: Extents,
+    /// Where its floor's back left corner is: the origin, until the run is shifted.
+    pub corner: DVec3,
     /// Objects.
     pub objects: Vec<PredictedObject>,
     /// The room's shell.
@@ -83,7 +85,14 @@ impl Prediction {
                 Some(PredictedObject { object, mesh, mask })
             })
             .collect();
-        Ok(Self { folder: folder.to_owned(), camera, extents: scene.room.extents, objects, shell: Arc::new(shell) })
+        Ok(Self {
+            folder: folder.to_owned(),
+            camera,
+            extents: scene.room.extents,
+            corner: DVec3::ZERO,
+            objects,
+            shell: Arc::new(shell),
+        })
     }
 
     /// Scales the whole run about the room's origin.
@@ -98,6 +107,7 @@ impl Prediction {
     pub fn shift(&mut self, by: DVec3) {
         // x_cam = R (x - by) + t
         self.camera.translation -= self.camera.rotation * by;
+        self.corner += by;
         self.map(|p| p + by);
     }
 
