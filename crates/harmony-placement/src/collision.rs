@@ -464,8 +464,8 @@ mod tests {
         let settings = PlacementSettings::default();
         let mut scene = with(&[
             (Vec3::new(1.6, 0.8, 0.6), 0.9, 2.0),
-            (Vec3::new(1.0, 0.8, 0.6), 2.0, 2.0),
-            (Vec3::new(0.6, 0.8, 0.6), 2.85, 2.0),
+            (Vec3::new(1.0, 0.8, 0.6), 2.12, 2.0),
+            (Vec3::new(0.6, 0.8, 0.6), 2.93, 2.0),
         ]);
         // Everything stands in a row along the back wall, so that it can only slide along it.
         for p in &mut scene.placed {

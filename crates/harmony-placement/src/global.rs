@@ -42,6 +42,9 @@ const YAW_SIGMA: f64 = 0.12;
 const TETHER: [f64; 2] = [0.3, 0.3];
 /// One sigma of the camera's angles, radians: many lines of the photo hold them, better than calibration claims.
 const ROTATION_SIGMA: f64 = 0.0025;
+/// One sigma that the sizes named by one model have in common, relative, and the largest common factor (logarithm).
+const COMMON_SIZE_SIGMA: f64 = 0.03;
+const MOST_SCALE: f64 = 0.25;
 /// Objects that agree less with their masks say nothing about the others.
 const TRUSTED_IOU: f64 = 0.6;
 /// Saturation of the losses, sigmas.
@@ -52,7 +55,7 @@ const OUTLINE_POINTS: usize = 240;
 const ROUNDS: usize = 2;
 const ITERATIONS: usize = 8;
 /// Mean agreement with the masks that a refinement may cost.
-const IOU_SLACK: f64 = 0.06;
+const IOU_SLACK: f64 = 0.04;
 
 /// Numbers of the room at the front of all unknowns, then four an object: place (two), yaw, ln scale.
 const ROOM: usize = 10;
@@ -105,10 +108,12 @@ pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -
     let (camera, positions): (Camera, Vec<Vec3>) =
         (scene.camera, scene.placed.iter().map(|p| p.pose.position).collect());
     let mut trial = scene.clone();
-    let mut scale = 1.0;
+    let mut scale = common_scale(&trial, &posterior, settings);
+    rescale(&mut trial, scale);
     for _ in 0..ROUNDS {
         scale *= round(&mut trial, &posterior, settings)?;
     }
+    crate::level::polish_all(&mut trial, settings);
     let after = mean_iou(&trial, settings)?;
     let kept = after >= before - IOU_SLACK;
     let turn = trial.camera.rotation * camera.rotation.transpose();
@@ -126,6 +131,55 @@ pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -
         *scene = trial;
     }
     Some(report)
+}
+
+/// The factor on everything that the sizes ask for, as far as calibration leaves the scale open. It changes no
+/// picture: camera, room, points and objects grow alike.
+fn common_scale(scene: &PartialScene, posterior: &RoomPosterior, settings: &PlacementSettings) -> f64 {
+    let sigma = size_sigma(settings);
+    let (mut weight, mut sum) = (0.0, 0.0);
+    for p in &scene.placed {
+        if p.evidence.silhouette_iou.is_some_and(|iou| iou >= TRUSTED_IOU) {
+            // Robust: a size that is far off says nothing about the others.
+            let off = -crate::cost::size_log_ratio(&p.item, &p.pose) / sigma;
+            let w = 1.0 / (1.0 + (off / LIMIT).powi(2)).powi(2) / (sigma * sigma);
+            weight += w;
+            sum += w * off * sigma;
+        }
+    }
+    if weight <= 0.0 {
+        return 1.0;
+    }
+    // How the unknowns change with the scale while the height stays.
+    let floor = scene.camera.centre().y / scene.room.extents.height;
+    let mut along = [0.0; ROOM];
+    (along[4], along[5], along[7], along[9]) = (1.0, 1.0, 1.0, 1.0);
+    along[6] = 1.0 / (1.0 - floor.clamp(0.0, 0.95));
+    let held: f64 = (0..ROOM * ROOM).map(|i| along[i / ROOM] * posterior.information[i] * along[i % ROOM]).sum();
+    // What one model says of many sizes is known less well than their number suggests.
+    let said = 1.0 / (1.0 / weight + COMMON_SIZE_SIGMA.powi(2));
+    let shift = sum / weight * said / (said + held.max(0.0));
+    shift.clamp(-MOST_SCALE, MOST_SCALE).exp()
+}
+
+/// Scales everything about the room's origin but its height.
+fn rescale(scene: &mut PartialScene, factor: f64) {
+    scene.camera.translation *= factor;
+    scene.room.extents.width *= factor;
+    scene.room.extents.depth *= factor;
+    scene.anchor *= factor;
+    for p in scene.points.iter_mut().flat_map(|p| &mut p.xyz) {
+        *p *= factor;
+    }
+    for p in &mut scene.placed {
+        p.pose.position *= factor;
+        p.pose.scale *= factor;
+    }
+}
+
+/// One sigma of a size that was named, relative: the setting is a cautious bound for single objects.
+fn size_sigma(settings: &PlacementSettings) -> f64 {
+    0.75 * settings.size_sigma
 }
 
 /// Mean agreement of what is placed with its masks, in the partial scene.
@@ -276,7 +330,7 @@ fn body(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Op
         start: placed.pose,
         start_depth: scene.camera.depth(placed.pose.position),
         size_log: scale.ln() - stretched,
-        size_sigma: 0.75 * settings.size_sigma,
+        size_sigma: size_sigma(settings),
         twin: None,
     })
 }
@@ -446,10 +500,11 @@ fn residuals(
     });
     let turn = crate::cost::angle_between(pose.yaw, b.start.yaw);
     out.push(turn / YAW_SIGMA);
-    let start = b.start.position;
+    // Where it was, in a scene of the new scale.
+    let start = b.start.position * ln_scale.exp();
     out.push((pose.position.x - start.x) / TETHER[0]);
     out.push((pose.position.z - start.z) / TETHER[0]);
-    out.push((pose.scale / b.start.scale).ln() / TETHER[1]);
+    out.push(((pose.scale / b.start.scale).ln() - ln_scale) / TETHER[1]);
 }
 
 /// Brings the map's points along: they keep their pixels and take the new scale.

@@ -134,9 +134,6 @@ pub fn place_level(
         if settings.refinement && settings.global_refinement {
             crate::evidence::measure_level(scene, level, settings);
             report.global = crate::refine_globally(scene, settings);
-            if report.global.is_some_and(|g| g.kept) {
-                polish_all(scene, settings);
-            }
             tracing::debug!(?level, report = ?report.global, "refined globally");
         }
         if settings.collision {
@@ -247,7 +244,7 @@ fn part_all(scene: &mut PartialScene, level: Level, settings: &PlacementSettings
 }
 
 /// Looks at every object once more in the camera and room that the global refinement left.
-fn polish_all(scene: &mut PartialScene, settings: &PlacementSettings) {
+pub(crate) fn polish_all(scene: &mut PartialScene, settings: &PlacementSettings) {
     use rayon::prelude::*;
     let still: &PartialScene = scene;
     let poses: Vec<Option<harmony_scene::Pose>> = (0..still.placed.len())
