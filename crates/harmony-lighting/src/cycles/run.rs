@@ -97,6 +97,9 @@ impl Drop for Group {
     }
 }
 
+/// How long the pipes of a process that has ended are read at most.
+const LAST_WORDS: Duration = Duration::from_secs(2);
+
 /// Runs a command to its end or to the limit; returns its status and the end of what it said.
 fn run(
     mut command: Command,
@@ -129,7 +132,8 @@ fn run(
     };
     group.ended = true;
     // What it said last is still in the pipes; a grandchild that holds them open is not waited for.
-    for _ in 0..20 {
+    let ended = Instant::now();
+    while ended.elapsed() < LAST_WORDS {
         if readers.iter().flatten().all(std::thread::JoinHandle::is_finished) {
             break;
         }
