@@ -479,4 +479,18 @@ mod tests {
         assert!(collisions(&scene, &settings).is_empty());
         assert!(scene.placed.iter().all(|p| (p.pose.position.z - 0.32).abs() < 1e-9), "backs stay at the wall");
     }
+
+    #[test]
+    fn a_row_a_little_too_tight_makes_room_along_itself() {
+        let settings = PlacementSettings::default();
+        let boxes: Vec<(Vec3, f64, f64)> =
+            (0..4).map(|i| (Vec3::new(0.6, 0.8, 0.6), 1.0 + 0.57 * f64::from(i), 2.0)).collect();
+        let mut scene = with(&boxes);
+        assert!(!collisions(&scene, &settings).is_empty());
+        let gone = relax(&mut scene, &settings);
+        assert!(collisions(&scene, &settings).is_empty());
+        assert!(gone.iter().all(|g| *g < 0.12), "{gone:?}");
+        let x: Vec<f64> = scene.placed.iter().map(|p| p.pose.position.x).collect();
+        assert!(x.windows(2).all(|w| w[0] < w[1]), "nobody jumps over a neighbour: {x:?}");
+    }
 }

@@ -301,21 +301,19 @@ fn body(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Op
     let metric = scene.points.as_ref().is_some_and(|p| p.kind == PointMapKind::Metric);
     let patches = 1.0 + b.width() * b.height() / (PATCH * width).powi(2);
     let depth_sigma = if metric { SENSOR_SIGMA } else { (DEPTH_SIGMA[0] / patches.sqrt()).hypot(DEPTH_SIGMA[1]) };
-    let depth = match (!poor && dense && reference.len() >= 12 && rendered.len() >= 12).then_some(()) {
-        Some(()) => {
-            let ratio = front_surface_depth(&reference)? / front_surface_depth(&rendered)?;
-            // Another surface was read: an object in front, a wall behind.
-            ((ratio - 1.0).abs() < 0.25).then_some((ratio, depth_sigma))
-        }
-        None => None,
-    };
+    let readable = !poor && dense && reference.len() >= 12 && rendered.len() >= 12;
+    let ratio = || Some(front_surface_depth(&reference)? / front_surface_depth(&rendered)?);
+    // Far from 1 another surface was read: an object in front, a wall behind.
+    let depth = if readable { ratio().filter(|r| (r - 1.0).abs() < 0.25) } else { None };
+    let depth = depth.map(|ratio| (ratio, depth_sigma));
     let extent = b.width().max(b.height());
     let heavily = if item.traits.heavily_occluded { 2.0 } else { 1.0 };
     let outline_sigma = (OUTLINE_SIGMA[0] * width / 1000.0).hypot(OUTLINE_SIGMA[1] * extent) * heavily;
     let reach = if poor {
         vec![(f64::NEG_INFINITY, false); DIRECTIONS]
     } else {
-        (0..DIRECTIONS).map(|k| mask_reach(scene, &item.mask, direction(k), &others_of(scene, object))).collect()
+        let others = others_of(scene, object);
+        (0..DIRECTIONS).map(|k| mask_reach(scene, &item.mask, direction(k), &others)).collect()
     };
     let (scale, stretch) = prior_scale(item, item.size);
     let relative = (placed.pose.stretch / stretch).max(Vec3::splat(1e-3));
@@ -391,7 +389,6 @@ fn mask_reach(scene: &PartialScene, mask: &Mask, d: Vec2, others: &[usize]) -> (
     // A stray pixel or two is no outline.
     let reach = along.get(along.len() / 300).map_or(f64::NEG_INFINITY, |a| a.0);
     let band: Vec<&(f64, i64, i64)> = along.iter().take_while(|a| a.0 > reach - 3.0).take(200).collect();
-    let depth_at = |x: i64, y: i64| depth_at(scene, x, y);
     let cut = |&&(_, x, y): &&(f64, i64, i64)| {
         (2..=6).step_by(2).any(|k| {
             let (u, v) = (x + (d.x * f64::from(k)).round() as i64, y + (d.y * f64::from(k)).round() as i64);
@@ -399,7 +396,7 @@ fn mask_reach(scene: &PartialScene, mask: &Mask, d: Vec2, others: &[usize]) -> (
                 return true;
             }
             let other = others.iter().any(|o| scene.placed[*o].item.mask.get(u, v)) && !mask.get(u, v);
-            match (depth_at(u, v), depth_at(x, y)) {
+            match (depth_at(scene, u, v), depth_at(scene, x, y)) {
                 (Some(there), Some(here)) => there < NEARER * here,
                 _ => other,
             }
@@ -446,8 +443,7 @@ fn pose(scene: &PartialScene, b: &Body, n: &[f64], extents: &Extents) -> Pose {
         Anchoring::Ceiling => {
             pose.position = Vec3::new(n[0], extents.height - size_of(item, &pose).y, n[1]);
         }
-        Anchoring::Floor => pose.position = Vec3::new(n[0], b.start.position.y, n[1]),
-        Anchoring::OnHost { .. } => pose.position = Vec3::new(n[0], b.start.position.y, n[1]),
+        Anchoring::Floor | Anchoring::OnHost { .. } => pose.position = Vec3::new(n[0], b.start.position.y, n[1]),
     }
     pose
 }

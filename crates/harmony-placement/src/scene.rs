@@ -206,3 +206,41 @@ impl PartialScene {
         self.placed.iter().position(|p| p.item.id == *id)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::Surface;
+
+    use super::*;
+    use crate::testing::{boxed, empty_room};
+
+    #[test]
+    fn walls_that_nobody_saw_follow_what_stands_beyond_them_and_no_picture_changes() {
+        let mut scene = empty_room();
+        scene.room.seen = vec![Surface::Floor, Surface::Back];
+        let width = scene.room.extents.width;
+        for (k, x) in [-0.4, width + 0.5].into_iter().enumerate() {
+            let mut item = boxed(&scene, Vec3::new(0.6, 0.8, 0.6), Vec3::new(1.5, 0.0, 1.5), 0.0);
+            item.id = ObjectId::numbered("box", k);
+            let pose = Pose::new(Vec3::new(x, 0.0, 1.5), 0.0, 1.0);
+            scene.placed.push(Placed {
+                item: Arc::new(item),
+                pose,
+                support: Support::Floor,
+                evidence: Evidence::default(),
+            });
+        }
+        let before: Vec<_> = scene.placed.iter().map(|p| scene.camera.project(p.pose.position)).collect();
+        let shift = scene.fit_loose_walls();
+        assert!((shift - (0.7 + LOOSE_GAP)).abs() < 1e-6, "{shift}");
+        assert!((scene.room.extents.width - (width + 1.5 + 2.0 * LOOSE_GAP)).abs() < 1e-6);
+        for (p, before) in scene.placed.iter().zip(before) {
+            let now = scene.camera.project(p.pose.position);
+            assert!(now.zip(before).is_none_or(|(a, b)| a.distance(b) < 1e-6));
+        }
+        // Walls that were seen stay where they are.
+        scene.room.seen = Surface::ALL.to_vec();
+        scene.placed[0].pose.position.x = -1.0;
+        assert_eq!(scene.fit_loose_walls(), 0.0);
+    }
+}

@@ -73,7 +73,7 @@ impl Oracle {
                 continue;
             }
             let at = |i: usize| row["position"][i].as_f64().unwrap_or(0.0);
-            let off = self.room_position(object.position) - DVec3::new(at(0), at(1), at(2));
+            let off = object.position - DVec3::new(at(0), at(1), at(2));
             let off = DVec3::new(off.x, 0.0, off.z);
             if off.length() > VISIBLE_MOVE {
                 let guess = off * (1.0 + 2.0 * self.noise.size * normal(&mut rng)).clamp(0.2, 2.0);
@@ -83,11 +83,5 @@ impl Oracle {
         }
         let converged = actions.is_empty();
         ReviewAnswer { issues: actions.iter().map(|a| a.reason.clone()).collect(), actions, converged }
-    }
-
-    /// A position of the truth as the run's room frame may have it; the frames share the seen corner by intention.
-    #[expect(clippy::unused_self, reason = "the run's scale will join")]
-    fn room_position(&self, p: DVec3) -> DVec3 {
-        p
     }
 }

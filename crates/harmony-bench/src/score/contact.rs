@@ -3,13 +3,13 @@
 use glam::{DMat3, DVec3};
 use harmony_mesh::{Bounds, Bvh, Mesh};
 use harmony_scene::{Support, Wall};
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::objects::ObjectScore;
 use super::prediction::Prediction;
+use crate::metrics::sample::{Seed, sample_surface};
+use crate::metrics::soup::soup_of;
 use crate::truth::{TruthObject, TruthRoom};
 
 /// Penetration that counts, metres.
@@ -38,28 +38,10 @@ pub struct Solid {
     lowest: Vec<DVec3>,
 }
 
-/// Area-uniform points on a mesh.
+/// Area-uniform points on a mesh; none where it has no surface.
 pub fn surface_points(mesh: &Mesh, count: usize, seed: u64) -> Vec<DVec3> {
-    let corner = |i: u32| mesh.positions[i as usize].as_dvec3();
-    let mut areas = Vec::new();
-    let mut total = 0.0;
-    let triangles: Vec<[DVec3; 3]> = mesh.triangles().map(|t| t.map(corner)).collect();
-    for [a, b, c] in &triangles {
-        total += (*b - *a).cross(*c - *a).length();
-        areas.push(total);
-    }
-    if total <= 0.0 {
-        return Vec::new();
-    }
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    (0..count)
-        .map(|_| {
-            let at = rng.random::<f64>() * total;
-            let [a, b, c] = triangles[areas.partition_point(|v| *v < at).min(triangles.len() - 1)];
-            let (r, s): (f64, f64) = (rng.random::<f64>().sqrt(), rng.random());
-            a * (1.0 - r) + b * (r * (1.0 - s)) + c * (r * s)
-        })
-        .collect()
+    let seed = Seed { seed, draw: 0 };
+    sample_surface(&soup_of(mesh, |p| p), count, seed).map_or_else(|_| Vec::new(), |s| s.points)
 }
 
 impl Solid {

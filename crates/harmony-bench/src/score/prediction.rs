@@ -9,6 +9,7 @@ use harmony_mesh::Mesh;
 use harmony_render::{Instance, RenderOptions, render_depth_ids};
 use harmony_scene::{Camera, Extents, Mask, Scene, SceneObject};
 
+use crate::metrics::depth::median_depth_scale;
 use crate::truth::TruthRoom;
 
 /// A run folder holds no scene.
@@ -141,13 +142,8 @@ impl Prediction {
             return None;
         }
         let (_, depth) = self.render();
-        let mut ratios: Vec<f32> =
-            depth.iter().zip(&truth.depth).filter(|(p, t)| **p > 0.0 && **t > 0.0).map(|(p, t)| t / p).collect();
-        if ratios.is_empty() {
-            return None;
-        }
-        let middle = ratios.len() / 2;
-        Some(f64::from(*ratios.select_nth_unstable_by(middle, f32::total_cmp).1))
+        let everywhere = Mask::from_fn(truth.camera.size, |_, _| true);
+        median_depth_scale(&depth, &truth.depth, &everywhere).map(|s| s.factor)
     }
 }
 

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::types::{AnchorKind, Calibration};
 use crate::least_squares::{minimise, robust};
-use crate::room_box::pins::{Pin, pins};
+use crate::room_box::pins::{FLOOR_LOGIT, LN_BACK, LN_FOCAL, LN_LEFT, LN_RIGHT, Pin, ROLL, TILT, YAW, pins};
 use crate::room_box::solved::CameraBox;
 use crate::vanishing::Search;
 use crate::{CameraHints, FocalPrior, LayoutPrior, LineSegment, RoomEdge, ViewEstimate};
@@ -26,13 +26,14 @@ const REACH: [f64; 3] = [0.1, 0.07, 0.06];
 const CELL_SPREAD: f64 = 0.12;
 /// Saturation of the losses, sigmas.
 const LIMIT: f64 = 2.5;
-/// Sigmas: focal length of the map's camera (logarithm; a sensor's is known), distance to a face that is not seen, width, height of a
-/// metric map's room.
+/// Sigmas of logarithms: focal length of the map's camera (a sensor's is known), distance to a face that is not seen,
+/// height of a metric map's room.
 const FOCAL_SIGMA: f64 = 0.025;
 const SENSOR_FOCAL_SIGMA: f64 = 0.004;
 const UNSEEN_SIGMA: f64 = 0.15;
 const METRIC_HEIGHT_SIGMA: f64 = 0.08;
-/// Sigmas of the prior's camera height and distance to the back wall (logarithms): they matter where no face is seen.
+/// Sigmas of the prior's camera height, distance to the back wall and width (logarithms): they matter where no face is
+/// seen.
 const CAMERA_HEIGHT_SIGMA: f64 = 0.12;
 const BACK_SIGMA: f64 = 0.15;
 const WIDTH_SIGMA: f64 = 0.15;
@@ -80,8 +81,6 @@ impl JointEvidence {
 pub struct RoomPosterior {
     /// 10 x 10 values.
     pub information: Vec<f64>,
-    /// One sigma of the scale, relative.
-    pub sigma_scale: f64,
 }
 
 /// The ten unknowns of [`RoomPosterior`] for a camera in a room; focal length in pixels of its image.
@@ -112,14 +111,7 @@ pub fn room_from_unknowns(unknowns: &[f64], size: ImageSize) -> (Camera, Extents
     (solved.camera(size), solved.extents(0.0))
 }
 
-const LN_FOCAL: usize = 0;
-const YAW: usize = 1;
-const TILT: usize = 2;
-const ROLL: usize = 3;
-const LN_LEFT: usize = 4;
-const LN_RIGHT: usize = 5;
-const FLOOR_LOGIT: usize = 6;
-const LN_BACK: usize = 7;
+/// Two more unknowns after those of the pins.
 const LN_HEIGHT: usize = 8;
 const LN_SCALE: usize = 9;
 type Unknowns = [f64; 10];
@@ -296,6 +288,7 @@ impl<'a> Problem<'a> {
     fn vouched(&self, surface: Surface) -> bool {
         let given = || self.pins.iter().filter(|p| p.given);
         let mut edges: Vec<RoomEdge> = given().map(|p| p.edge).collect();
+        edges.sort_unstable();
         edges.dedup();
         let side = matches!(surface, Surface::Left | Surface::Right);
         !side || edges.len() < VOUCHING_EDGES || given().any(|p| faces_of(p.edge).contains(&surface))
@@ -373,7 +366,7 @@ impl<'a> Problem<'a> {
             sigma_focal: sigmas[LN_FOCAL],
         };
         refined.evidence.joint = Some(evidence);
-        refined.posterior = Some(RoomPosterior { information, sigma_scale: sigmas[LN_SCALE] });
+        refined.posterior = Some(RoomPosterior { information });
         Some((refined, evidence))
     }
 }

@@ -205,15 +205,15 @@ fn hint(value: Option<f64>, low: f64, high: f64) -> Option<f64> {
 }
 
 /// Unknowns, in this order.
-const LN_FOCAL: usize = 0;
-const YAW: usize = 1;
-const TILT: usize = 2;
-const ROLL: usize = 3;
-const LN_LEFT: usize = 4;
-const LN_RIGHT: usize = 5;
+pub(crate) const LN_FOCAL: usize = 0;
+pub(crate) const YAW: usize = 1;
+pub(crate) const TILT: usize = 2;
+pub(crate) const ROLL: usize = 3;
+pub(crate) const LN_LEFT: usize = 4;
+pub(crate) const LN_RIGHT: usize = 5;
 /// Logit of floor distance over room height.
-const FLOOR_LOGIT: usize = 6;
-const LN_BACK: usize = 7;
+pub(crate) const FLOOR_LOGIT: usize = 6;
+pub(crate) const LN_BACK: usize = 7;
 type Unknowns = [f64; 8];
 const STEPS: Unknowns = [1e-5; 8];
 
