@@ -418,6 +418,11 @@ impl Search {
         Candidate { parameters: [log, yaw, tilt, roll], focal_sigma: sigmas[0], cost }
     }
 
+    /// Lines that are looked at: as many of the first residuals are theirs.
+    pub(crate) fn count(&self) -> usize {
+        self.lines.len()
+    }
+
     /// Pushes what four numbers (ln focal, yaw, tilt, roll) leave of the segments and of what photos are like;
     /// each in sigmas. The number of residuals is fixed.
     pub(crate) fn residuals(&self, p: &[f64], out: &mut Vec<f64>) {
