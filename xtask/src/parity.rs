@@ -9,7 +9,8 @@ use std::process::{Child, Command, Stdio};
 use anyhow::{Context, Result, bail, ensure};
 
 /// Packages of the comparison's Python; the whole of torch, for it does not load without its CUDA libraries.
-const PACKAGES: [&str; 6] = ["torch==2.11.0", "torchvision==0.26.0", "numpy", "safetensors", "einops", "huggingface_hub"];
+const PACKAGES: [&str; 6] =
+    ["torch==2.11.0", "torchvision==0.26.0", "numpy", "safetensors", "einops", "huggingface_hub"];
 
 /// Runs the comparison, then `rounds` timings of each side in turn.
 pub fn run(rounds: usize) -> Result<()> {
