@@ -1,4 +1,5 @@
 //! Weight files made by PyTorch and safetensors (`tests/parity/make_weights.py`), and ones that are broken on purpose.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::path::{Path, PathBuf};
 
