@@ -1,0 +1,21 @@
+//! Native networks: model code written once over a thin layer of fused operations ([`Backend`]).
+//!
+//! The plain crate holds the trait, the reference backend, the tensors and the weight files. Everything heavy is
+//! behind a feature. Networks compute in f32 (or narrower on GPUs); images are NHWC.
+
+pub mod backend;
+#[cfg(feature = "cpu")]
+pub mod cpu;
+mod error;
+pub mod host;
+pub mod math;
+pub mod reference;
+mod tensor;
+#[cfg(feature = "vggt")]
+pub mod vggt;
+pub mod weights;
+
+pub use backend::Backend;
+pub use error::{NetError, WeightError};
+pub use tensor::{ByteSource, DType, HostTensor};
+pub use weights::{WeightFile, Weights};
