@@ -1,0 +1,15 @@
+//! Native networks: model code written once over a thin layer of fused operations ([`Backend`]).
+//!
+//! The plain crate holds the trait, the reference backend and the tensors. Everything heavy is behind a feature.
+//! Networks compute in f32 (or narrower on GPUs); images are NHWC.
+
+pub mod backend;
+mod error;
+pub mod host;
+pub mod math;
+pub mod reference;
+mod tensor;
+
+pub use backend::Backend;
+pub use error::{NetError, WeightError};
+pub use tensor::{ByteSource, DType, HostTensor};
