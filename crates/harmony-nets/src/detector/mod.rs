@@ -1,0 +1,17 @@
+//! Boxes for phrases: OWLv2 (Minderer et al. 2023, arXiv 2306.09683).
+//!
+//! The image goes through the network once, whatever the phrases; all phrases go through the text tower at once. Then
+//! every patch of the image has a box, and a logit for every phrase. `docs/decisions/0014-detector.md` says why this
+//! network. Weights and vocabulary: the files of `google/owlv2-*-ensemble`, in transformers' layout.
+
+mod calibration;
+mod choose;
+mod network;
+mod player;
+mod preprocess;
+
+pub use calibration::Calibration;
+pub use choose::{Candidate, ChoiceSettings, choose};
+pub use network::{Owlv2, Owlv2Config, Owlv2Image, Owlv2Size};
+pub use player::{DetectorSettings, Owlv2Detector};
+pub use preprocess::preprocess;
