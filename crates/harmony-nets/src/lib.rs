@@ -9,7 +9,9 @@ pub mod host;
 pub mod math;
 pub mod reference;
 mod tensor;
+pub mod weights;
 
 pub use backend::Backend;
 pub use error::{NetError, WeightError};
 pub use tensor::{ByteSource, DType, HostTensor};
+pub use weights::{WeightFile, Weights};
