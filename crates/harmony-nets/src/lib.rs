@@ -4,10 +4,23 @@
 //! Networks compute in f32 (or narrower on GPUs); images are NHWC.
 
 pub mod backend;
+#[cfg(feature = "clip")]
+pub mod clip;
+#[cfg(feature = "detector")]
+pub mod detector;
 mod error;
 pub mod host;
+#[cfg(any(feature = "sam2", feature = "detector"))]
+mod last;
+#[cfg(feature = "lpips")]
+pub mod lpips;
 pub mod math;
+pub mod params;
 pub mod reference;
+#[cfg(any(feature = "sam2", feature = "clip"))]
+pub mod resample;
+#[cfg(feature = "sam2")]
+pub mod sam2;
 mod tensor;
 pub mod weights;
 

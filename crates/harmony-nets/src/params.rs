@@ -1,7 +1,7 @@
 //! Weights by key: where they come from, and layers made of them.
 
 use crate::backend::{Act, Backend, ConvWeights, LinearWeights, Window};
-use crate::{DType, HostTensor, NetError, WeightError};
+use crate::{DType, HostTensor, NetError, WeightError, WeightFile, Weights};
 
 /// A checkpoint, or something that behaves like one.
 pub trait WeightSource {
@@ -13,6 +13,26 @@ pub trait WeightSource {
 
     /// Whether there is such a key.
     fn has(&self, key: &str) -> bool;
+}
+
+impl WeightSource for Weights<'_> {
+    fn tensor(&self, key: &str, shape: &[usize]) -> Result<HostTensor, WeightError> {
+        self.get(key, shape)
+    }
+
+    fn has(&self, key: &str) -> bool {
+        Weights::has(self, key)
+    }
+}
+
+impl WeightSource for WeightFile {
+    fn tensor(&self, key: &str, shape: &[usize]) -> Result<HostTensor, WeightError> {
+        self.get(key, shape)
+    }
+
+    fn has(&self, key: &str) -> bool {
+        self.find(key).is_some()
+    }
 }
 
 /// Weights under a common prefix, put on a device as they are asked for.
@@ -105,8 +125,8 @@ impl<'a, B: Backend> Params<'a, B> {
 
     /// `{name}.weight` and `{name}.bias`.
     pub fn linear(&self, name: &str, out: usize, input: usize) -> Result<B::Linear, NetError> {
-        let bias = Some(self.host(&format!("{name}.bias"), &[out])?);
-        self.loaded(self.host(&format!("{name}.weight"), &[out, input])?, bias)
+        let weight = self.host(&format!("{name}.weight"), &[out, input])?;
+        self.loaded(weight, Some(self.host(&format!("{name}.bias"), &[out])?))
     }
 
     /// `{name}.weight` alone.
@@ -154,8 +174,8 @@ impl<'a, B: Backend> Params<'a, B> {
     }
 
     fn conv_weights(&self, name: &str, shape: [usize; 4], out: usize) -> Result<ConvWeights, NetError> {
-        let bias = Some(self.host(&format!("{name}.bias"), &[out])?);
-        Ok(ConvWeights { weight: self.host(&format!("{name}.weight"), &shape)?, bias })
+        let weight = self.host(&format!("{name}.weight"), &shape)?;
+        Ok(ConvWeights { weight, bias: Some(self.host(&format!("{name}.bias"), &[out])?) })
     }
 
     /// A convolution of one pixel, as a linear layer; the weight is `[out, in, 1, 1]` in the file.

@@ -10,6 +10,7 @@ mod tokenizer;
 mod transformer;
 mod vision;
 
+use std::path::Path;
 use std::sync::Arc;
 
 use image::RgbImage;
@@ -18,7 +19,7 @@ use image::imageops::crop_imm;
 use crate::backend::{Act, Backend};
 use crate::params::{Params, WeightSource};
 use crate::resample::{Filter, Pixels, resize_8bit};
-use crate::{HostTensor, NetError};
+use crate::{HostTensor, NetError, WeightFile};
 
 pub use layout::Layout;
 pub use text::{TextConfig, TextTower};
@@ -61,6 +62,14 @@ pub struct ClipImageEncoder<B: Backend> {
 }
 
 impl<B: Backend> ClipImageEncoder<B> {
+    /// ViT-B/32 from a weight file of transformers (`model.safetensors`, `pytorch_model.bin`) or with OpenAI's keys.
+    ///
+    /// # Errors
+    /// As [`Self::load`].
+    pub fn open(path: &Path, backend: Arc<B>) -> Result<Self, NetError> {
+        Self::load(backend, &WeightFile::open(path)?, &ClipConfig::vit_b32())
+    }
+
     /// Puts the weights on the device.
     ///
     /// # Errors

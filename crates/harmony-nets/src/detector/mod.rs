@@ -13,5 +13,5 @@ mod preprocess;
 pub use calibration::Calibration;
 pub use choose::{Candidate, ChoiceSettings, choose};
 pub use network::{Owlv2, Owlv2Config, Owlv2Image, Owlv2Size};
-pub use player::{DetectorSettings, Owlv2Detector};
+pub use player::{DetectorError, DetectorSettings, Owlv2Detector};
 pub use preprocess::preprocess;

@@ -1,16 +1,18 @@
 //! OWLv2 as the pipeline's detector.
 
-use std::sync::{Arc, Mutex};
+use std::path::Path;
+use std::sync::Arc;
 
 use async_trait::async_trait;
 use harmony_roles::{DetectRequest, Detection, Detections, Detector, PhraseRequest, PlayerCard, RoleError};
 use harmony_scene::{ImageSize, PixelBox};
 use image::RgbImage;
 
-use super::{Calibration, ChoiceSettings, Owlv2, Owlv2Image, choose};
-use crate::NetError;
+use super::{Calibration, ChoiceSettings, Owlv2, Owlv2Config, Owlv2Image, Owlv2Size, choose};
 use crate::backend::Backend;
-use crate::clip::Tokenizer;
+use crate::clip::{Tokenizer, TokenizerError};
+use crate::last::Last;
+use crate::{NetError, WeightFile};
 
 /// Name on the player's card.
 const PLAYER: &str = "native";
@@ -48,19 +50,46 @@ struct Seen<B: Backend> {
     network: Owlv2<B>,
     tokenizer: Tokenizer,
     settings: DetectorSettings,
-    /// The last photo and what the network saw in it.
-    last: Mutex<Option<(Arc<RgbImage>, Arc<Owlv2Image<B>>)>>,
+    last: Last<Owlv2Image<B>>,
+}
+
+/// Why a detector could not be loaded.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DetectorError {
+    /// The weights or the device.
+    #[error(transparent)]
+    Net(#[from] NetError),
+    /// The vocabulary.
+    #[error(transparent)]
+    Tokenizer(#[from] TokenizerError),
 }
 
 impl<B: Backend> Owlv2Detector<B> {
-    /// A detector that says of itself that it is `model`, such as `owlv2 base ensemble (cpu)`.
+    /// Reads a model's folder: `model.safetensors` and the vocabulary.
+    ///
+    /// # Errors
+    /// [`DetectorError`] for files that are missing, broken or of another size, and what the device says.
+    pub fn load(
+        folder: &Path,
+        size: Owlv2Size,
+        backend: Arc<B>,
+        settings: DetectorSettings,
+    ) -> Result<Self, DetectorError> {
+        let tokenizer = Tokenizer::open(folder)?;
+        let file = WeightFile::open(&folder.join("model.safetensors")).map_err(NetError::from)?;
+        let model = format!("owlv2 {}, {}", size.name(), backend.device());
+        Ok(Self::new(Owlv2::load(backend, &file, Owlv2Config::of(size))?, tokenizer, settings, model))
+    }
+
+    /// A detector that says of itself that it is `model`.
     pub fn new(
         network: Owlv2<B>,
         tokenizer: Tokenizer,
         settings: DetectorSettings,
         model: impl Into<String>,
     ) -> Self {
-        let seen = Seen { network, tokenizer, settings, last: Mutex::new(None) };
+        let seen = Seen { network, tokenizer, settings, last: Last::default() };
         Self { seen: Arc::new(seen), model: model.into() }
     }
 }
@@ -94,7 +123,7 @@ impl<B: Backend> Seen<B> {
         }
         let texts: Vec<&str> = asked.iter().map(|(_, text)| *text).collect();
         let features = self.phrase_features(&texts)?;
-        let image = self.encoded(photo)?;
+        let image = self.last.of(photo, |photo| self.network.encode(photo))?;
         let logits = self.network.logits(&image, &features)?;
 
         let probability = |logit: f32| self.settings.calibration.probability(f64::from(logit));
@@ -142,18 +171,6 @@ impl<B: Backend> Seen<B> {
             sum
         };
         Ok(rows.chunks_exact(templates.len()).map(mean).collect())
-    }
-
-    fn encoded(&self, photo: &Arc<RgbImage>) -> Result<Arc<Owlv2Image<B>>, NetError> {
-        let mut last = self.last.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        if let Some((before, image)) = last.as_ref()
-            && (Arc::ptr_eq(before, photo) || before == photo)
-        {
-            return Ok(image.clone());
-        }
-        let image = Arc::new(self.network.encode(photo)?);
-        *last = Some((photo.clone(), image.clone()));
-        Ok(image)
     }
 }
 

@@ -3,13 +3,14 @@
 //! Trunks are torchvision's AlexNet and VGG-16 (only `features.*` of their files is read), heads are the small files of
 //! the `lpips` package (`lin{k}.model.1.weight`). Pictures are not resized.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use image::RgbImage;
 
 use crate::backend::{Act, Backend, Binary, Pool, Reduce, TensorHandle, Window};
 use crate::params::{Params, WeightSource};
-use crate::{DType, HostTensor, NetError};
+use crate::{DType, HostTensor, NetError, WeightFile};
 
 /// Shift and scale of pixels in -1..1, from the package.
 const SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
@@ -114,6 +115,14 @@ pub struct LpipsDistance {
 }
 
 impl<B: Backend> Lpips<B> {
+    /// From the files of torchvision (trunk) and of the `lpips` package (heads).
+    ///
+    /// # Errors
+    /// As [`Self::load`].
+    pub fn open(trunk: &Path, heads: &Path, net: LpipsNet, backend: Arc<B>) -> Result<Self, NetError> {
+        Self::load(backend, &WeightFile::open(trunk)?, &WeightFile::open(heads)?, net)
+    }
+
     /// Puts trunk and heads on the device.
     ///
     /// # Errors

@@ -33,6 +33,8 @@ struct Block<B: Backend> {
 
 impl<B: Backend> Hiera<B> {
     pub(super) fn load(p: &Params<'_, B>, config: &Sam2Config) -> Result<Self, NetError> {
+        // First what tells one size from another most plainly.
+        let patches = p.conv("patch_embed.proj", [config.embed, 3, 7, 7], Window::conv(4, 3))?;
         let mut blocks = Vec::new();
         let mut ends = [0; 4];
         let channels = config.channels();
@@ -49,12 +51,7 @@ impl<B: Backend> Hiera<B> {
             }
             ends[stage] = blocks.len().saturating_sub(1);
         }
-        Ok(Self {
-            patches: p.conv("patch_embed.proj", [config.embed, 3, 7, 7], Window::conv(4, 3))?,
-            positions: positions(p, config)?,
-            blocks,
-            ends,
-        })
+        Ok(Self { patches, positions: positions(p, config)?, blocks, ends })
     }
 
     /// `[1, side, side, 3]` to the ends of the four stages, finest first.

@@ -38,7 +38,7 @@ const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 /// Standard deviation of the same.
 const STD: [f32; 3] = [0.229, 0.224, 0.225];
 
-/// Most prompts that are decoded at once; each takes about 150 MB of activations in f32.
+/// Prompts that are decoded at once unless told otherwise; each takes about 50 MB of activations.
 const PROMPTS_AT_ONCE: usize = 4;
 
 /// Logits of reused masks are kept within this, as upstream does.
@@ -52,6 +52,7 @@ pub struct Sam2<B: Backend> {
     neck: Neck<B>,
     prompts: PromptEncoder<B>,
     decoder: Decoder<B>,
+    at_once: usize,
 }
 
 /// An encoded image.
@@ -109,8 +110,15 @@ impl<B: Backend> Sam2<B> {
             prompts: PromptEncoder::load(&precise.at("sam_prompt_encoder"), &config)?,
             decoder: Decoder::load(&precise.at("sam_mask_decoder"), &config)?,
             config,
+            at_once: PROMPTS_AT_ONCE,
             backend,
         })
+    }
+
+    /// Decodes so many prompts at once: more is quicker where there is memory for it.
+    #[must_use]
+    pub fn decoding_at_once(self, prompts: usize) -> Self {
+        Self { at_once: prompts.max(1), ..self }
     }
 
     /// The configuration.
@@ -167,7 +175,7 @@ impl<B: Backend> Sam2<B> {
         while let Some(first) = rest.first() {
             // What is decoded together has the same number of tokens and no mask of its own.
             let alike = |p: &&Prompt| p.tokens() == first.tokens() && p.mask.is_none();
-            let count = rest.iter().take_while(alike).count().clamp(1, PROMPTS_AT_ONCE);
+            let count = rest.iter().take_while(alike).count().clamp(1, self.at_once);
             let (now, later) = rest.split_at(count);
             answers.extend(self.predict_together(image, now)?);
             rest = later;

@@ -1,5 +1,6 @@
 //! SAM 2 as the pipeline's segmenter.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use async_trait::async_trait;
@@ -7,23 +8,47 @@ use harmony_roles::{PlayerCard, RoleError, SegmentPrompt, SegmentRequest, Segmen
 use harmony_scene::{ImageSize, Mask};
 use image::RgbImage;
 
-use super::{Masks, Prompt, Sam2, mask_at};
-use crate::NetError;
+use super::{Encoded, Masks, Prompt, Sam2, Sam2Config, Sam2Size, mask_at};
 use crate::backend::Backend;
+use crate::last::Last;
+use crate::{NetError, WeightError, WeightFile};
 
 /// Name on the player's card.
 const PLAYER: &str = "native";
 
-/// Boxes to masks by SAM 2; a photo is encoded once for all its objects.
+/// Boxes to masks by SAM 2; a photo is encoded once for all its objects, and for the requests that follow about it.
 pub struct Sam2Segmenter<B: Backend> {
-    network: Arc<Sam2<B>>,
+    seen: Arc<Seen<B>>,
     model: String,
 }
 
+struct Seen<B: Backend> {
+    network: Sam2<B>,
+    last: Last<Encoded<B>>,
+}
+
 impl<B: Backend> Sam2Segmenter<B> {
-    /// A segmenter that says of itself that it is `model`, such as `sam2.1 large (cpu)`.
-    pub fn new(network: Arc<Sam2<B>>, model: impl Into<String>) -> Self {
-        Self { network, model: model.into() }
+    /// Reads a checkpoint in its original layout: `sam2.1_hiera_*.pt`, or the same keys as safetensors.
+    ///
+    /// # Errors
+    /// [`NetError::Weights`] for a file that is missing, broken, of another size or of another layout, and what the device
+    /// says.
+    pub fn load(path: &Path, size: Sam2Size, backend: Arc<B>) -> Result<Self, NetError> {
+        let file = WeightFile::open(path)?;
+        if file.keys().any(|key| key.starts_with("vision_encoder.")) {
+            let reason = "this is SAM 2 in transformers' layout; the original one (image_encoder.trunk...) is read".to_owned();
+            return Err(WeightError::Malformed { path: path.to_owned(), reason }.into());
+        }
+        // Published files keep everything below one key.
+        let below = if file.keys().any(|key| key.starts_with("model.")) { "model" } else { "" };
+        let model = format!("sam2 hiera {}, {}", size.name(), backend.device());
+        let network = Sam2::load(backend, &file.at(below), Sam2Config::of(size))?;
+        Ok(Self::new(network, model))
+    }
+
+    /// A segmenter that says of itself that it is `model`.
+    pub fn new(network: Sam2<B>, model: impl Into<String>) -> Self {
+        Self { seen: Arc::new(Seen { network, last: Last::default() }), model: model.into() }
     }
 }
 
@@ -35,8 +60,8 @@ impl<B: Backend + 'static> Segmenter for Sam2Segmenter<B> {
     }
 
     async fn segment(&self, request: &SegmentRequest) -> Result<Vec<SegmentedMask>, RoleError> {
-        let (network, image, prompts) = (self.network.clone(), request.image.clone(), request.prompts.clone());
-        let work = tokio::task::spawn_blocking(move || segment(&network, &image, &prompts));
+        let (seen, image, prompts) = (self.seen.clone(), request.image.clone(), request.prompts.clone());
+        let work = tokio::task::spawn_blocking(move || segment(&seen, &image, &prompts));
         let capable = |reason: String| RoleError::NotCapable { player: PLAYER.to_owned(), reason };
         match work.await {
             Ok(Ok(masks)) => Ok(masks),
@@ -48,8 +73,8 @@ impl<B: Backend + 'static> Segmenter for Sam2Segmenter<B> {
 
 /// One mask a prompt, in order; empty for boxes that hold no pixel.
 fn segment<B: Backend>(
-    network: &Sam2<B>,
-    image: &RgbImage,
+    seen: &Seen<B>,
+    image: &Arc<RgbImage>,
     prompts: &[SegmentPrompt],
 ) -> Result<Vec<SegmentedMask>, NetError> {
     let size = ImageSize::new(image.width(), image.height());
@@ -64,8 +89,8 @@ fn segment<B: Backend>(
     if boxes.is_empty() {
         return Ok(answers);
     }
-    let encoded = network.encode(image)?;
-    for (place, masks) in places.into_iter().zip(network.predict(&encoded, &boxes, Masks::Best)?) {
+    let encoded = seen.last.of(image, |image| seen.network.encode(image))?;
+    for (place, masks) in places.into_iter().zip(seen.network.predict(&encoded, &boxes, Masks::Best)?) {
         let Some(best) = masks.into_iter().next() else { continue };
         let score = Some(f64::from(best.iou).clamp(0.0, 1.0)).filter(|s| s.is_finite());
         answers[place] = SegmentedMask { mask: mask_at(&best.logits, size), score };
