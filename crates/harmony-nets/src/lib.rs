@@ -1,11 +1,13 @@
 //! Native networks: model code written once over a thin layer of fused operations ([`Backend`]).
 //!
-//! The plain crate holds the trait, the reference backend and the tensors. Everything heavy is behind a feature.
-//! Networks compute in f32 (or narrower on GPUs); images are NHWC.
+//! The plain crate holds the trait, the reference backend, the tensors and the weight files. Everything heavy is
+//! behind a feature. Networks compute in f32 (or narrower on GPUs); images are NHWC.
 
 pub mod backend;
 #[cfg(feature = "clip")]
 pub mod clip;
+#[cfg(feature = "cpu")]
+pub mod cpu;
 #[cfg(feature = "detector")]
 pub mod detector;
 mod error;
@@ -22,6 +24,8 @@ pub mod resample;
 #[cfg(feature = "sam2")]
 pub mod sam2;
 mod tensor;
+#[cfg(feature = "vggt")]
+pub mod vggt;
 pub mod weights;
 
 pub use backend::Backend;
