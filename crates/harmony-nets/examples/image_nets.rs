@@ -44,7 +44,9 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &[String]) -> Outcome<bool> {
-    let [mode, net, folder, rest @ ..] = args else { return Err("usage: image_nets parity|time NET FOLDER [ROUNDS]".into()) };
+    let [mode, net, folder, rest @ ..] = args else {
+        return Err("usage: image_nets parity|time NET FOLDER [ROUNDS]".into());
+    };
     let folder = PathBuf::from(folder);
     let backend = Arc::new(Cpu::default());
     match mode.as_str() {
@@ -70,7 +72,8 @@ struct Report {
 
 impl Report {
     fn line(&mut self, what: &str, found: &[f32], wanted: &WeightFile) -> Outcome {
-        let wanted = wanted.find(what).ok_or_else(|| format!("no array {what} in {}", wanted.path().display()))?.to_f32();
+        let wanted =
+            wanted.find(what).ok_or_else(|| format!("no array {what} in {}", wanted.path().display()))?.to_f32();
         if found.len() != wanted.len() {
             return Err(format!("{what}: {} values instead of {}", found.len(), wanted.len()).into());
         }

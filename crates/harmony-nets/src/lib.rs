@@ -12,12 +12,12 @@ pub mod cpu;
 pub mod detector;
 mod error;
 pub mod host;
-#[cfg(any(feature = "sam2", feature = "detector"))]
-mod last;
 #[cfg(feature = "lpips")]
 pub mod lpips;
 pub mod math;
 pub mod params;
+#[cfg(any(feature = "sam2", feature = "detector"))]
+mod player;
 pub mod reference;
 #[cfg(any(feature = "sam2", feature = "clip"))]
 pub mod resample;

@@ -74,11 +74,8 @@ struct OpenAi(Seeded);
 
 impl OpenAi {
     fn renamed(key: &str) -> String {
-        let tower = if let Some(rest) = key.strip_prefix("visual.") {
-            ("vision_model", rest)
-        } else {
-            ("text_model", key)
-        };
+        let tower =
+            if let Some(rest) = key.strip_prefix("visual.") { ("vision_model", rest) } else { ("text_model", key) };
         let (prefix, rest) = tower;
         let rest = match rest {
             "conv1.weight" => "embeddings.patch_embedding.weight".to_owned(),

@@ -8,9 +8,7 @@ use std::sync::Arc;
 
 use common::{Seeded, array, arrays, close, data, photo, uniform};
 use harmony_nets::clip::{TextConfig, Tokenizer, VisionConfig};
-use harmony_nets::detector::{
-    ChoiceSettings, DetectorSettings, Owlv2, Owlv2Config, Owlv2Detector, preprocess,
-};
+use harmony_nets::detector::{ChoiceSettings, DetectorSettings, Owlv2, Owlv2Config, Owlv2Detector, preprocess};
 use harmony_nets::reference::Reference;
 use harmony_nets::resample::Pixels;
 use harmony_roles::{DetectRequest, Detector, PhraseRequest};

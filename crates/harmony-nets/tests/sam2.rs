@@ -189,7 +189,8 @@ fn checkpoints_of_another_size_or_layout_are_refused_with_file_key_and_shapes() 
     let path = folder.path().join("sam2.1_hiera_large.safetensors");
     let message = |tensors: &[(&str, &[usize])]| {
         write_zeros(&path, tensors);
-        let error = Sam2Segmenter::load(&path, Sam2Size::Large, Arc::new(Reference)).err().expect("refused").to_string();
+        let error =
+            Sam2Segmenter::load(&path, Sam2Size::Large, Arc::new(Reference)).err().expect("refused").to_string();
         assert!(error.contains("sam2.1_hiera_large.safetensors"), "{error}");
         error
     };

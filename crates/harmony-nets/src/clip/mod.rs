@@ -78,7 +78,8 @@ impl<B: Backend> ClipImageEncoder<B> {
         let p = Params::new(&*backend, weights, backend.preferred());
         let layout = Layout::of(weights);
         let tower = VisionTower::load(&p, config.vision, layout, Layout::CLIP_PRE_NORM)?;
-        let projection = layout.projection(&p, "visual_projection", "visual.proj", config.features, config.vision.width)?;
+        let projection =
+            layout.projection(&p, "visual_projection", "visual.proj", config.features, config.vision.width)?;
         Ok(Self { tower, projection, features: config.features, backend })
     }
 
@@ -130,7 +131,8 @@ impl<B: Backend> ClipTextEncoder<B> {
         let p = Params::new(&*backend, weights, backend.preferred());
         let layout = Layout::of(weights);
         let tower = TextTower::load(&p, config.text, layout)?;
-        let projection = layout.projection(&p, "text_projection", "text_projection", config.features, config.text.width)?;
+        let projection =
+            layout.projection(&p, "text_projection", "text_projection", config.features, config.text.width)?;
         Ok(Self { tower, projection, tokenizer, features: config.features, backend })
     }
 

@@ -72,7 +72,8 @@ impl<B: Backend> TextTower<B> {
     pub fn pooled(&self, b: &B, rows: &[Vec<u32>]) -> Result<B::Tensor, NetError> {
         let length = rows.iter().map(Vec::len).max().unwrap_or(0);
         if length == 0 || length > self.config.positions || rows.iter().any(Vec::is_empty) {
-            let reason = format!("sentences of 1 to {} tokens are wanted, the longest has {length}", self.config.positions);
+            let reason =
+                format!("sentences of 1 to {} tokens are wanted, the longest has {length}", self.config.positions);
             return Err(NetError::Input { network: "text tower", reason });
         }
         let (width, count) = (self.config.width, rows.len());

@@ -104,9 +104,7 @@ impl Tokenizer {
     }
 
     fn new(ids: HashMap<String, u32>, merges: Vec<(String, String)>, path: &Path) -> Result<Self, TokenizerError> {
-        let mark = |mark: &str| {
-            ids.get(mark).copied().ok_or_else(|| malformed(path, format!("no token {mark}")))
-        };
+        let mark = |mark: &str| ids.get(mark).copied().ok_or_else(|| malformed(path, format!("no token {mark}")));
         let (start, end) = (mark(START)?, mark(END)?);
         let letter = |b: u8| letter_of(b).to_string();
         if let Some(lost) = (0..=u8::MAX).find(|b| !ids.contains_key(&letter(*b))) {
@@ -183,7 +181,9 @@ mod tests {
     #[test]
     fn bytes_have_the_letters_of_the_table() {
         // From GPT-2's published table.
-        for (byte, letter) in [(0u8, 'Ā'), (b' ', 'Ġ'), (b'!', '!'), (b'~', '~'), (0x7f, 'ġ'), (0xa0, 'ł'), (0xad, 'Ń'), (0xff, 'ÿ')] {
+        for (byte, letter) in
+            [(0u8, 'Ā'), (b' ', 'Ġ'), (b'!', '!'), (b'~', '~'), (0x7f, 'ġ'), (0xa0, 'ł'), (0xad, 'Ń'), (0xff, 'ÿ')]
+        {
             assert_eq!(letter_of(byte), letter, "{byte}");
         }
         let all: std::collections::BTreeSet<char> = (0..=255).map(letter_of).collect();

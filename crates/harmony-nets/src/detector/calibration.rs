@@ -57,10 +57,9 @@ impl Calibration {
             let determinant = h00 * h11 - h01 * h01;
             let step = [(h11 * g0 - h01 * g1) / determinant, (h00 * g1 - h01 * g0) / determinant];
             // Half steps until it gets better.
-            let tried = (0..30).map(|k| 0.5f64.powi(k)).map(|k| Self {
-                slope: at.slope - k * step[0],
-                offset: at.offset - k * step[1],
-            });
+            let tried = (0..30)
+                .map(|k| 0.5f64.powi(k))
+                .map(|k| Self { slope: at.slope - k * step[0], offset: at.offset - k * step[1] });
             let before = loss(at);
             let Some(better) = tried.into_iter().find(|c| loss(*c) < before) else { break };
             at = better;

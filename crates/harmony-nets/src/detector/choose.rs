@@ -45,12 +45,7 @@ pub struct Candidate {
 /// 1. Every box speaks for the label that fits it best. Those at least `sure` are taken, best first, unless they overlap
 ///    one of their label that was taken before.
 /// 2. A label short of its count takes its best boxes of at least `least`, unless they overlap anything taken.
-pub fn choose(
-    boxes: &[PixelBox],
-    scores: &[Vec<f64>],
-    counts: &[usize],
-    settings: &ChoiceSettings,
-) -> Vec<Candidate> {
+pub fn choose(boxes: &[PixelBox], scores: &[Vec<f64>], counts: &[usize], settings: &ChoiceSettings) -> Vec<Candidate> {
     let order = |candidates: &mut Vec<(usize, Candidate)>| {
         // Ties by the index of the box, so that the same input gives the same answer.
         candidates.sort_by(|(i, a), (j, b)| b.score.total_cmp(&a.score).then(i.cmp(j)));

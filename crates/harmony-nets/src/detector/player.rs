@@ -11,11 +11,11 @@ use image::RgbImage;
 use super::{Calibration, ChoiceSettings, Owlv2, Owlv2Config, Owlv2Image, Owlv2Size, choose};
 use crate::backend::Backend;
 use crate::clip::{Tokenizer, TokenizerError};
-use crate::last::Last;
+use crate::player::{self, Last};
 use crate::{NetError, WeightFile};
 
 /// Name on the player's card.
-const PLAYER: &str = "native";
+const PLAYER: &str = "owlv2";
 
 /// Parts phrases of one request.
 const BETWEEN: char = '.';
@@ -83,12 +83,7 @@ impl<B: Backend> Owlv2Detector<B> {
     }
 
     /// A detector that says of itself that it is `model`.
-    pub fn new(
-        network: Owlv2<B>,
-        tokenizer: Tokenizer,
-        settings: DetectorSettings,
-        model: impl Into<String>,
-    ) -> Self {
+    pub fn new(network: Owlv2<B>, tokenizer: Tokenizer, settings: DetectorSettings, model: impl Into<String>) -> Self {
         let seen = Seen { network, tokenizer, settings, last: Last::default() };
         Self { seen: Arc::new(seen), model: model.into() }
     }
@@ -97,19 +92,13 @@ impl<B: Backend> Owlv2Detector<B> {
 #[async_trait]
 impl<B: Backend + 'static> Detector for Owlv2Detector<B> {
     fn card(&self) -> PlayerCard {
-        // One at a time: each call uses the whole device.
-        PlayerCard { player: PLAYER.to_owned(), model: self.model.clone(), offline: false, concurrency: 1 }
+        player::card(PLAYER, &self.model)
     }
 
     async fn detect(&self, request: &DetectRequest) -> Result<Detections, RoleError> {
         let (seen, image, phrases) = (self.seen.clone(), request.image.clone(), request.phrases.clone());
-        let work = tokio::task::spawn_blocking(move || seen.detect(&image, &phrases));
-        let capable = |reason: String| RoleError::NotCapable { player: PLAYER.to_owned(), reason };
-        match work.await {
-            Ok(Ok(detections)) => Ok(Detections { detections }),
-            Ok(Err(error)) => Err(capable(error.to_string())),
-            Err(error) => Err(capable(format!("the computation broke off: {error}"))),
-        }
+        let detections = player::computed(PLAYER, move || seen.detect(&image, &phrases)).await?;
+        Ok(Detections { detections })
     }
 }
 

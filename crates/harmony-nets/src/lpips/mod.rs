@@ -61,7 +61,14 @@ impl LpipsNet {
         let pool = |size| Some(Window { size, stride: 2, padding: 0 });
         match self {
             Self::Alex => {
-                let layer = |index, out, kernel, window, pool_before| Layer { index, out, kernel, window, pool_before, tap: true };
+                let layer = |index, out, kernel, window, pool_before| Layer {
+                    index,
+                    out,
+                    kernel,
+                    window,
+                    pool_before,
+                    tap: true,
+                };
                 vec![
                     layer(0, 64, 11, Window::conv(4, 2), None),
                     layer(3, 192, 5, Window::conv(1, 2), pool(3)),

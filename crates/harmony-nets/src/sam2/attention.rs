@@ -26,12 +26,7 @@ impl<B: Backend> Attention<B> {
         })
     }
 
-    fn forward(
-        &self,
-        b: &B,
-        [q, k, v]: [&B::Tensor; 3],
-        residual: Option<B::Tensor>,
-    ) -> Result<B::Tensor, NetError> {
+    fn forward(&self, b: &B, [q, k, v]: [&B::Tensor; 3], residual: Option<B::Tensor>) -> Result<B::Tensor, NetError> {
         let project = |x, w| b.linear(x, w, Act::None, None);
         let (mut q, k, v) = (project(q, &self.q)?, project(k, &self.k)?, project(v, &self.v)?);
         let prompts = q.dim(0).max(k.dim(0));

@@ -36,9 +36,8 @@ impl<B: Backend> Decoder<B> {
         for (name, rows) in [("obj_score_token", 1), ("iou_token", 1), ("mask_tokens", MASKS)] {
             own_tokens.extend(p.host(&format!("{name}.weight"), &[rows, w])?.to_f32());
         }
-        let head = |name: &str, widths: [usize; 4]| {
-            p.at(name).mlp(&["layers.0", "layers.1", "layers.2"], &widths, Act::Relu)
-        };
+        let head =
+            |name: &str, widths: [usize; 4]| p.at(name).mlp(&["layers.0", "layers.1", "layers.2"], &widths, Act::Relu);
         let hyper = |i: usize| head(&format!("output_hypernetworks_mlps.{i}"), [w, w, w, w / 8]);
         Ok(Self {
             own_tokens,
@@ -78,7 +77,8 @@ impl<B: Backend> Decoder<B> {
         let image = b.reshape(&image, &[prompts, n, n, w])?;
         // `[1, ..]` features against `[P, ..]`: without their first axis they are the end of the shape.
         let end = |x: &B::Tensor| b.reshape(x, &x.shape()[1..]);
-        let x = b.binary(b.conv_transpose2d(&image, &self.up1, Act::None, None)?, &end(&features.fine)?, Binary::Add)?;
+        let x =
+            b.binary(b.conv_transpose2d(&image, &self.up1, Act::None, None)?, &end(&features.fine)?, Binary::Add)?;
         drop(image);
         let x = b.activation(&self.norm.apply(b, &x)?, Act::Gelu)?;
         let x = b.conv_transpose2d(&x, &self.up2, Act::None, None)?;

@@ -43,11 +43,7 @@ impl<B: Backend> Neck<B> {
     }
 
     /// The four stages, finest first, to the image embedding and the two fine levels.
-    pub(super) fn forward(
-        &self,
-        b: &B,
-        stages: Vec<B::Tensor>,
-    ) -> Result<(B::Tensor, B::Tensor, B::Tensor), NetError> {
+    pub(super) fn forward(&self, b: &B, stages: Vec<B::Tensor>) -> Result<(B::Tensor, B::Tensor, B::Tensor), NetError> {
         let [finest, fine, coarse, coarsest] = <[B::Tensor; 4]>::try_from(stages)
             .map_err(|s| NetError::shape("SAM 2 neck", format!("{} stages, wanted four", s.len())))?;
         let linear = |x: &B::Tensor, w: &B::Linear, residual| b.linear(x, w, Act::None, residual);

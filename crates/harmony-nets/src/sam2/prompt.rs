@@ -118,7 +118,8 @@ impl<B: Backend> PromptEncoder<B> {
     pub(super) fn dense(&self, b: &B, mask: &MaskLogits) -> Result<B::Tensor, NetError> {
         let side = 4 * self.cells;
         if mask.side != side || mask.values.len() != side * side {
-            let reason = format!("a mask prompt of {} values, side {}; its side must be {side}", mask.values.len(), mask.side);
+            let reason =
+                format!("a mask prompt of {} values, side {}; its side must be {side}", mask.values.len(), mask.side);
             return Err(NetError::Input { network: "SAM 2", reason });
         }
         let host = HostTensor::from_f32(&[1, side, side, 1], mask.values.clone());

@@ -10,11 +10,11 @@ use image::RgbImage;
 
 use super::{Encoded, Masks, Prompt, Sam2, Sam2Config, Sam2Size, mask_at};
 use crate::backend::Backend;
-use crate::last::Last;
+use crate::player::{self, Last};
 use crate::{NetError, WeightError, WeightFile};
 
 /// Name on the player's card.
-const PLAYER: &str = "native";
+const PLAYER: &str = "sam2";
 
 /// Boxes to masks by SAM 2; a photo is encoded once for all its objects, and for the requests that follow about it.
 pub struct Sam2Segmenter<B: Backend> {
@@ -36,7 +36,8 @@ impl<B: Backend> Sam2Segmenter<B> {
     pub fn load(path: &Path, size: Sam2Size, backend: Arc<B>) -> Result<Self, NetError> {
         let file = WeightFile::open(path)?;
         if file.keys().any(|key| key.starts_with("vision_encoder.")) {
-            let reason = "this is SAM 2 in transformers' layout; the original one (image_encoder.trunk...) is read".to_owned();
+            let reason =
+                "this is SAM 2 in transformers' layout; the original one (image_encoder.trunk...) is read".to_owned();
             return Err(WeightError::Malformed { path: path.to_owned(), reason }.into());
         }
         // Published files keep everything below one key.
@@ -55,19 +56,12 @@ impl<B: Backend> Sam2Segmenter<B> {
 #[async_trait]
 impl<B: Backend + 'static> Segmenter for Sam2Segmenter<B> {
     fn card(&self) -> PlayerCard {
-        // One at a time: each call uses the whole device.
-        PlayerCard { player: PLAYER.to_owned(), model: self.model.clone(), offline: false, concurrency: 1 }
+        player::card(PLAYER, &self.model)
     }
 
     async fn segment(&self, request: &SegmentRequest) -> Result<Vec<SegmentedMask>, RoleError> {
         let (seen, image, prompts) = (self.seen.clone(), request.image.clone(), request.prompts.clone());
-        let work = tokio::task::spawn_blocking(move || segment(&seen, &image, &prompts));
-        let capable = |reason: String| RoleError::NotCapable { player: PLAYER.to_owned(), reason };
-        match work.await {
-            Ok(Ok(masks)) => Ok(masks),
-            Ok(Err(error)) => Err(capable(error.to_string())),
-            Err(error) => Err(capable(format!("the computation broke off: {error}"))),
-        }
+        player::computed(PLAYER, move || segment(&seen, &image, &prompts)).await
     }
 }
 

@@ -1,10 +1,31 @@
-//! What was computed from the last photo, kept for the next request about it.
+//! What the role players of the image networks share.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use harmony_roles::{PlayerCard, RoleError};
 use image::RgbImage;
 
 use crate::NetError;
+
+/// The card of a network: it only computes, and each call uses the whole device.
+pub(crate) fn card(player: &str, model: &str) -> PlayerCard {
+    PlayerCard { player: player.to_owned(), model: model.to_owned(), offline: true, concurrency: 1 }
+}
+
+/// Runs a network beside the asynchronous work.
+pub(crate) async fn computed<T: Send + 'static>(
+    player: &'static str,
+    work: impl FnOnce() -> Result<T, NetError> + Send + 'static,
+) -> Result<T, RoleError> {
+    let unavailable =
+        |reason: String| RoleError::Unavailable { player: player.to_owned(), reason, status: None, retry_after: None };
+    match tokio::task::spawn_blocking(work).await {
+        Ok(Ok(found)) => Ok(found),
+        Ok(Err(NetError::Input { reason, .. })) => Err(RoleError::NotCapable { player: player.to_owned(), reason }),
+        Ok(Err(error)) => Err(unavailable(error.to_string())),
+        Err(error) => Err(unavailable(format!("the network's thread ended: {error}"))),
+    }
+}
 
 /// One photo and what belongs to it.
 pub(crate) struct Last<T>(Mutex<Option<(Arc<RgbImage>, Arc<T>)>>);
