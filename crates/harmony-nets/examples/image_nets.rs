@@ -27,7 +27,7 @@ type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
 /// Largest difference that is let through, relative to the largest value of an output.
 const LIMIT: f64 = 1e-4;
 
-#[path = "../tests/common/seeded.rs"]
+#[path = "../tests/image_nets/seeded.rs"]
 mod seeded;
 
 use seeded::{photo, uniform};

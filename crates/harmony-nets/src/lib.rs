@@ -16,7 +16,7 @@ pub mod host;
 pub mod lpips;
 pub mod math;
 pub mod params;
-#[cfg(any(feature = "sam2", feature = "detector"))]
+#[cfg(all(feature = "players", any(feature = "sam2", feature = "detector")))]
 mod player;
 pub mod reference;
 #[cfg(any(feature = "sam2", feature = "clip"))]

@@ -2,11 +2,10 @@
 
 #![cfg(feature = "clip")]
 
-mod common;
+mod image_nets;
 
 use std::sync::Arc;
 
-use common::{Seeded, array, arrays, close, data, photo, uniform};
 use harmony_nets::clip::{
     ClipConfig, ClipImageEncoder, ClipTextEncoder, Layout, TextConfig, Tokenizer, VisionConfig, VisionTower, cosine,
     preprocess,
@@ -15,6 +14,7 @@ use harmony_nets::params::{Params, WeightSource};
 use harmony_nets::reference::Reference;
 use harmony_nets::resample::{Filter, Pixels, resize_8bit};
 use harmony_nets::{Backend, DType, HostTensor, WeightError};
+use image_nets::{Seeded, array, arrays, close, data, photo, uniform};
 
 const LIMIT: f64 = 1e-5;
 

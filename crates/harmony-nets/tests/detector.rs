@@ -1,18 +1,18 @@
 //! OWLv2 against transformers on a small configuration: `tests/parity/owlv2.py` made the arrays.
 
-#![cfg(feature = "detector")]
+#![cfg(all(feature = "detector", feature = "players"))]
 
-mod common;
+mod image_nets;
 
 use std::sync::Arc;
 
-use common::{Seeded, array, arrays, close, data, photo, uniform};
 use harmony_nets::clip::{TextConfig, Tokenizer, VisionConfig};
 use harmony_nets::detector::{ChoiceSettings, DetectorSettings, Owlv2, Owlv2Config, Owlv2Detector, preprocess};
 use harmony_nets::reference::Reference;
 use harmony_nets::resample::Pixels;
 use harmony_roles::{DetectRequest, Detector, PhraseRequest};
 use harmony_scene::Level;
+use image_nets::{Seeded, array, arrays, close, data, photo, uniform};
 
 const LIMIT: f64 = 1e-5;
 

@@ -2,17 +2,17 @@
 
 #![cfg(feature = "lpips")]
 
-mod common;
+mod image_nets;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use common::{Seeded, array, arrays, close, photo};
 use harmony_nets::WeightFile;
 use harmony_nets::lpips::{Lpips, LpipsNet};
 use harmony_nets::params::WeightSource;
 use harmony_nets::reference::Reference;
 use image::RgbImage;
+use image_nets::{Seeded, array, arrays, close, photo};
 
 const LIMIT: f64 = 1e-5;
 

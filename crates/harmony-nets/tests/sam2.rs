@@ -1,12 +1,11 @@
 //! SAM 2 against facebookresearch/sam2 on a small configuration: `tests/parity/sam2.py` made the arrays.
 
-#![cfg(feature = "sam2")]
+#![cfg(all(feature = "sam2", feature = "players"))]
 
-mod common;
+mod image_nets;
 
 use std::sync::Arc;
 
-use common::{Seeded, array, arrays, close, photo, write_zeros};
 use harmony_nets::backend::Backend;
 use harmony_nets::reference::Reference;
 use harmony_nets::sam2::{
@@ -14,6 +13,7 @@ use harmony_nets::sam2::{
 };
 use harmony_roles::{SegmentPrompt, SegmentRequest, Segmenter};
 use harmony_scene::PixelBox;
+use image_nets::{Seeded, array, arrays, close, photo, write_zeros};
 
 /// Relative to the largest value; the reference backend sums in f64, PyTorch in f32.
 const LIMIT: f64 = 2e-5;

@@ -32,12 +32,13 @@ pub fn attention(plan: &AttentionPlan<'_, Tensor>, spec: &AttentionSpec<'_, Tens
         let (pair, piece) = (task / pieces, task % pieces);
         let queries = piece * step..((piece + 1) * step).min(plan.queries);
         if !queries.is_empty() {
-            Head { plan, spec, kernel, batch: pair / plan.heads, head: pair % plan.heads }.run(queries, block, shared);
+            OneHead { plan, spec, kernel, batch: pair / plan.heads, head: pair % plan.heads }
+                .run(queries, block, shared);
         }
     });
 }
 
-struct Head<'a> {
+struct OneHead<'a> {
     plan: &'a AttentionPlan<'a, Tensor>,
     spec: &'a AttentionSpec<'a, Tensor>,
     kernel: Kernel,
@@ -45,7 +46,7 @@ struct Head<'a> {
     head: usize,
 }
 
-impl Head<'_> {
+impl OneHead<'_> {
     fn values<'t>(&self, part: Strided<'t, Tensor>, token: usize, dim: usize) -> &'t [f32] {
         &part.tensor.values()[part.at(self.batch, token) + self.head * dim..][..dim]
     }
@@ -66,7 +67,9 @@ impl Head<'_> {
                 turn(row, rope, token);
             }
             if query {
-                row.iter_mut().for_each(|v| *v *= self.plan.scale);
+                for v in row {
+                    *v *= self.plan.scale;
+                }
             }
         }
         out
@@ -230,17 +233,16 @@ fn turn(row: &mut [f32], rope: &Rope2d<'_, Tensor>, token: usize) {
 }
 
 for_each_level! {
-    /// Largest value; NaN if there is one.
+    /// Largest value; NaN is passed over.
     pub fn largest(row: &[f32]) -> f32 {
         let (chunks, rest) = row.as_chunks::<32>();
         let mut top = [f32::NEG_INFINITY; 32];
         for chunk in chunks {
             for i in 0..32 {
-                // NaN wins, for the comparison is false.
-                top[i] = if chunk[i] <= top[i] { top[i] } else { chunk[i] };
+                top[i] = if chunk[i] > top[i] { chunk[i] } else { top[i] };
             }
         }
-        top.iter().chain(rest).fold(f32::NEG_INFINITY, |a, b| if *b <= a { a } else { *b })
+        top.iter().chain(rest).fold(f32::NEG_INFINITY, |a, b| if *b > a { *b } else { a })
     }
 }
 

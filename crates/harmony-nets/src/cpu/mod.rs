@@ -441,14 +441,18 @@ impl Backend for Cpu {
         Ok(self.each_row(x, |row| {
             let top = attention::largest(row);
             let inv = 1.0 / attention::exp_sum(row, top);
-            row.iter_mut().for_each(|v| *v *= inv);
+            for v in row {
+                *v *= inv;
+            }
         }))
     }
 
     fn l2_normalize(&self, x: &Tensor, eps: f32) -> Result<Tensor, NetError> {
         Ok(self.each_row(x, |row| {
             let inv = 1.0 / (rows::sum_of_squares(row, 0.0).sqrt() + eps);
-            row.iter_mut().for_each(|v| *v *= inv);
+            for v in row {
+                *v *= inv;
+            }
         }))
     }
 

@@ -49,7 +49,6 @@ impl Shared {
     ///
     /// # Safety
     /// The part lies inside the slice, and nobody else uses it meanwhile.
-    #[expect(clippy::mut_from_ref, reason = "disjoint parts, by the contract")]
     pub unsafe fn part<'a>(self, start: usize, len: usize) -> &'a mut [f32] {
         // SAFETY: the contract.
         unsafe { std::slice::from_raw_parts_mut(self.0.add(start), len) }
@@ -222,7 +221,7 @@ for_each_level! {
             Act::Relu => each(row, |x| if x < 0.0 { 0.0 } else { x }),
             Act::Gelu => each(row, |x| 0.5 * x * (1.0 + erf(x * std::f32::consts::FRAC_1_SQRT_2))),
             Act::GeluTanh => each(row, |x| {
-                let t = 0.797_884_56 * (x + 0.044_715 * x * x * x);
+                let t = 0.797_884_6 * (x + 0.044_715 * x * x * x);
                 x / (1.0 + exp(-2.0 * t))
             }),
             Act::QuickGelu => each(row, |x| x / (1.0 + exp(-1.702 * x))),

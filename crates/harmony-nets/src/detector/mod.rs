@@ -5,13 +5,17 @@
 //! network. Weights and vocabulary: the files of `google/owlv2-*-ensemble`, in transformers' layout.
 
 mod calibration;
+#[cfg(feature = "players")]
 mod choose;
 mod network;
+#[cfg(feature = "players")]
 mod player;
 mod preprocess;
 
 pub use calibration::Calibration;
+#[cfg(feature = "players")]
 pub use choose::{Candidate, ChoiceSettings, choose};
 pub use network::{Owlv2, Owlv2Config, Owlv2Image, Owlv2Size};
+#[cfg(feature = "players")]
 pub use player::{DetectorError, DetectorSettings, Owlv2Detector};
 pub use preprocess::preprocess;

@@ -11,6 +11,7 @@ mod decoder;
 mod hiera;
 mod neck;
 mod prompt;
+#[cfg(feature = "players")]
 mod segmenter;
 mod upscale;
 
@@ -25,8 +26,11 @@ use crate::{DType, HostTensor, NetError};
 
 pub use config::{Sam2Config, Sam2Size};
 pub use prompt::{Label, MaskLogits, Prompt};
+#[cfg(feature = "players")]
 pub use segmenter::Sam2Segmenter;
-pub use upscale::{logits_at, mask_at};
+pub use upscale::logits_at;
+#[cfg(feature = "players")]
+pub use upscale::mask_at;
 
 use decoder::Decoder;
 use hiera::Hiera;

@@ -1,5 +1,6 @@
 //! Masks at the photo's resolution.
 
+#[cfg(feature = "players")]
 use harmony_scene::{ImageSize, Mask};
 
 use super::MaskLogits;
@@ -31,6 +32,7 @@ pub fn logits_at(logits: &MaskLogits, width: u32, height: u32) -> Vec<f32> {
 }
 
 /// The mask itself: logits above zero.
+#[cfg(feature = "players")]
 pub fn mask_at(logits: &MaskLogits, size: ImageSize) -> Mask {
     let mut mask = Mask::empty(size);
     let width = size.width as usize;

@@ -9,7 +9,7 @@ use harmony_roles::{GeometryAnswer, GeometryEstimator, GeometryRequest, PlayerCa
 use harmony_scene::{ImageSize, Intrinsics, PointMap, PointMapKind};
 use image::RgbImage;
 
-use super::preprocess::{Frame, WIDTH, preprocess};
+use super::preprocess::{Frame, Photo, WIDTH, preprocess};
 use super::{FrameGeometry, Heads, Vggt};
 use crate::cpu::Cpu;
 use crate::{Backend, NetError, WeightFile};
@@ -94,7 +94,13 @@ impl VggtEstimator {
     /// [`RoleError::UnusableAnswer`] when the network's answer is nonsense, [`RoleError::NotCapable`] for photos that it
     /// cannot take together, [`RoleError::Unavailable`] when the device fails.
     pub fn estimate_photos(&self, photos: &[&RgbImage]) -> Result<Vec<PointMap>, RoleError> {
-        let frames: Vec<Frame> = photos.iter().map(|photo| preprocess(photo, WIDTH, self.patch)).collect();
+        let frames: Vec<Frame> = photos
+            .iter()
+            .map(|photo| {
+                let (width, height) = (photo.width() as usize, photo.height() as usize);
+                preprocess(Photo { width, height, rgb: photo.as_raw() }, WIDTH, self.patch)
+            })
+            .collect();
         let player = || "vggt".to_owned();
         let geometry = self.network.run(&frames).map_err(|e| match e {
             NetError::Input { reason, .. } => RoleError::NotCapable { player: player(), reason },

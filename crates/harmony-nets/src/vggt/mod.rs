@@ -1,7 +1,7 @@
 //! VGGT (Wang et al., CVPR 2025): photos to cameras, depth, points and confidences in one forward pass.
 //!
 //! Everything here is in the network's own conventions: pixel indices are integers (the centre of the top-left pixel
-//! is (0, 0)), the principal point is `(W/2, H/2)`. [`VggtEstimator`] carries the results over into ours.
+//! is (0, 0)), the principal point is `(W/2, H/2)`. `VggtEstimator` (feature `players`) carries the results over into ours.
 
 #![allow(clippy::missing_errors_doc, reason = "loading: weights that do not fit; running: what the backend says")]
 
@@ -10,12 +10,14 @@ mod block;
 mod camera_head;
 mod config;
 mod dense_head;
+#[cfg(feature = "players")]
 mod estimator;
 mod preprocess;
 
 pub use config::VggtConfig;
+#[cfg(feature = "players")]
 pub use estimator::{Device, VggtEstimator};
-pub use preprocess::{Frame, preprocess};
+pub use preprocess::{Frame, Photo, WIDTH, preprocess};
 
 use aggregator::Aggregator;
 use camera_head::{CameraHead, POSE};

@@ -1,13 +1,22 @@
 //! A photo as the network takes it: 518 pixels wide, sides multiples of 14, PIL's bicubic filter.
 
-use image::RgbImage;
-
 use crate::math;
 
 /// Width in pixels that the published network was trained on.
 pub const WIDTH: usize = 518;
 /// Bits after the point of PIL's filter weights.
 const PRECISION: u32 = 22;
+
+/// An 8-bit RGB photo, row-major.
+#[derive(Debug, Clone, Copy)]
+pub struct Photo<'a> {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `3 width height` values.
+    pub rgb: &'a [u8],
+}
 
 /// A preprocessed photo.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,13 +36,18 @@ pub struct Frame {
 /// Landscape photos and square ones become `width` wide, the height rounded (half to even) to a multiple of `patch`:
 /// the reference's mode `crop`, which cuts nothing then. Taller photos would lose their top and bottom there, so they
 /// are done as the reference's mode `pad`: `width` high, and white at both sides.
-pub fn preprocess(photo: &RgbImage, width: usize, patch: usize) -> Frame {
-    let (w, h) = (photo.width() as f64, photo.height() as f64);
+///
+/// # Panics
+/// When the photo has no pixels, or not three values each.
+pub fn preprocess(photo: Photo<'_>, width: usize, patch: usize) -> Frame {
+    assert_eq!(photo.rgb.len(), photo.width * photo.height * 3, "three values a pixel");
+    assert!(!photo.rgb.is_empty(), "a photo has pixels");
+    let (w, h) = (photo.width as f64, photo.height as f64);
     let rounded = |n: f64| ((n / patch as f64).round_ties_even() as usize).max(1) * patch;
     let by_width = rounded(h * (width as f64 / w));
     let (inner_w, inner_h) =
         if by_width <= width { (width, by_width) } else { (rounded(w * (width as f64 / h)), width) };
-    let small = resize_bicubic(photo.as_raw(), [w as usize, h as usize], [inner_w, inner_h]);
+    let small = resize_bicubic(photo.rgb, [photo.width, photo.height], [inner_w, inner_h]);
     let (left, full_w) = if by_width <= width { (0, width) } else { ((width - inner_w) / 2, width) };
     let mut rgb = vec![1.0; full_w * inner_h * 3];
     for (row, small) in rgb.chunks_exact_mut(full_w * 3).zip(small.chunks_exact(inner_w * 3)) {
@@ -82,7 +96,7 @@ mod tests {
     #[test]
     fn sizes_are_those_of_the_reference_and_keep_the_whole_photo() {
         let sizes = |w, h| {
-            let frame = preprocess(&RgbImage::new(w, h), WIDTH, 14);
+            let frame = preprocess(Photo { width: w, height: h, rgb: &vec![0; w * h * 3] }, WIDTH, 14);
             (frame.width, frame.height, frame.photo)
         };
         // 3024 * 518 / 4032 / 14 = 27.75 -> 28 rows of patches.
@@ -96,7 +110,8 @@ mod tests {
 
     #[test]
     fn a_plain_photo_stays_plain_and_padding_is_white() {
-        let frame = preprocess(&RgbImage::from_pixel(30, 60, image::Rgb([10, 20, 30])), 56, 14);
+        let rgb = [10, 20, 30].repeat(30 * 60);
+        let frame = preprocess(Photo { width: 30, height: 60, rgb: &rgb }, 56, 14);
         assert_eq!((frame.width, frame.height, frame.photo), (56, 56, [14, 0, 28, 56]));
         for (i, v) in frame.rgb.iter().enumerate() {
             let column = i / 3 % 56;

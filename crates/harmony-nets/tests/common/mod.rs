@@ -1,112 +1,79 @@
-//! What the tests of networks share: seeded weights and pictures (the same as `tests/parity/seeded.py` makes), arrays from
-//! PyTorch, comparison.
+//! Weights by hash, as the Python scripts beside the parity arrays make them, and the comparison of outputs.
 
-#![allow(dead_code, unused_imports, reason = "each test uses a part")]
+use std::io::Write;
+use std::path::Path;
 
-mod seeded;
+use serde_json::{Map, Value, json};
 
-use std::path::{Path, PathBuf};
+const SEED: u32 = 2026;
 
-use harmony_nets::params::WeightSource;
-use harmony_nets::{HostTensor, WeightError, WeightFile};
-
-pub use seeded::{photo, uniform};
-
-/// Weights that are made when they are asked for: by fan-in for matrices and filters, about one for norms.
-pub struct Seeded {
-    /// In front of every key before it is hashed.
-    pub prefix: &'static str,
-    /// Factor on matrices and filters.
-    pub gain: f32,
-    /// Keys of positions, tokens and the like: values of up to one half.
-    pub small: fn(&str) -> bool,
-    /// Keys whose sign is dropped.
-    pub positive: fn(&str) -> bool,
+/// CRC-32 (IEEE), bit by bit.
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0u32, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(*byte), |c, _| if c & 1 == 1 { c >> 1 ^ 0xedb8_8320 } else { c >> 1 })
+    })
 }
 
-impl Default for Seeded {
-    fn default() -> Self {
-        Self { prefix: "", gain: 1.0, small: |_| false, positive: |_| false }
+/// `u` in -1..1 by a hash of key and index; see `make_vggt.py`.
+pub fn uniform(key: &str, count: usize) -> Vec<f32> {
+    let base = crc32(key.as_bytes()) ^ SEED;
+    (0..count as u32)
+        .map(|i| {
+            let mut x = i.wrapping_mul(2_654_435_761).wrapping_add(base);
+            x ^= x >> 16;
+            x = x.wrapping_mul(0x7feb_352d);
+            x ^= x >> 15;
+            x = x.wrapping_mul(0x846c_a68b);
+            x ^= x >> 16;
+            (x >> 8) as f32 * 2f32.powi(-23) - 1.0
+        })
+        .collect()
+}
+
+fn value(key: &str, shape: &[usize]) -> Vec<f32> {
+    let mut u = uniform(key, shape.iter().product());
+    let (offset, factor) = if key.ends_with("gamma") {
+        (0.2, 0.1)
+    } else if key.ends_with("bias") {
+        (0.0, 0.1)
+    } else if key.ends_with("weight") && shape.len() == 1 {
+        (1.0, 0.2)
+    } else if key.ends_with("weight") {
+        let transposed = key.contains(".resize_layers.0.") || key.contains(".resize_layers.1.");
+        let inputs: usize = if transposed { shape[0] } else { shape[1..].iter().product() };
+        (0.0, (3.0 / inputs as f64).sqrt() as f32)
+    } else {
+        (0.0, 0.5)
+    };
+    for v in &mut u {
+        *v = offset + factor * *v;
     }
+    u
 }
 
-impl WeightSource for Seeded {
-    fn tensor(&self, key: &str, shape: &[usize]) -> Result<HostTensor, WeightError> {
-        let full = format!("{}{key}", self.prefix);
-        let mut values = uniform(&full, shape.iter().product());
-        let fan_in: usize = shape.iter().skip(1).product();
-        let (centre, spread) = if (self.positive)(key) {
-            values.iter_mut().for_each(|v| *v = v.abs());
-            (0.0, 1.0)
-        } else if (self.small)(key) {
-            (0.0, 0.5)
-        } else if shape.len() >= 2 {
-            (0.0, (3.0 / fan_in as f64).sqrt() as f32 * self.gain)
-        } else if key.ends_with(".weight") {
-            (1.0, 0.1)
-        } else {
-            (0.0, 0.1)
-        };
-        values.iter_mut().for_each(|v| *v = centre + spread * *v);
-        Ok(HostTensor::from_f32(shape, values))
+/// A safetensors file of the tensors whose keys and shapes stand in a JSON file, filled by hash.
+pub fn hashed_weights(keys: &Path) -> tempfile::NamedTempFile {
+    let keys: Map<String, Value> = serde_json::from_slice(&std::fs::read(keys).unwrap()).unwrap();
+    let (mut header, mut data) = (Map::new(), Vec::<u8>::new());
+    for (key, shape) in &keys {
+        let sizes: Vec<usize> = shape.as_array().unwrap().iter().map(|d| d.as_u64().unwrap() as usize).collect();
+        let start = data.len();
+        data.extend(value(key, &sizes).iter().flat_map(|v| v.to_le_bytes()));
+        header.insert(key.clone(), json!({"dtype": "F32", "shape": shape, "data_offsets": [start, data.len()]}));
     }
-
-    fn has(&self, key: &str) -> bool {
-        // transformers' layout of CLIP.
-        key != "visual.conv1.weight"
-    }
+    let header = serde_json::to_vec(&header).unwrap();
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    file.write_all(&(header.len() as u64).to_le_bytes()).unwrap();
+    file.write_all(&header).unwrap();
+    file.write_all(&data).unwrap();
+    file
 }
 
-/// A committed file.
-pub fn data(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity/data").join(name)
-}
-
-/// Arrays from PyTorch.
-pub fn arrays(name: &str) -> WeightFile {
-    WeightFile::open(&data(name)).expect("a committed file of arrays")
-}
-
-/// The values of one of them.
-pub fn array(file: &WeightFile, key: &str) -> Vec<f32> {
-    file.find(key).unwrap_or_else(|| panic!("no array {key}")).to_f32()
-}
-
-/// Largest difference over the largest magnitude that is wanted, with the place of the worst element.
-pub fn worst(found: &[f32], wanted: &[f32]) -> (f64, usize) {
-    assert_eq!(found.len(), wanted.len(), "numbers of values");
-    let scale = wanted.iter().fold(0f64, |m, v| m.max(f64::from(v.abs())));
-    let mut worst = (0.0, 0);
-    for (i, (f, w)) in found.iter().zip(wanted).enumerate() {
-        let off = (f64::from(*f) - f64::from(*w)).abs() / scale;
-        // Not-a-number is worse than anything.
-        if !(off <= worst.0) {
-            worst = (off, i);
-        }
-    }
-    worst
-}
-
-/// Fails when an element is further off than `limit` of the largest magnitude.
-#[track_caller]
-pub fn close(what: &str, found: &[f32], wanted: &[f32], limit: f64) {
-    let (off, at) = worst(found, wanted);
-    assert!(off <= limit, "{what}: element {at} is {} instead of {}, {off:.2e} of the largest", found[at], wanted[at]);
-}
-
-/// Writes a safetensors file of zeros.
-pub fn write_zeros(path: &Path, tensors: &[(&str, &[usize])]) {
-    let mut header = serde_json::Map::new();
-    let mut end = 0usize;
-    for (key, shape) in tensors {
-        let start = end;
-        end += 4 * shape.iter().product::<usize>();
-        let entry = serde_json::json!({"dtype": "F32", "shape": shape, "data_offsets": [start, end]});
-        header.insert((*key).to_owned(), entry);
-    }
-    let header = serde_json::to_vec(&header).expect("a header");
-    let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
-    bytes.extend(header);
-    bytes.resize(bytes.len() + end, 0);
-    std::fs::write(path, bytes).expect("written");
+/// The worst element's difference, relative to itself or, for small elements, to the root mean square of all.
+pub fn compare(wanted: &[f32], found: &[f32]) -> f64 {
+    assert_eq!(wanted.len(), found.len());
+    let rms = (wanted.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / wanted.len() as f64).sqrt();
+    let error = |(w, f): (&f32, &f32)| f64::from(w - f).abs() / f64::from(w.abs()).max(rms);
+    // NaN is the worst of all.
+    wanted.iter().zip(found).map(error).fold(0.0, |a, b| if b <= a { a } else { b })
 }

@@ -65,7 +65,7 @@ def predictor_of(model):
 
 
 def photo(width, height):
-    """A smooth 8-bit picture that both programs can make: see tests/common/seeded.rs."""
+    """A smooth 8-bit picture that both programs can make: see tests/image_nets/seeded.rs."""
     x, y = np.meshgrid(np.arange(width, dtype=np.int64), np.arange(height, dtype=np.int64))
     channels = [(x * x * 3 + y * 5) // 7 % 256, (x * 2 + y * y) // 5 % 256, (x * y) // 11 % 256]
     return np.stack(channels, -1).astype(np.uint8)

@@ -1,7 +1,7 @@
 """Random weights that Python and Rust make alike from a key and a shape, so that no weight file has to be kept.
 
 Value i of tensor KEY is `centre + spread * u`, u = uniform in [-1, 1) from SplitMix64 over FNV-1a(KEY) and i.
-Rust: `tests/common/seeded.rs`.
+Rust: `tests/image_nets/seeded.rs`.
 """
 
 import numpy as np

@@ -1,0 +1,55 @@
+//! VGGT against the reference implementation in PyTorch, small configurations with seeded random weights.
+//! Arrays: `tests/parity/vggt_small.*`, made by `tests/parity/make_vggt.py` (seed and versions stand there).
+#![cfg(feature = "vggt")]
+
+mod common;
+
+use std::path::Path;
+
+use common::{compare, hashed_weights};
+use harmony_nets::cpu::Cpu;
+use harmony_nets::reference::Reference;
+use harmony_nets::vggt::{Frame, Heads, Vggt};
+use harmony_nets::{Backend, WeightFile};
+
+fn frames(expected: &WeightFile, name: &str) -> Vec<Frame> {
+    let images = expected.find(&format!("{name}.images")).expect("the images");
+    let [_, height, width, _] = *images.shape() else { panic!("images have four axes") };
+    let one = |rgb: &[f32]| Frame { width, height, rgb: rgb.to_vec(), photo: [0, 0, width, height] };
+    images.to_f32().chunks_exact(height * width * 3).map(one).collect()
+}
+
+fn agrees<B: Backend>(backend: &B, limit: f64) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity");
+    let expected = WeightFile::open(&folder.join("vggt_small.safetensors")).unwrap();
+    let weights = hashed_weights(&folder.join("vggt_small.json"));
+    let file = WeightFile::open(weights.path()).unwrap();
+    let network = Vggt::load(backend, &file.at("")).unwrap();
+    for name in ["one", "three", "square"] {
+        let found = network.run(backend, &frames(&expected, name), Heads { depth: true, points: true }).unwrap();
+        let join =
+            |f: &dyn Fn(&harmony_nets::vggt::FrameGeometry) -> Vec<f32>| found.iter().flat_map(f).collect::<Vec<f32>>();
+        for (output, values) in [
+            ("pose_enc", join(&|f| f.pose.to_vec())),
+            ("depth", join(&|f| f.depth.clone())),
+            ("depth_conf", join(&|f| f.depth_confidence.clone())),
+            ("world_points", join(&|f| f.points.concat())),
+            ("world_points_conf", join(&|f| f.point_confidence.clone())),
+        ] {
+            let wanted = expected.find(&format!("{name}.{output}")).expect("an output").to_f32();
+            let worst = compare(&wanted, &values);
+            println!("{} {name} {output}: worst element {worst:.2e}", backend.device());
+            assert!(worst <= limit, "{name} {output}: worst element {worst:.2e}");
+        }
+    }
+}
+
+#[test]
+fn small_networks_on_the_quick_backend_agree_with_pytorch() {
+    agrees(&Cpu::new(), 1e-4);
+}
+
+#[test]
+fn small_networks_on_the_reference_backend_agree_with_pytorch() {
+    agrees(&Reference, 1e-4);
+}
