@@ -72,41 +72,58 @@ pub fn resize_8bit(image: &RgbImage, width: u32, height: u32, filter: Filter) ->
         let taps = filter.taps(input as usize, output as usize);
         taps.into_iter().map(|(first, weights)| (first, weights.into_iter().map(round).collect())).collect()
     };
-    let half = 1 << (DIGITS - 1);
+    // What shrinks more goes first, across where they are equal: Pillow's order since 13 (before: always across). It
+    // matters, for values are cut to 8 bits in between.
+    let down_first = u64::from(height) * u64::from(w0) < u64::from(width) * u64::from(h0);
     let mut rows = image.as_raw().clone();
-    if width != w0 {
-        let taps = fixed(w0, width);
-        rows = rows
-            .chunks_exact(w0 as usize * 3)
-            .flat_map(|row| {
-                taps.iter().flat_map(move |(first, weights)| {
-                    let mut sums = [half; 3];
-                    for (pixel, w) in row[first * 3..].as_chunks::<3>().0.iter().zip(weights) {
-                        for (sum, v) in sums.iter_mut().zip(pixel) {
-                            *sum += i32::from(*v) * w;
-                        }
-                    }
-                    sums.map(clip)
-                })
-            })
-            .collect();
+    if down_first {
+        rows = down(&rows, w0, &fixed(h0, height));
     }
-    if height != h0 {
-        let stride = width as usize * 3;
-        let mut sums = vec![0i32; stride];
-        let mut out = Vec::with_capacity(stride * height as usize);
-        for (first, weights) in fixed(h0, height) {
-            sums.fill(half);
-            for (row, w) in rows[first * stride..].chunks_exact(stride).zip(&weights) {
-                for (sum, v) in sums.iter_mut().zip(row) {
+    if width != w0 {
+        rows = across(&rows, w0, &fixed(w0, width));
+    }
+    if !down_first && height != h0 {
+        rows = down(&rows, width, &fixed(h0, height));
+    }
+    RgbImage::from_raw(width, height, rows).unwrap_or_else(|| RgbImage::new(width, height))
+}
+
+type FixedTaps = [(usize, Vec<i32>)];
+/// One half, so that cutting the digits off rounds.
+const HALF: i32 = 1 << (DIGITS - 1);
+
+/// The pass along rows of `width` pixels.
+fn across(rows: &[u8], width: u32, taps: &FixedTaps) -> Vec<u8> {
+    let mut out = Vec::with_capacity(rows.len() / width as usize * taps.len());
+    for row in rows.chunks_exact(width as usize * 3) {
+        for (first, weights) in taps {
+            let mut sums = [HALF; 3];
+            for (pixel, w) in row[first * 3..].as_chunks::<3>().0.iter().zip(weights) {
+                for (sum, v) in sums.iter_mut().zip(pixel) {
                     *sum += i32::from(*v) * w;
                 }
             }
-            out.extend(sums.iter().copied().map(clip));
+            out.extend(sums.map(clip));
         }
-        rows = out;
     }
-    RgbImage::from_raw(width, height, rows).unwrap_or_else(|| RgbImage::new(width, height))
+    out
+}
+
+/// The pass along columns.
+fn down(rows: &[u8], width: u32, taps: &FixedTaps) -> Vec<u8> {
+    let stride = width as usize * 3;
+    let mut sums = vec![0i32; stride];
+    let mut out = Vec::with_capacity(stride * taps.len());
+    for (first, weights) in taps {
+        sums.fill(HALF);
+        for (row, w) in rows[first * stride..].chunks_exact(stride).zip(weights) {
+            for (sum, v) in sums.iter_mut().zip(row) {
+                *sum += i32::from(*v) * w;
+            }
+        }
+        out.extend(sums.iter().copied().map(clip));
+    }
+    out
 }
 
 fn clip(sum: i32) -> u8 {

@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use harmony_nets::WeightFile;
+use harmony_nets::cpu::Cpu;
 use harmony_nets::lpips::{Lpips, LpipsNet};
 use harmony_nets::params::WeightSource;
-use harmony_nets::reference::Reference;
 use image::RgbImage;
 use image_nets::{Seeded, array, arrays, close, photo};
 
@@ -35,7 +35,7 @@ fn changed(photo: &RgbImage) -> RgbImage {
 
 fn check(net: LpipsNet, heads: &dyn WeightSource, file: &str) {
     let wanted = arrays(file);
-    let metric = Lpips::load(Arc::new(Reference), &trunk(net), heads, net).expect("loads");
+    let metric = Lpips::load(Arc::new(Cpu::default()), &trunk(net), heads, net).expect("loads");
     let (a, b) = (photo(96, 64), changed(&photo(96, 64)));
     let found = metric.distance(&a, &b).expect("compares");
     let layers: Vec<f32> = found.layers.iter().map(|v| *v as f32).collect();
@@ -78,7 +78,7 @@ fn the_published_heads_are_read_and_give_the_same_distances() {
 #[test]
 fn pictures_of_two_sizes_and_tiny_ones_are_refused() {
     let net = LpipsNet::Alex;
-    let metric = Lpips::load(Arc::new(Reference), &trunk(net), &trunk(net), net).expect("loads");
+    let metric = Lpips::load(Arc::new(Cpu::default()), &trunk(net), &trunk(net), net).expect("loads");
     assert!(metric.distance(&photo(64, 64), &photo(64, 65)).is_err());
     assert!(metric.distance(&photo(64, 30), &photo(64, 30)).is_err());
     // The least side still works.
@@ -90,7 +90,7 @@ fn heads_for_another_trunk_are_refused_with_key_and_shapes() {
     let Some(path) = heads(LpipsNet::Vgg) else { return };
     let heads = WeightFile::open(&path).expect("a checkpoint of PyTorch");
     let net = LpipsNet::Alex;
-    let error = Lpips::load(Arc::new(Reference), &trunk(net), &heads, net).err().expect("VGG's heads").to_string();
+    let error = Lpips::load(Arc::new(Cpu::default()), &trunk(net), &heads, net).err().expect("VGG's heads").to_string();
     for part in ["lin1.model.1.weight", "192", "128", "lpips_v0.1_vgg_linear.pth"] {
         assert!(error.contains(part), "{error}");
     }

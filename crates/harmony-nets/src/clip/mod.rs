@@ -29,7 +29,7 @@ pub use vision::{VisionConfig, VisionTower};
 /// Mean of the photos that the image tower was trained on.
 pub const MEAN: [f32; 3] = [0.481_454_66, 0.457_827_5, 0.408_210_73];
 /// Standard deviation of the same.
-pub const STD: [f32; 3] = [0.268_629_54, 0.261_302_58, 0.275_777_11];
+pub const STD: [f32; 3] = [0.268_629_54, 0.261_302_6, 0.275_777_1];
 
 /// Numbers of a CLIP network.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -156,7 +156,9 @@ impl<B: Backend> Seen<B> {
             for row in &rows[1..] {
                 sum.iter_mut().zip(row).for_each(|(s, v)| *s += v);
             }
-            sum.iter_mut().for_each(|s| *s /= rows.len() as f32);
+            for s in &mut sum {
+                *s /= rows.len() as f32;
+            }
             sum
         };
         Ok(rows.chunks_exact(templates.len()).map(mean).collect())

@@ -156,7 +156,7 @@ mod tests {
         let three = [mask([1.0; 4], 0.2), mask([2.0; 4], 0.9), mask([3.0; 4], 0.9)];
         let raw = |first| RawPrediction { masks: [vec![first], three.to_vec()].concat(), object_score: 0.0 };
         let stable = mask([5.0, 5.0, -5.0, -5.0], 0.1);
-        assert_eq!(choose(raw(stable.clone()), Masks::Best), [stable.clone()]);
+        assert_eq!(choose(raw(stable.clone()), Masks::Best), std::slice::from_ref(&stable));
         let unstable = mask([5.0, 0.01, -5.0, -5.0], 0.99);
         assert_eq!(choose(raw(unstable), Masks::Best), [three[1].clone()]);
         assert_eq!(choose(raw(stable), Masks::Three), three);

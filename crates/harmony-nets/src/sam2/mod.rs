@@ -140,7 +140,7 @@ impl<B: Backend> Sam2<B> {
         }
         let pixels = preprocess(photo, self.config.image_size);
         let stages = self.stages(pixels)?;
-        let (embedding, fine, finest) = self.neck.forward(&self.backend, stages)?;
+        let [embedding, fine, finest] = self.neck.forward(&self.backend, stages)?;
         let f32 = |x| self.backend.cast(&x, DType::F32);
         Ok(Encoded { embedding: f32(embedding)?, fine: f32(fine)?, finest: f32(finest)?, size: photo.dimensions() })
     }

@@ -43,7 +43,7 @@ impl<B: Backend> Neck<B> {
     }
 
     /// The four stages, finest first, to the image embedding and the two fine levels.
-    pub(super) fn forward(&self, b: &B, stages: Vec<B::Tensor>) -> Result<(B::Tensor, B::Tensor, B::Tensor), NetError> {
+    pub(super) fn forward(&self, b: &B, stages: Vec<B::Tensor>) -> Result<[B::Tensor; 3], NetError> {
         let [finest, fine, coarse, coarsest] = <[B::Tensor; 4]>::try_from(stages)
             .map_err(|s| NetError::shape("SAM 2 neck", format!("{} stages, wanted four", s.len())))?;
         let linear = |x: &B::Tensor, w: &B::Linear, residual| b.linear(x, w, Act::None, residual);
@@ -51,7 +51,7 @@ impl<B: Backend> Neck<B> {
         let above = b.resize(&above, coarse.dim(1), coarse.dim(2), Resize::Nearest)?;
         let embedding = linear(&coarse, &self.coarse, Some(above))?;
         let embedding = b.binary(embedding, &self.no_memory, Binary::Add)?;
-        Ok((embedding, linear(&fine, &self.fine, None)?, linear(&finest, &self.finest, None)?))
+        Ok([embedding, linear(&fine, &self.fine, None)?, linear(&finest, &self.finest, None)?])
     }
 }
 

@@ -8,7 +8,7 @@ use crate::backend::Resize;
 use crate::math;
 
 /// Rows of logits at another size: linear, pixel centres at +0.5, as upstream's post-processing.
-fn rows<'a>(logits: &'a MaskLogits, width: usize, height: usize) -> impl Iterator<Item = Vec<f32>> + 'a {
+fn rows(logits: &MaskLogits, width: usize, height: usize) -> impl Iterator<Item = Vec<f32>> {
     let across = math::taps(logits.side, width, Resize::Bilinear);
     math::taps(logits.side, height, Resize::Bilinear).into_iter().map(move |down| {
         let mut row = vec![0f32; width];

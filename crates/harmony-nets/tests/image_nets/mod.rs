@@ -36,7 +36,9 @@ impl WeightSource for Seeded {
         let mut values = uniform(&full, shape.iter().product());
         let fan_in: usize = shape.iter().skip(1).product();
         let (centre, spread) = if (self.positive)(key) {
-            values.iter_mut().for_each(|v| *v = v.abs());
+            for v in &mut values {
+                *v = v.abs();
+            }
             (0.0, 1.0)
         } else if (self.small)(key) {
             (0.0, 0.5)
@@ -47,7 +49,9 @@ impl WeightSource for Seeded {
         } else {
             (0.0, 0.1)
         };
-        values.iter_mut().for_each(|v| *v = centre + spread * *v);
+        for v in &mut values {
+            *v = centre + spread * *v;
+        }
         Ok(HostTensor::from_f32(shape, values))
     }
 
@@ -80,7 +84,7 @@ pub fn worst(found: &[f32], wanted: &[f32]) -> (f64, usize) {
     for (i, (f, w)) in found.iter().zip(wanted).enumerate() {
         let off = (f64::from(*f) - f64::from(*w)).abs() / scale;
         // Not-a-number is worse than anything.
-        if !(off <= worst.0) {
+        if off.is_nan() || off > worst.0 {
             worst = (off, i);
         }
     }
