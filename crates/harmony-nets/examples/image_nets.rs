@@ -18,7 +18,7 @@ use harmony_nets::cpu::Cpu;
 use harmony_nets::detector::{Owlv2, Owlv2Config, Owlv2Size};
 use harmony_nets::lpips::{Lpips, LpipsNet};
 use harmony_nets::resample::Pixels;
-use harmony_nets::sam2::{Label, Masks, Prompt, Sam2, Sam2Config, Sam2Size, logits_at};
+use harmony_nets::sam2::{Label, MaskLogits, Masks, Prompt, Sam2, Sam2Config, Sam2Size, logits_at};
 use harmony_nets::{Backend, WeightFile};
 use image::RgbImage;
 
@@ -129,7 +129,6 @@ fn sam2(size: &str, folder: &Path, backend: Arc<Cpu>, report: &mut Report) -> Ou
         ("points", Prompt { points: points.clone(), ..Prompt::default() }),
         ("both", Prompt { points, ..Prompt::from_box(bounds) }),
     ];
-    let mut last = None;
     for (name, prompt) in prompts {
         for (tag, masks) in [("best", Masks::Best), ("multi", Masks::Three)] {
             let found = net.predict(&image, std::slice::from_ref(&prompt), masks)?.remove(0);
@@ -140,10 +139,12 @@ fn sam2(size: &str, folder: &Path, backend: Arc<Cpu>, report: &mut Report) -> Ou
             if (name, tag) == ("box", "best") {
                 report.line("box.best.masks", &logits_at(&found[0].logits, 480, 320), &wanted)?;
             }
-            last = found.into_iter().next();
         }
     }
-    let mask = last.map(|m| m.logits.for_reuse());
+    // The mask of the round before is PyTorch's, so that differences do not add up over rounds.
+    let before = wanted.find("both.multi.low").ok_or("no array both.multi.low")?.to_f32();
+    let side = 4 * net.config().cells();
+    let mask = Some(MaskLogits { side, values: before[..side * side].to_vec() });
     let refined = net.predict(&image, &[Prompt { mask, ..Prompt::from_box(bounds) }], Masks::Best)?.remove(0);
     report.line("refined.low", &refined[0].logits.clone().for_reuse().values, &wanted)?;
     let raw = net.predict_raw(&image, &[Prompt::from_box(bounds)])?.remove(0);
