@@ -8,6 +8,8 @@
 //! NET is `sam2_tiny`, `sam2_small`, `sam2_base_plus`, `sam2_large`, `clip`, `owlv2_base`, `owlv2_large` or `lpips`.
 //! Threads: `RAYON_NUM_THREADS`.
 
+#![expect(clippy::print_stdout, reason = "a program")]
+
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -52,7 +54,7 @@ fn run(args: &[String]) -> Outcome<bool> {
     match mode.as_str() {
         "parity" => {
             let mut report = Report { net: net.clone(), good: true };
-            compare(net, &folder, backend, &mut report)?;
+            compare(net, &folder, &backend, &mut report)?;
             Ok(report.good)
         }
         "time" => {
@@ -99,7 +101,7 @@ impl Report {
     }
 }
 
-fn compare(net: &str, folder: &Path, backend: Arc<Cpu>, report: &mut Report) -> Outcome {
+fn compare(net: &str, folder: &Path, backend: &Arc<Cpu>, report: &mut Report) -> Outcome {
     match net.split_once('_').unwrap_or((net, "")) {
         ("sam2", size) => sam2(size, folder, backend, report),
         ("clip", _) => clip(folder, backend, report),
@@ -115,7 +117,7 @@ fn load_sam2(size: &str, folder: &Path, backend: Arc<Cpu>) -> Outcome<Sam2<Cpu>>
     Ok(Sam2::load(backend, &weights.at("model"), Sam2Config::of(size))?)
 }
 
-fn sam2(size: &str, folder: &Path, backend: Arc<Cpu>, report: &mut Report) -> Outcome {
+fn sam2(size: &str, folder: &Path, backend: &Arc<Cpu>, report: &mut Report) -> Outcome {
     let wanted = WeightFile::open(&folder.join(format!("sam2_{size}.safetensors")))?;
     let net = load_sam2(size, folder, backend.clone())?;
     let image = net.encode(&photo(480, 320))?;
@@ -174,7 +176,7 @@ fn ids(wanted: &WeightFile, length: usize, end: u32) -> Outcome<Vec<Vec<u32>>> {
 
 const END: u32 = 49_407;
 
-fn clip(folder: &Path, backend: Arc<Cpu>, report: &mut Report) -> Outcome {
+fn clip(folder: &Path, backend: &Arc<Cpu>, report: &mut Report) -> Outcome {
     use harmony_nets::backend::Act;
     use harmony_nets::clip::Layout;
     use harmony_nets::params::Params;
@@ -185,10 +187,10 @@ fn clip(folder: &Path, backend: Arc<Cpu>, report: &mut Report) -> Outcome {
     let images = ClipImageEncoder::load(backend.clone(), &weights, &config)?;
     report.line("image_embeds", &images.embed_pixels(&[pixels(0, 224), pixels(1, 224)])?.concat(), &wanted)?;
     // The text tower without a tokenizer: its vocabulary is not here.
-    let p = Params::new(&*backend, &weights, backend.preferred());
+    let p = Params::new(&**backend, &weights, backend.preferred());
     let tower = TextTower::load(&p, config.text, Layout::Transformers)?;
     let projection = p.linear_without_bias("text_projection", config.features, config.text.width)?;
-    let pooled = tower.pooled(&backend, &ids(&wanted, 77, END)?)?;
+    let pooled = tower.pooled(backend, &ids(&wanted, 77, END)?)?;
     let features = backend.read(&backend.linear(&pooled, &projection, Act::None, None)?)?;
     report.line("text_embeds", &features, &wanted)
 }
@@ -199,9 +201,9 @@ fn load_owlv2(size: &str, folder: &Path, backend: Arc<Cpu>) -> Outcome<Owlv2<Cpu
     Ok(Owlv2::load(backend, &weights, Owlv2Config::of(size))?)
 }
 
-fn owlv2(size: &str, folder: &Path, backend: Arc<Cpu>, report: &mut Report) -> Outcome {
+fn owlv2(size: &str, folder: &Path, backend: &Arc<Cpu>, report: &mut Report) -> Outcome {
     let wanted = WeightFile::open(&folder.join(format!("owlv2_{size}.safetensors")))?;
-    let net = load_owlv2(size, folder, backend)?;
+    let net = load_owlv2(size, folder, backend.clone())?;
     let image = net.encode_pixels(pixels(0, net.config().vision.image_size))?;
     report.line("boxes", image.boxes.as_flattened(), &wanted)?;
     let phrases = net.embed_text(&ids(&wanted, 16, END)?)?;
@@ -228,7 +230,7 @@ fn load_lpips(net: LpipsNet, folder: &Path, backend: Arc<Cpu>) -> Outcome<Lpips<
     Ok(Lpips::load(backend, &trunk, &heads, net)?)
 }
 
-fn lpips(folder: &Path, backend: Arc<Cpu>, report: &mut Report) -> Outcome {
+fn lpips(folder: &Path, backend: &Arc<Cpu>, report: &mut Report) -> Outcome {
     let wanted = WeightFile::open(&folder.join("lpips_full.safetensors"))?;
     let a = photo(512, 384);
     let b = changed(&a);
