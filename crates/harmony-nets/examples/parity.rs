@@ -41,7 +41,7 @@ fn main() -> Outcome {
         line?;
         let (start, cpu) = (Instant::now(), cpu_time());
         network.run(&backend, &frames, Heads { depth: true, points: false })?;
-        let (wall, cpu) = (start.elapsed().as_secs_f64(), (cpu_time() - cpu).as_secs_f64());
+        let (wall, cpu) = (start.elapsed().as_secs_f64(), cpu_time().saturating_sub(cpu).as_secs_f64());
         println!("harmony {wall:.2} s, {cpu:.2} CPU-s, {}", peak_memory());
     }
     Ok(())

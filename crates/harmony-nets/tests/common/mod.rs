@@ -1,4 +1,6 @@
 //! Weights by hash, as the Python scripts beside the parity arrays make them, and the comparison of outputs.
+#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(dead_code, reason = "each test uses its part")]
 
 use std::io::Write;
 use std::path::Path;
