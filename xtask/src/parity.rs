@@ -84,7 +84,7 @@ impl Drop for Side {
     }
 }
 
-fn cache() -> Result<PathBuf> {
+pub(crate) fn cache() -> Result<PathBuf> {
     if let Some(path) = std::env::var_os("HARMONY_CACHE") {
         return Ok(path.into());
     }
@@ -93,7 +93,7 @@ fn cache() -> Result<PathBuf> {
 }
 
 /// Python with torch, in a folder of its own; made on first use.
-fn python(cache: &Path) -> Result<PathBuf> {
+pub(crate) fn python(cache: &Path) -> Result<PathBuf> {
     let folder = cache.join("parity");
     let python = folder.join("bin/python");
     let ready = folder.join("ready");
@@ -105,7 +105,7 @@ fn python(cache: &Path) -> Result<PathBuf> {
     Ok(python)
 }
 
-fn checked(command: &mut Command) -> Result<()> {
+pub(crate) fn checked(command: &mut Command) -> Result<()> {
     let status = command.status().with_context(|| format!("{} does not start", command.get_program().display()))?;
     if !status.success() {
         bail!("{} ended with {status}", command.get_program().display());

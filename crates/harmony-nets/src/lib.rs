@@ -4,12 +4,25 @@
 //! behind a feature. Networks compute in f32 (or narrower on GPUs); images are NHWC.
 
 pub mod backend;
+#[cfg(feature = "clip")]
+pub mod clip;
 #[cfg(feature = "cpu")]
 pub mod cpu;
+#[cfg(feature = "detector")]
+pub mod detector;
 mod error;
 pub mod host;
+#[cfg(feature = "lpips")]
+pub mod lpips;
 pub mod math;
+pub mod params;
+#[cfg(all(feature = "players", any(feature = "sam2", feature = "detector")))]
+mod player;
 pub mod reference;
+#[cfg(any(feature = "sam2", feature = "clip"))]
+pub mod resample;
+#[cfg(feature = "sam2")]
+pub mod sam2;
 mod tensor;
 #[cfg(feature = "vggt")]
 pub mod vggt;
