@@ -7,6 +7,7 @@ use harmony_scene::{ImageSize, Mask, PixelBox};
 use image::imageops::{crop_imm, overlay};
 use image::{Rgb, RgbImage, Rgba, RgbaImage};
 use serde_json::Value;
+use tokio::sync::OnceCell;
 
 use super::cutout::cut_out;
 use super::frame::{self, Around, Canvas, Sizes};
@@ -56,6 +57,8 @@ pub struct EditorPlayer {
     settings: EditSettings,
     prices: Option<Prices>,
     concurrency: usize,
+    /// Whether a local server is stable-diffusion.cpp's.
+    sd_server: OnceCell<bool>,
 }
 
 /// A request, ready to be sent, and what is needed to read the answer.
@@ -82,7 +85,14 @@ impl EditorPlayer {
             settings: options.settings,
             prices: options.prices,
             concurrency: options.concurrency,
+            sd_server: OnceCell::new(),
         })
+    }
+
+    /// Asks a local server which one it is. One that has no list of models is none that is known.
+    async fn find_out(&self) -> Result<bool, RoleError> {
+        let answer = self.service.send(&HttpRequest::get("/models")).await?;
+        Ok(wire::is_sd_server(&serde_json::from_slice(&answer.body).unwrap_or(Value::Null)))
     }
 
     /// The service, for whoever needs its key hidden.
@@ -109,7 +119,10 @@ impl EditorPlayer {
                 HttpRequest::post_json(&gemini::path(&self.settings.model), &wire::gemini_body(sent, &self.settings))
             }
             EditorFormat::OpenAi => HttpRequest::post_form(wire::EDITS_PATH, &wire::openai_form(sent, &self.settings)),
-            EditorFormat::Local => HttpRequest::post_form(wire::EDITS_PATH, &wire::local_form(sent, &self.settings)),
+            EditorFormat::Local => {
+                let sd_server = *self.sd_server.get_or_try_init(|| self.find_out()).await?;
+                HttpRequest::post_form(wire::EDITS_PATH, &wire::local_form(sent, &self.settings, sd_server))
+            }
         };
         let body: Value = self.service.call_json(&request).await?;
         let read = match self.format {

@@ -119,22 +119,32 @@ pub fn openai_form(edit: &SentEdit, settings: &EditSettings) -> Vec<Field> {
     fields
 }
 
-/// A local server's form: only what all understand. Options that `sd-server` knows beside ride in the prompt.
-pub fn local_form(edit: &SentEdit, settings: &EditSettings) -> Vec<Field> {
-    let mut extra = settings.extra.clone();
-    if let Some(seed) = settings.seed {
-        extra.insert("seed".to_owned(), json!(seed));
-    }
-    let prompt = if extra.is_empty() {
-        edit.prompt.clone()
-    } else {
-        format!("{}<sd_cpp_extra_args>{}</sd_cpp_extra_args>", edit.prompt, Value::Object(extra))
-    };
+/// Whether the list of models (`GET /v1/models`) is that of stable-diffusion.cpp's `sd-server`.
+pub fn is_sd_server(models: &Value) -> bool {
+    let ids = models.get("data").and_then(Value::as_array).into_iter().flatten();
+    ids.filter_map(|model| model.get("id")?.as_str()).any(|id| id.starts_with("sd-cpp"))
+}
+
+/// A local server's form: only what all understand.
+///
+/// `sd-server` takes its native options inside the prompt. It begins with the picture that is to be edited rather than
+/// with noise (leejet/stable-diffusion.cpp#1779), which keeps what should go: strength 1 makes it begin with noise, as
+/// its own command line does.
+pub fn local_form(edit: &SentEdit, settings: &EditSettings, sd_server: bool) -> Vec<Field> {
     let mut fields = Vec::new();
     if !settings.model.is_empty() {
         fields.push(Field::text("model", settings.model.clone()));
     }
-    fields.extend(common_fields(edit, &prompt));
+    if sd_server {
+        let mut options = Map::from_iter([("strength".to_owned(), json!(1.0))]);
+        options.extend(settings.seed.map(|seed| ("seed".to_owned(), json!(seed))));
+        options.extend(settings.extra.clone());
+        let prompt = format!("{}<sd_cpp_extra_args>{}</sd_cpp_extra_args>", edit.prompt, Value::Object(options));
+        fields.extend(common_fields(edit, &prompt));
+        return fields;
+    }
+    fields.extend(common_fields(edit, &edit.prompt));
+    fields.extend(settings.seed.map(|seed| Field::text("seed", seed.to_string())));
     fields
 }
 
@@ -226,9 +236,10 @@ mod tests {
     fn a_local_servers_form_holds_what_all_understand() {
         let mut settings = settings("");
         settings.extra.insert("sample_params".into(), json!({"sample_steps": 8}));
-        insta::assert_json_snapshot!("local", shown(&local_form(&edit(), &settings)));
-        let plain = shown(&local_form(&edit(), &EditSettings::default()));
-        assert_eq!(plain[0], "prompt = Empty the room.");
+        insta::assert_json_snapshot!("sd_server", shown(&local_form(&edit(), &settings, true)));
+        insta::assert_json_snapshot!("other_server", shown(&local_form(&edit(), &settings, false)));
+        assert!(is_sd_server(&json!({"data": [{"id": "sd-cpp-local"}]})));
+        assert!(!is_sd_server(&json!({"data": [{"id": "Qwen/Qwen-Image-Edit-2511"}]})) && !is_sd_server(&Value::Null));
     }
 
     #[test]
