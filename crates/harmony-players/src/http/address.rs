@@ -100,7 +100,7 @@ impl Resolve for LocalResolver {
                 return Ok(Box::new(loopback.into_iter()) as Addrs);
             }
             if !hosts.named.iter().any(|named| named.eq_ignore_ascii_case(&host)) {
-                return Err(Box::new(AddressError::NotLocal { host }).into());
+                return Err(AddressError::NotLocal { host }.into());
             }
             let found = tokio::task::spawn_blocking(move || (host.as_str(), 0).to_socket_addrs()).await??;
             Ok(Box::new(found) as Addrs)
