@@ -25,7 +25,7 @@ mod services;
 const FREE_PATIENCE: Duration = Duration::from_secs(30);
 
 /// How long a check that does a piece of work may take.
-const PAID_PATIENCE: Duration = Duration::from_secs(600);
+const PAID_PATIENCE: Duration = Duration::from_mins(10);
 
 /// What the cast is made from.
 pub struct CastRequest<'a> {
@@ -91,9 +91,15 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
         (request.tell)(format!("questions will appear in {}", request.questions.display()));
     }
     let mut known = Known::default();
-    for (role, failure) in cast_services(&mut cast, players, &mut known) {
-        let message = format!("profile {}: {}: {failure}", request.profile.name(), role.folder());
-        return Err(hinted(message, failure.hint().map(str::to_owned)));
+    let failures = cast_services(&mut cast, players, &mut known);
+    if !failures.is_empty() {
+        // Everything that is missing at once: nobody likes to be told of the next thing after each.
+        let each = |(role, failure): &(Role, RoleError)| format!("{}: {failure}", role.folder());
+        let reasons: Vec<String> = failures.iter().map(each).collect();
+        let mut hints: Vec<&str> = failures.iter().filter_map(|(_, failure)| failure.hint()).collect();
+        hints.push("`harmony doctor` tells more");
+        let message = format!("profile {} can't play: {}", request.profile.name(), reasons.join("; "));
+        return Err(hinted(message, Some(hints.join("; "))));
     }
     let mut boxes_from_vlm = players.detector.player == Some(Boxes::WithList);
     if let Some(path) = request.points {

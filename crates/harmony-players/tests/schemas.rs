@@ -19,12 +19,7 @@ fn questions() -> Vec<(&'static str, Question)> {
         ("layout", layout(&LayoutVars { width: 640, height: 480, measured: String::new() })),
         (
             "list",
-            list(&ListVars {
-                level: Level::Furniture,
-                room_type: "bedroom".into(),
-                with_boxes: true,
-                placed: vec![],
-            }),
+            list(&ListVars { level: Level::Furniture, room_type: "bedroom".into(), with_boxes: true, placed: vec![] }),
         ),
         (
             "inspect",

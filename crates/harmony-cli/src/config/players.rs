@@ -118,6 +118,7 @@ pub enum Meshes {
 /// Who can be the detector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[expect(clippy::enum_variant_names, reason = "the players' own names")]
 pub enum Boxes {
     /// Regions by rules.
     Offline,
@@ -252,6 +253,7 @@ macro_rules! fill {
     };
 }
 
+#[expect(clippy::unnecessary_wraps, reason = "fields that a user may leave out")]
 fn text(text: &str) -> Option<String> {
     Some(text.to_owned())
 }
@@ -499,11 +501,10 @@ pub fn described() -> Result<String, toml::ser::Error> {
     }
     let mut text = String::new();
     for profile in [Profile::Paper, Profile::Local] {
-        text.push_str(&format!("\n# What `profile = \"{}\"` plays, unless it is changed:\n#\n", profile.name()));
+        text.extend(["\n# What `profile = \"", profile.name(), "\"` plays, unless it is changed:\n#\n"]);
         let shown = Shown { players: PlayersConfig::default().resolved(profile) };
         for line in toml::to_string_pretty(&shown)?.lines() {
-            text.push_str(format!("# {line}").trim_end());
-            text.push('\n');
+            text.extend([format!("# {line}").trim_end(), "\n"]);
         }
     }
     text.push_str(
@@ -574,7 +575,7 @@ mod tests {
         for profile in [Profile::Paper, Profile::Local] {
             let start = text.find(&format!("profile = \"{}\"", profile.name())).unwrap();
             let lines = text[start..].lines().skip(2).take_while(|line| line.starts_with("# "));
-            let toml: String = lines.map(|line| format!("{}\n", &line[2..])).collect();
+            let toml = lines.map(|line| &line[2..]).collect::<Vec<_>>().join("\n");
             let shown = super::super::parse(&toml).unwrap().players;
             assert_eq!(shown.resolved(profile), PlayersConfig::default().resolved(profile), "{toml}");
         }

@@ -369,6 +369,7 @@ impl MeshGenerator for Catalogue {
 
 #[cfg(test)]
 mod tests {
+    use std::fmt::Write as _;
     use std::io::Write as _;
 
     use super::*;
@@ -437,7 +438,7 @@ mod tests {
         );
         let mut obj = String::from("mtllib box.mtl\nusemtl wood\n");
         for (x, y, z) in [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)] {
-            obj.push_str(&format!("v {} {} {}\n", x, f64::from(y) * 0.5, f64::from(z) * -2.0));
+            writeln!(obj, "v {x} {} {}", f64::from(y) * 0.5, f64::from(z) * -2.0).unwrap();
         }
         obj.push_str("f 1 2 3 4\nf 8 7 6 5\nf 5 6 2 1\nf 6 7 3 2\nf 7 8 4 3\nf 8 5 1 4\n");
         put("models/box.obj", obj.as_bytes());

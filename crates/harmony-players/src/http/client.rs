@@ -27,7 +27,7 @@ pub struct HttpLimits {
 
 impl Default for HttpLimits {
     fn default() -> Self {
-        Self { silence: Duration::from_secs(60), total: Duration::from_secs(600), answer_bytes: 64 << 20 }
+        Self { silence: Duration::from_mins(1), total: Duration::from_mins(10), answer_bytes: 64 << 20 }
     }
 }
 
@@ -357,13 +357,11 @@ impl Service {
             answer.body.reserve(usize::try_from(length).unwrap_or_default());
         }
         loop {
-            let chunk = match tokio::time::timeout(self.options.limits.silence, response.chunk()).await {
-                Ok(chunk) => chunk.map_err(|error| self.broken(&error))?,
-                Err(_) => {
-                    let silence = self.options.limits.silence;
-                    return Err(self.unavailable(format!("the answer stalled for {silence:?}")));
-                }
+            let Ok(chunk) = tokio::time::timeout(self.options.limits.silence, response.chunk()).await else {
+                let silence = self.options.limits.silence;
+                return Err(self.unavailable(format!("the answer stalled for {silence:?}")));
             };
+            let chunk = chunk.map_err(|error| self.broken(&error))?;
             let Some(chunk) = chunk else { break };
             if (answer.body.len() + chunk.len()) as u64 > limit {
                 return Err(too_large(format!("more than {limit}")));

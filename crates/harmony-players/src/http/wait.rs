@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::HttpAnswer;
 
 /// The longest wait that is believed; a date further away is a mistake of somebody's clock.
-const LONGEST: Duration = Duration::from_secs(24 * 3600);
+const LONGEST: Duration = Duration::from_hours(24);
 
 /// How long to wait before the same request may succeed, when the answer says so.
 ///

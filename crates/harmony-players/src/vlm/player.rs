@@ -110,10 +110,7 @@ impl VlmPlayer {
 
     async fn find(&self) -> Result<Found, RoleError> {
         let model = self.settings.model.trim().to_owned();
-        let known = match self.format {
-            Format::Chat(server) => server,
-            _ => return Ok(Found { server: None, model }),
-        };
+        let Format::Chat(known) = self.format else { return Ok(Found { server: None, model }) };
         if let (Some(server), false) = (known, model.is_empty()) {
             return Ok(Found { server: Some(server), model });
         }

@@ -1,6 +1,7 @@
 //! A tiny HTTP server on loopback that answers as a test tells it to.
-#![allow(dead_code, reason = "each test program uses its part")]
+#![allow(dead_code, clippy::unwrap_used, reason = "support of tests; each program uses its part")]
 
+use std::fmt::Write as _;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -138,10 +139,10 @@ async fn serve(
     let head = |status: u16, headers: &[(String, String)], length: Option<u64>| {
         let mut head = format!("HTTP/1.1 {status} Whatever\r\nconnection: close\r\n");
         for (k, v) in headers {
-            head.push_str(&format!("{k}: {v}\r\n"));
+            write!(head, "{k}: {v}\r\n").unwrap();
         }
         match length {
-            Some(length) => head.push_str(&format!("content-length: {length}\r\n\r\n")),
+            Some(length) => write!(head, "content-length: {length}\r\n\r\n").unwrap(),
             None => head.push_str("transfer-encoding: chunked\r\n\r\n"),
         }
         head
