@@ -153,7 +153,7 @@ mod tests {
 
     #[test]
     fn what_is_laid_down_comes_back_where_it_was() {
-        for (w, h) in [(640, 480), (300, 500), (97, 401), (1024, 683), (2000, 300)] {
+        for (w, h) in [(320, 240), (97, 401), (1000, 300)] {
             // A white square on dark ground, whose centre is looked for afterwards.
             let inside = |x: u32, y: u32| (w / 4..w / 2).contains(&x) && (h / 2..h * 3 / 4).contains(&y);
             let image = RgbImage::from_fn(w, h, |x, y| if inside(x, y) { Rgb([255; 3]) } else { Rgb([10; 3]) });
