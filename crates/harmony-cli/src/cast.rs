@@ -5,19 +5,34 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Result;
-use harmony_calls::Cast;
+use harmony_calls::{Cast, Secret};
 use harmony_io::{PointMapOptions, load_masks, load_point_map, points::parse_intrinsics};
 use harmony_lighting::CyclesRenderer;
+use harmony_players::check::{Check, Checked};
 use harmony_players::{FilesEvent, FilesOptions, FilesPlayer, MaskFiles, PointMapFile, offline_cast};
+use harmony_roles::{Role, RoleError};
 use harmony_scene::ImageSize;
 
 use crate::config::Profile;
+use crate::config::players::{Boxes, Language, PlayersConfig};
 use crate::display::hinted;
+pub use services::Known;
+use services::Services;
+
+mod services;
+
+/// How long a check that costs nothing may take.
+const FREE_PATIENCE: Duration = Duration::from_secs(30);
+
+/// How long a check that does a piece of work may take.
+const PAID_PATIENCE: Duration = Duration::from_mins(10);
 
 /// What the cast is made from.
 pub struct CastRequest<'a> {
     /// Profile.
     pub profile: Profile,
+    /// Hosted and local players, resolved for the profile.
+    pub players: PlayersConfig,
     /// Size of the photo as loaded.
     pub photo_size: ImageSize,
     /// Point map.
@@ -54,6 +69,10 @@ pub struct Casting {
     pub inputs: String,
     /// What was unusual about them.
     pub notes: Vec<String>,
+    /// Hosted and local players that can be asked whether they are there.
+    pub checks: Vec<(Role, String, Arc<dyn Check>)>,
+    /// Keys, to be kept out of everything that is written.
+    pub secrets: Vec<Secret>,
 }
 
 /// Casts every role.
@@ -66,12 +85,23 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
     let mut notes = Vec::new();
     let mut inputs = blake3::Hasher::new();
     let working = request.photo_size.fit_within(request.working_px);
-    let mut boxes_from_vlm = false;
-    if request.profile == Profile::Files {
-        boxes_from_vlm = true;
+    let players = &request.players;
+    if players.vision_language.player == Some(Language::Files) {
         cast.vision_language = Arc::new(FilesPlayer::new(files_options(request)));
         (request.tell)(format!("questions will appear in {}", request.questions.display()));
     }
+    let mut known = Known::default();
+    let failures = cast_services(&mut cast, players, &mut known);
+    if !failures.is_empty() {
+        // Everything that is missing at once: nobody likes to be told of the next thing after each.
+        let each = |(role, failure): &(Role, RoleError)| format!("{}: {failure}", role.folder());
+        let reasons: Vec<String> = failures.iter().map(each).collect();
+        let mut hints: Vec<&str> = failures.iter().filter_map(|(_, failure)| failure.hint()).collect();
+        hints.push("`harmony doctor` tells more");
+        let message = format!("profile {} can't play: {}", request.profile.name(), reasons.join("; "));
+        return Err(hinted(message, Some(hints.join("; "))));
+    }
+    let mut boxes_from_vlm = players.detector.player == Some(Boxes::WithList);
     if let Some(path) = request.points {
         let mut options = PointMapOptions::new(working);
         options.depth_scale = Some(request.depth_scale);
@@ -101,7 +131,68 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
         cast.segmenter = player;
     }
     let path_tracer = request.path_tracer && CyclesRenderer::find().is_some();
-    Ok(Casting { cast, offline, boxes_from_vlm, path_tracer, inputs: inputs.finalize().to_hex().to_string(), notes })
+    let inputs = inputs.finalize().to_hex().to_string();
+    let Known { checks, secrets } = known;
+    Ok(Casting { cast, offline, boxes_from_vlm, path_tracer, inputs, notes, checks, secrets })
+}
+
+/// Casts hosted and local players for the roles that have one; the roles for which that failed, and why.
+pub fn cast_services(cast: &mut Cast, players: &PlayersConfig, known: &mut Known) -> Vec<(Role, RoleError)> {
+    let services = match Services::new(players) {
+        Ok(services) => services,
+        Err(error) => return vec![(Role::VisionLanguage, error)],
+    };
+    let mut failures = Vec::new();
+    match services.language(known) {
+        Ok(player) => cast.vision_language = player.unwrap_or_else(|| Arc::clone(&cast.vision_language)),
+        Err(error) => failures.push((Role::VisionLanguage, error)),
+    }
+    match services.editor(known) {
+        Ok(player) => cast.image_editor = player.unwrap_or_else(|| Arc::clone(&cast.image_editor)),
+        Err(error) => failures.push((Role::ImageEditor, error)),
+    }
+    match services.meshes(known) {
+        Ok(player) => cast.mesh_generator = player.unwrap_or_else(|| Arc::clone(&cast.mesh_generator)),
+        Err(error) => failures.push((Role::MeshGenerator, error)),
+    }
+    match services.detector(&cast.vision_language, known) {
+        Ok(player) => cast.detector = player.unwrap_or_else(|| Arc::clone(&cast.detector)),
+        Err(error) => failures.push((Role::Detector, error)),
+    }
+    failures
+}
+
+/// Asks all players at once whether they are there.
+pub async fn check_all(
+    checks: &[(Role, String, Arc<dyn Check>)],
+    paid: bool,
+) -> Vec<(Role, String, Result<Checked, RoleError>)> {
+    let tasks: Vec<_> = checks
+        .iter()
+        .map(|(role, name, check)| {
+            let check = Arc::clone(check);
+            let task = tokio::spawn(async move {
+                let patience = if paid { PAID_PATIENCE } else { FREE_PATIENCE };
+                tokio::time::timeout(patience, check.check(paid)).await.unwrap_or_else(|_| {
+                    Err(RoleError::Unavailable {
+                        player: "the check".to_owned(),
+                        reason: format!("no answer within {patience:?}"),
+                        status: None,
+                        retry_after: None,
+                    })
+                })
+            });
+            (*role, name.clone(), task)
+        })
+        .collect();
+    let mut results = Vec::new();
+    for (role, name, task) in tasks {
+        let result = task.await.unwrap_or_else(|error| {
+            Err(RoleError::NotCapable { player: name.clone(), reason: format!("the check broke off: {error}") })
+        });
+        results.push((role, name, result));
+    }
+    results
 }
 
 fn files_options(request: &CastRequest<'_>) -> FilesOptions {

@@ -8,6 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::display::hinted;
 
+pub mod players;
+
+pub use players::PlayersConfig;
+
 /// Longest patience with whoever answers: a year.
 const MAX_TIMEOUT_MINUTES: f64 = 525_600.0;
 
@@ -20,6 +24,11 @@ pub enum Profile {
     Offline,
     /// A person (or a chat window, or an agent) answers questions through a folder; this program does the rest.
     Files,
+    /// The paper's cast: gpt-5.5, a Gemini image model, a Hunyuan3D-2 server, a LocateAnything server. Needs the keys
+    /// OPENAI_API_KEY and GEMINI_API_KEY, and the two servers.
+    Paper,
+    /// Open weights on servers of your own: a language model, an image editor, a mesh generator.
+    Local,
 }
 
 impl Profile {
@@ -28,6 +37,8 @@ impl Profile {
         match self {
             Self::Offline => "offline",
             Self::Files => "files",
+            Self::Paper => "paper",
+            Self::Local => "local",
         }
     }
 }
@@ -42,6 +53,8 @@ pub struct ConfigFile {
     pub settings: Settings,
     /// The files player.
     pub files: FilesConfig,
+    /// Hosted and local players, for the profiles `paper` and `local`.
+    pub players: PlayersConfig,
 }
 
 /// The files player.
@@ -89,8 +102,14 @@ pub fn load(named: Option<&Path>) -> Result<ConfigFile> {
 /// # Errors
 /// What does not fit, with line and column.
 pub fn parse(text: &str) -> Result<ConfigFile, String> {
-    let file: ConfigFile = toml::from_str(text).map_err(|e| e.to_string())?;
+    // The error's own text would repeat the line, and with it a key that was written where none belongs.
+    let file: ConfigFile = toml::from_str(text).map_err(|error| {
+        let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
+        let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+        format!("line {}, column {column}: {}", before.matches('\n').count() + 1, error.message())
+    })?;
     file.settings.check()?;
+    file.players.check()?;
     if !(0.0..=MAX_TIMEOUT_MINUTES).contains(&file.files.timeout_minutes) {
         return Err(format!(
             "files.timeout_minutes is {}; allowed is 0 to {MAX_TIMEOUT_MINUTES}",

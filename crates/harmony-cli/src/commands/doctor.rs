@@ -1,13 +1,34 @@
 //! `harmony doctor`.
 
-use anyhow::Result;
-use harmony_players::{casting_report, offline_cast};
+use std::path::PathBuf;
 
-use crate::{EXIT_OK, say};
+use anyhow::{Context, Result};
+use harmony_players::check::Checked;
+use harmony_players::{RoleStatus, casting_report, offline_cast};
+use harmony_roles::{PlayerCard, Role, RoleError};
+
+use crate::cast::{self, Known};
+use crate::config::{self, Profile};
+use crate::{EXIT_ERROR, EXIT_OK, say};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Each hosted or local player of the profile is asked with one call that costs nothing; with --paid it does a tiny piece
+of work instead. Ends with 1 when a player that the profile needs is missing.")]
 pub struct Args {
+    /// Whose players are looked at (default: the configuration's).
+    #[arg(long)]
+    profile: Option<Profile>,
+    /// Configuration (default: harmony.toml here, if there is one).
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// Let each player do a tiny piece of work, which may cost a few cents.
+    #[arg(long)]
+    paid: bool,
+    /// Nothing may leave this machine.
+    #[arg(long)]
+    local_only: bool,
     /// Print as JSON.
     #[arg(long)]
     json: bool,
@@ -16,16 +37,68 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// None in practice.
+/// A configuration that does not fit.
 pub fn run(args: &Args) -> Result<u8> {
-    let report = casting_report(&offline_cast());
+    let config = config::load(args.config.as_deref())?;
+    let profile = args.profile.or(config.profile).unwrap_or_default();
+    let mut players = config.players.resolved(profile);
+    players.local_only |= args.local_only;
+    let mut cast = offline_cast();
+    let mut report = casting_report(&cast);
+    let mut known = Known::default();
+    let failures = cast::cast_services(&mut cast, &players, &mut known);
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting")?;
+    let checked = runtime.block_on(cast::check_all(&known.checks, args.paid));
+    let missing = !failures.is_empty() || checked.iter().any(|(_, _, result)| result.is_err());
+    let service =
+        |player: &str| PlayerCard { player: player.to_owned(), model: String::new(), offline: false, concurrency: 0 };
+    report.extend(failures.iter().map(|(role, error)| failed(*role, service(player_of(error)), error)));
+    for (role, name, result) in &checked {
+        let mut card = cast.card(*role);
+        card.player.clone_from(name);
+        report.push(match result {
+            Ok(checked) => there(*role, card, checked),
+            Err(error) => failed(*role, card, error),
+        });
+    }
+    report.sort_by_key(|status| (Role::ALL.iter().position(|role| *role == status.role), status.player.offline));
     if args.json {
         say!("{}", serde_json::to_string_pretty(&report)?)?;
-        return Ok(EXIT_OK);
+    } else {
+        print(&report, profile)?;
     }
-    say!("What can be cast on this machine:")?;
+    Ok(if missing { EXIT_ERROR } else { EXIT_OK })
+}
+
+/// The player that an error is about.
+fn player_of(error: &RoleError) -> &str {
+    match error {
+        RoleError::NotSetUp { player, .. } | RoleError::NotCapable { player, .. } => player,
+        _ => "not cast",
+    }
+}
+
+fn failed(role: Role, player: PlayerCard, error: &RoleError) -> RoleStatus {
+    let usual = || "start the server, or check its address; docs/players.md tells more".to_owned();
+    let hint = Some(error.hint().map_or_else(usual, str::to_owned));
+    RoleStatus { role, player, available: false, detail: error.to_string(), hint }
+}
+
+fn there(role: Role, player: PlayerCard, checked: &Checked) -> RoleStatus {
+    let cost = match checked.usage {
+        Some(usage) => match usage.cost_usd {
+            Some(cost) => format!(" ({cost:.4} US$)"),
+            None => " (cost not known)".to_owned(),
+        },
+        None => String::new(),
+    };
+    RoleStatus { role, player, available: true, detail: format!("{}{cost}", checked.detail), hint: None }
+}
+
+fn print(report: &[RoleStatus], profile: Profile) -> Result<()> {
+    say!("What can be cast on this machine (profile {}):", profile.name())?;
     let mut last = None;
-    for status in &report {
+    for status in report {
         if last != Some(status.role) {
             say!("\n{}", status.role.folder())?;
             last = Some(status.role);
@@ -42,5 +115,5 @@ pub fn run(args: &Args) -> Result<u8> {
             say!("          hint: {hint}")?;
         }
     }
-    Ok(EXIT_OK)
+    Ok(())
 }

@@ -9,7 +9,7 @@ use harmony_io::load_photo;
 use harmony_pipeline::{PHASES, RunError, RunFolder, RunOutcome, RunRequest, Warnings};
 use harmony_roles::Role;
 
-use crate::cast::{self, CastRequest};
+use crate::cast::{self, CastRequest, Casting};
 use crate::config::{self, Profile};
 use crate::display::{Display, hinted, print_error};
 use crate::{EXIT_ERROR, EXIT_INCOMPLETE, EXIT_OK, say, tell};
@@ -24,6 +24,8 @@ Examples:
       you (or any chat window) answer the questions that appear in run/questions
   harmony reconstruct examples/room.jpg --out run --replay examples/recording
       the bundled example, from a recording
+  harmony reconstruct room.jpg --out run --profile paper
+      the paper's cast; needs OPENAI_API_KEY, GEMINI_API_KEY and two servers (harmony doctor --profile paper)
   harmony reconstruct frame.png --out run --points depth.png --intrinsics 518.0,519.0,325.5,253.5
       with sensor depth")]
 pub struct Args {
@@ -62,6 +64,9 @@ pub struct Args {
     /// Only this program: overrides the profile, and nothing outside is asked.
     #[arg(long)]
     offline_only: bool,
+    /// Nothing may leave this machine: players elsewhere are refused.
+    #[arg(long)]
+    local_only: bool,
     /// Leave the path-traced render out even where Blender is there.
     #[arg(long)]
     no_lit: bool,
@@ -90,8 +95,11 @@ async fn reconstruct(args: Args) -> Result<u8> {
     let photo = load_photo(&args.photo).map_err(|e| hinted(e.to_string(), e.hint()))?;
     let _folder = RunFolder::take(&args.out).map_err(|e| hinted(e.to_string(), e.hint()))?;
     let display = Display::new();
+    let mut players = config.players.resolved(profile);
+    players.local_only |= args.local_only;
     let request = CastRequest {
         profile,
+        players,
         photo_size: photo.size(),
         points: args.points.as_deref(),
         intrinsics: args.intrinsics.as_deref(),
@@ -104,6 +112,9 @@ async fn reconstruct(args: Args) -> Result<u8> {
         tell: display.line_sink(),
     };
     let casting = cast::cast(&request)?;
+    if args.replay.is_none() {
+        look_around(&casting, &args.out, &request.tell).await?;
+    }
     let warnings = Arc::new(Warnings::default());
     for note in &casting.notes {
         warnings.push(harmony_scene::Warning {
@@ -116,8 +127,9 @@ async fn reconstruct(args: Args) -> Result<u8> {
     if let Some(from) = args.from {
         forget(&args.out, from)?;
     }
-    let book = CallBook::open(&args.out, BookOptions { replay: args.replay.clone(), ..BookOptions::default() })
-        .map_err(|e| hinted(e.to_string(), e.hint()))?;
+    let options =
+        BookOptions { replay: args.replay.clone(), secrets: casting.secrets.clone(), ..BookOptions::default() };
+    let book = CallBook::open(&args.out, options).map_err(|e| hinted(e.to_string(), e.hint()))?;
     let collected = Arc::clone(&warnings);
     let options = CallOptions {
         on_warning: Arc::new(move |warning| collected.push(warning)),
@@ -150,6 +162,32 @@ async fn reconstruct(args: Args) -> Result<u8> {
             Ok(if begun { EXIT_INCOMPLETE } else { EXIT_ERROR })
         }
     }
+}
+
+/// Asks hosted and local players whether they are there, before anything is computed. A run that was begun may be gone
+/// on with without them: its answers are recorded, perhaps all that are needed.
+async fn look_around(casting: &Casting, run: &std::path::Path, tell: &Arc<dyn Fn(String) + Send + Sync>) -> Result<()> {
+    let begun = run.join("run.json").exists();
+    for (role, name, result) in cast::check_all(&casting.checks, false).await {
+        let Err(error) = result else { continue };
+        let message = format!("{}: {name}: {error}", role.folder());
+        if begun {
+            tell(format!("{message}; going on with what is recorded"));
+            continue;
+        }
+        let hint = error.hint().map_or_else(
+            || {
+                format!(
+                    "start it (docs/players.md tells how), set another `player` in [players.{}] of harmony.toml, or use \
+                     --profile offline",
+                    role.folder()
+                )
+            },
+            str::to_owned,
+        );
+        return Err(hinted(message, Some(hint)));
+    }
+    Ok(())
 }
 
 /// Removes the records of a phase and all after it.

@@ -9,7 +9,7 @@ use crate::{EXIT_OK, say};
 pub enum Subject {
     /// `scene.json`.
     Scene,
-    /// The default configuration as TOML, every key with its default.
+    /// The default configuration as TOML, every key with its default, and the players of each profile.
     Config,
     /// A part model (a mesh described in JSON).
     PartModel,
@@ -31,7 +31,10 @@ pub fn run(args: &Args) -> Result<u8> {
     let text = match args.subject {
         Subject::Scene => serde_json::to_string_pretty(&schemars::schema_for!(harmony_scene::Scene))?,
         Subject::PartModel => serde_json::to_string_pretty(&schemars::schema_for!(harmony_mesh::PartModel))?,
-        Subject::Config => toml::to_string_pretty(&crate::config::ConfigFile::default())?,
+        Subject::Config => {
+            let defaults = toml::to_string_pretty(&crate::config::ConfigFile::default())?;
+            format!("{defaults}{}", crate::config::players::described()?)
+        }
     };
     say!("{text}")?;
     Ok(EXIT_OK)
