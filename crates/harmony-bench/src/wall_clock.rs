@@ -395,3 +395,62 @@ impl Segmenter for Studio {
         Ok(request.prompts.iter().map(|p| SegmentedMask { mask: mask(&p.bounds), score: Some(0.9) }).collect())
     }
 }
+
+/// What a call costs by itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Overhead {
+    /// From one answer of a busy player to the next question put to it: scheduling alone (median).
+    pub handover: Duration,
+    /// A call in all, its record written and read back (mean).
+    pub whole: Duration,
+}
+
+/// A player that answers at once, one call at a time, and remembers when.
+struct AtOnce(Mutex<Vec<std::time::Instant>>);
+
+#[async_trait]
+impl VisionLanguage for AtOnce {
+    fn card(&self) -> PlayerCard {
+        PlayerCard { player: "at once".into(), model: "1".into(), offline: false, concurrency: 1 }
+    }
+
+    async fn ask(&self, _request: &VlmRequest) -> Result<VlmAnswer, RoleError> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(std::time::Instant::now());
+        Ok(VlmAnswer { value: json!({ "items": [] }), raw: String::new(), usage: Usage::default() })
+    }
+}
+
+/// Makes so many calls, half of them in line at once and half one after another.
+///
+/// # Errors
+/// A folder that cannot be used.
+pub async fn overhead(count: usize, offline: &Cast, out: &Path) -> Result<Overhead, BenchError> {
+    let failed = |reason: String| BenchError::Run { room: "overhead".into(), reason };
+    let player = Arc::new(AtOnce(Mutex::default()));
+    let cast = Cast { vision_language: player.clone(), ..offline.clone() };
+    let book = Arc::new(CallBook::open(out, BookOptions::default()).map_err(|e| failed(e.to_string()))?);
+    let calls = Calls::new(book, cast, offline.clone(), CallOptions::default());
+    let question = |i: usize| VlmRequest {
+        name: format!("1_layout/q_{i}"),
+        prompt: "What is there?".into(),
+        pictures: Vec::new(),
+        schema: json!({ "type": "object" }),
+        example: json!({ "items": [] }),
+        facts: Value::Null,
+    };
+    let questions: Vec<VlmRequest> = (0..count).map(question).collect();
+    let (crowd, row) = questions.split_at(count / 2);
+    let waiting = crowd.iter().map(|q| calls.ask(q, |_| Ok(())));
+    for answer in futures::future::join_all(waiting).await {
+        answer.map_err(|e| failed(e.to_string()))?;
+    }
+    let times = std::mem::take(&mut *player.0.lock().unwrap_or_else(PoisonError::into_inner));
+    let mut gaps: Vec<Duration> = times.windows(2).map(|w| w[1].duration_since(w[0])).collect();
+    gaps.sort();
+    let clock = std::time::Instant::now();
+    for q in row {
+        calls.ask(q, |_| Ok(())).await.map_err(|e| failed(e.to_string()))?;
+    }
+    let whole = clock.elapsed().div_f64(row.len().max(1) as f64);
+    Ok(Overhead { handover: gaps.get(gaps.len() / 2).copied().unwrap_or_default(), whole })
+}

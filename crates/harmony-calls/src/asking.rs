@@ -16,6 +16,7 @@ use crate::check::shortened;
 use crate::codec::Recordable;
 use crate::gate::Gate;
 use crate::key::KeyHasher;
+use crate::limits::Limits;
 use crate::record::{CallRecord, CallTiming, RECORD_VERSION, Source, Try, Unanswered, add_usage};
 use crate::stop::StopReason;
 use crate::{CallName, ContentKey, key_for};
@@ -214,7 +215,7 @@ impl Calls {
                     self.tell::<R>(name, CallEventKind::AskedAgain { player, complaint: complaint_told });
                     asked = request.again(complaint, raw);
                 }
-                _ if error.is_retryable() && !card.offline => {
+                _ if error.is_retryable() && Limits::is_tried_again(R::ROLE, &card) => {
                     unanswered += 1;
                     let asked_for = error.retry_after();
                     let random = (self.options.random)().clamp(0.0, 1.0);

@@ -10,6 +10,9 @@ use crate::retry::RetryPolicy;
 /// Longest deadline of one try, seconds: a day.
 const MAX_SECONDS: f64 = 86_400.0;
 
+/// The player behind which is a person, who has a patience of their own.
+const PERSON: &str = "files";
+
 /// Limits of one player, or of one of its models. What is left out is not limited (or as the player's card says).
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -60,11 +63,17 @@ impl Limits {
         }
     }
 
+    /// Whether a player that is not answering now is worth another try: one elsewhere is; this program alone, one that
+    /// runs here as a process (the path tracer) and a person who did not come are not.
+    pub fn is_tried_again(role: Role, card: &PlayerCard) -> bool {
+        !card.offline && card.player != PERSON && role != Role::LitRenderer
+    }
+
     /// Deadline of one try of a player in a role, seconds; `None` = none. Whoever only computes has none, and a person
     /// (the `files` player) has a patience of their own.
     pub fn try_deadline(&self, role: Role, card: &PlayerCard) -> Option<f64> {
         let configured = self.of(card).try_seconds.or_else(|| self.try_seconds.get(&role).copied());
-        let unbounded = card.offline || card.player == "files";
+        let unbounded = card.offline || card.player == PERSON;
         let seconds = configured.or_else(|| (!unbounded).then(|| usual_try_seconds(role)));
         seconds.filter(|s| *s > 0.0)
     }
