@@ -125,13 +125,8 @@ pub async fn play(counts: [usize; 4], pace: Pace, offline: &Cast, out: &Path) ->
     let photo = harmony_io::load_photo(&file).map_err(|e| failed(e.to_string()))?;
     let run = out.join("run");
     std::fs::create_dir_all(&run).map_err(|e| failed(e.to_string()))?;
-    let studio = Arc::new(Studio {
-        counts,
-        pace,
-        row: Semaphore::new(1),
-        work: Mutex::default(),
-        offline: offline.clone(),
-    });
+    let studio =
+        Arc::new(Studio { counts, pace, row: Semaphore::new(1), work: Mutex::default(), offline: offline.clone() });
     let cast = Cast {
         vision_language: studio.clone(),
         image_editor: studio.clone(),
@@ -238,11 +233,11 @@ fn number(id: &str) -> usize {
     id.rsplit_once('_').and_then(|(_, n)| n.parse().ok()).unwrap_or(0)
 }
 
-impl Studio {
-    fn card(&self, model: &str, concurrency: usize) -> PlayerCard {
-        PlayerCard { player: "simulated".into(), model: model.into(), offline: false, concurrency }
-    }
+fn card(model: &str, concurrency: usize) -> PlayerCard {
+    PlayerCard { player: "simulated".into(), model: model.into(), offline: false, concurrency }
+}
 
+impl Studio {
     /// Takes its time.
     async fn work(&self, role: Role, time: Duration) {
         let row = if self.pace.in_a_row { self.row.acquire().await.ok() } else { None };
@@ -252,35 +247,36 @@ impl Studio {
         let entry = work.entry(role).or_default();
         *entry = (entry.0 + 1, entry.1 + time);
     }
+}
 
-    fn inspect(&self, facts: &Value) -> InspectAnswer {
-        let level = level_of(facts);
-        let hosts: Vec<String> = ids(facts, "placed").into_iter().filter(|id| id.starts_with("cabinet")).collect();
-        let candidates = ids(facts, "candidates");
-        let objects = candidates
-            .iter()
-            .enumerate()
-            .map(|(i, id)| {
-                let mut object = InspectedObject::plain(id, label(level), size(level));
-                object.description = format!("a plain {}", label(level));
-                object.occlusion = Occlusion::Partly;
-                if level == Level::Wall {
-                    (object.wall, object.wall_affinity) = (Some(Wall::Back), WallAffinity::Back);
-                }
-                if level == Level::Decoration {
-                    object.on_top_of = hosts.get(i % hosts.len().max(1)).cloned();
-                }
-                object
-            })
-            .collect();
-        InspectAnswer { objects, placement_order: candidates, scene_summary: String::new() }
-    }
+/// Everything is what it was found as, partly hidden, and decorations stand on the furniture.
+fn inspect(facts: &Value) -> InspectAnswer {
+    let level = level_of(facts);
+    let hosts: Vec<String> = ids(facts, "placed").into_iter().filter(|id| id.starts_with("cabinet")).collect();
+    let candidates = ids(facts, "candidates");
+    let objects = candidates
+        .iter()
+        .enumerate()
+        .map(|(i, id)| {
+            let mut object = InspectedObject::plain(id, label(level), size(level));
+            object.description = format!("a plain {}", label(level));
+            object.occlusion = Occlusion::Partly;
+            if level == Level::Wall {
+                (object.wall, object.wall_affinity) = (Some(Wall::Back), WallAffinity::Back);
+            }
+            if level == Level::Decoration {
+                object.on_top_of = hosts.get(i % hosts.len().max(1)).cloned();
+            }
+            object
+        })
+        .collect();
+    InspectAnswer { objects, placement_order: candidates, scene_summary: String::new() }
 }
 
 #[async_trait]
 impl VisionLanguage for Studio {
     fn card(&self) -> PlayerCard {
-        Self::card(self, "language", self.pace.questions_at_once)
+        card("language", self.pace.questions_at_once)
     }
 
     async fn ask(&self, request: &VlmRequest) -> Result<VlmAnswer, RoleError> {
@@ -299,7 +295,7 @@ impl VisionLanguage for Studio {
                 };
                 json!(ListAnswer { items: if count == 0 { Vec::new() } else { vec![item(label(level))] } })
             }
-            Some(QuestionKind::Inspect) => json!(self.inspect(facts)),
+            Some(QuestionKind::Inspect) => json!(inspect(facts)),
             Some(QuestionKind::Completed) => {
                 let judged = ids(facts, "objects").into_iter().map(|id| {
                     let matches = !number(&id).is_multiple_of(DRAWN_AGAIN);
@@ -323,13 +319,13 @@ impl VisionLanguage for Studio {
 #[async_trait]
 impl ImageEditor for Studio {
     fn card(&self) -> PlayerCard {
-        Self::card(self, "editor", self.pace.edits_at_once)
+        card("editor", self.pace.edits_at_once)
     }
 
     async fn edit(&self, request: &EditRequest) -> Result<EditedImage, RoleError> {
         self.work(Role::ImageEditor, self.pace.edit).await;
         let image = RgbaImage::from_fn(request.image.width(), request.image.height(), |x, y| {
-            let own = request.object.as_ref().is_none_or(|mask| mask.get(x, y));
+            let own = request.object.as_ref().is_none_or(|mask| mask.get(x.into(), y.into()));
             let Rgb([r, g, b]) = *request.image.get_pixel(x, y);
             Rgba([r, g, b, if own { 255 } else { 0 }])
         });
@@ -340,7 +336,7 @@ impl ImageEditor for Studio {
 #[async_trait]
 impl MeshGenerator for Studio {
     fn card(&self) -> PlayerCard {
-        Self::card(self, "mesh", self.pace.meshes_at_once)
+        card("mesh", self.pace.meshes_at_once)
     }
 
     async fn generate(&self, request: &MeshRequest) -> Result<GeneratedMesh, RoleError> {
@@ -362,7 +358,7 @@ impl MeshGenerator for Studio {
 #[async_trait]
 impl Detector for Studio {
     fn card(&self) -> PlayerCard {
-        Self::card(self, "detector", 0)
+        card("detector", 0)
     }
 
     async fn detect(&self, request: &DetectRequest) -> Result<Detections, RoleError> {
@@ -381,7 +377,7 @@ impl Detector for Studio {
 #[async_trait]
 impl Segmenter for Studio {
     fn card(&self) -> PlayerCard {
-        Self::card(self, "segmenter", 0)
+        card("segmenter", 0)
     }
 
     async fn segment(&self, request: &SegmentRequest) -> Result<Vec<SegmentedMask>, RoleError> {

@@ -160,10 +160,7 @@ mod tests {
         let _queued = board.line(Role::MeshGenerator, "3_furniture/sofa_01/mesh", "hunyuan");
         let spent = Spent { usd: 0.42, ..Spent::default() };
         let now = CallsNow { underway: board.underway(), spent };
-        assert_eq!(
-            now.line(),
-            "mesh generator: chair_02/mesh | 1 in line | 1 wait for a rate limit (12 s) | 0.42 US$"
-        );
+        assert_eq!(now.line(), "mesh generator: chair_02/mesh | 1 in line | 1 wait for a rate limit (12 s) | 0.42 US$");
         drop((mesh, waits));
         assert_eq!(board.underway().len(), 1);
     }

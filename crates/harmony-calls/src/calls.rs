@@ -168,7 +168,8 @@ impl Calls {
     /// Makes calls of `cast` into `book`; `offline` stands in for players that fail. The run's minutes begin now.
     pub fn new(book: Arc<CallBook>, cast: Cast, offline: Cast, options: CallOptions) -> Self {
         // A book that can't be listed says so when it is used.
-        let before = if options.budget.is_unlimited() { BTreeMap::new() } else { spent_in(&book.log().unwrap_or_default()) };
+        let before =
+            if options.budget.is_unlimited() { BTreeMap::new() } else { spent_in(&book.log().unwrap_or_default()) };
         let minutes = options.budget.minutes.map(|m| Duration::from_secs_f64((m * 60.0).clamp(0.0, 3.2e9)));
         Self {
             book,

@@ -38,7 +38,9 @@ impl RetryPolicy {
         let seconds = match asked_for {
             Some(wait) if wait.as_secs_f64() > self.patience_seconds => return None,
             Some(wait) => wait.as_secs_f64() + random * self.first_seconds,
-            None => random * (self.first_seconds * 2_f64.powi(done.saturating_sub(1).min(30) as i32)).min(self.most_seconds),
+            None => {
+                random * (self.first_seconds * 2_f64.powi(done.saturating_sub(1).min(30) as i32)).min(self.most_seconds)
+            }
         };
         Some(Duration::from_secs_f64(seconds.clamp(0.0, 86_400.0)))
     }

@@ -77,13 +77,19 @@ fn overloaded() -> RoleError {
 
 fn too_many() -> RoleError {
     let retry_after = Some(Duration::from_secs(20));
-    RoleError::Unavailable { player: "model".into(), reason: "too many requests".into(), status: Some(429), retry_after }
+    RoleError::Unavailable {
+        player: "model".into(),
+        reason: "too many requests".into(),
+        status: Some(429),
+        retry_after,
+    }
 }
 
 #[tokio::test(start_paused = true)]
 async fn what_is_passing_is_tried_again_with_growing_waits_and_answered_once() {
     let run = tempfile::tempdir().unwrap();
-    let lines = vec![Say::Fail(overloaded), Say::Fail(overloaded), Say::Fail(overloaded), Say::Value(json!({"width_m": 4}))];
+    let lines =
+        vec![Say::Fail(overloaded), Say::Fail(overloaded), Say::Fail(overloaded), Say::Value(json!({"width_m": 4}))];
     let vlm = Scripted::new("model", false, lines);
     let waits: Arc<Mutex<Vec<u64>>> = Arc::default();
     let heard = waits.clone();
@@ -329,7 +335,8 @@ async fn the_bill_knows_phases_roles_players_and_objects() {
     let run = tempfile::tempdir().unwrap();
     let slow = Slow::new(2, 0);
     let desk = desk(run.path(), slow.cast(), CallOptions { prices: priced(0.25), ..CallOptions::default() });
-    for name in ["1_layout/layout", "3_furniture/chair_02/front", "3_furniture/chair_02/completed", "3_furniture/list"] {
+    for name in ["1_layout/layout", "3_furniture/chair_02/front", "3_furniture/chair_02/completed", "3_furniture/list"]
+    {
         desk.calls.ask(&width_question(name), sane).await.unwrap();
     }
     let bill = Bill::of(&desk.calls.book().log().unwrap());

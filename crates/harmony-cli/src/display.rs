@@ -179,7 +179,11 @@ impl Display {
             }
             CallEventKind::Retried { player, reason, wait } => {
                 let first = reason.lines().next().unwrap_or_default().to_owned();
-                display.say(&format!("{}: {player} is tried again in {:.0} s: {first}", event.name, wait.as_secs_f64()));
+                display.say(&format!(
+                    "{}: {player} is tried again in {:.0} s: {first}",
+                    event.name,
+                    wait.as_secs_f64()
+                ));
             }
             CallEventKind::RateLimited { player, wait } if wait >= TELLING_WAIT => {
                 display.say(&format!("{}: waits {:.0} s for {player}'s rate limit", event.name, wait.as_secs_f64()));

@@ -206,7 +206,10 @@ impl PhaseCtx<'_> {
     ///
     /// # Errors
     /// A panic of the work, as a fault inside.
-    pub async fn computed<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Result<T, PhaseError> {
+    pub async fn computed<T: Send + 'static>(
+        &self,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, PhaseError> {
         tokio::task::spawn_blocking(work).await.map_err(|e| PhaseError::internal(self.phase, &e))
     }
 

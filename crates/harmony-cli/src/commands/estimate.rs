@@ -98,7 +98,11 @@ fn print(e: &Estimate) -> Result<()> {
             format!("{} / {}", r.card.player, r.card.model),
             r.calls,
             if tokens > 0.0 && !r.card.offline { format!("{tokens:.0}") } else { "-".to_owned() },
-            if r.card.offline { "-".to_owned() } else { format!("{:.0}{}", r.seconds_each, if r.measured { "" } else { "?" }) },
+            if r.card.offline {
+                "-".to_owned()
+            } else {
+                format!("{:.0}{}", r.seconds_each, if r.measured { "" } else { "?" })
+            },
             r.usd.map_or_else(|| "not known".to_owned(), |usd| format!("{usd:.2}")),
         )?;
     }

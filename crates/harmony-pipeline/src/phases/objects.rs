@@ -28,8 +28,7 @@ pub struct PreparedLevel {
     inspection: Inspection,
 }
 
-/// Finds and inspects the objects of a level. Returns what later levels may know of it, and what [`prepare`] goes on
-/// from.
+/// A level whose objects are named and inspected: what [`prepare`] goes on from, and what later levels may know of it.
 pub struct Inspected {
     candidates: Vec<crate::state::Candidate>,
     dropped: Vec<(String, String)>,

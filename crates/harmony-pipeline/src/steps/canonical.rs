@@ -56,9 +56,8 @@ pub async fn canonicalise(
     let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
     let asked = vec![id.clone()];
     let facts = json!({ "objects": asked });
-    let answer: FrontsAnswer = ctx
-        .ask(&format!("{id}/front"), question, vec![sheet], facts, move |a: &FrontsAnswer| a.check(&asked))
-        .await?;
+    let answer: FrontsAnswer =
+        ctx.ask(&format!("{id}/front"), question, vec![sheet], facts, move |a: &FrontsAnswer| a.check(&asked)).await?;
     let panel = answer.objects.iter().find(|o| o.id == id).map(|o| o.front_panel);
     let yaw = panel.map_or(0.0, harmony_prompts::FrontPanel::yaw);
     let mesh = ctx
@@ -71,11 +70,8 @@ pub async fn canonicalise(
     generated.mesh = Arc::new(mesh);
     generated.frame = MeshFrame::Canonical;
     let front_before = glam::DMat3::from_rotation_y(-yaw) * glam::DVec3::Z;
-    let frame = if by_faces {
-        "set upright by its faces, front by the VLM"
-    } else {
-        "de-tilted by PCA, front by the VLM"
-    };
+    let frame =
+        if by_faces { "set upright by its faces, front by the VLM" } else { "de-tilted by PCA, front by the VLM" };
     let record = json!({
         "frame": frame,
         "detilt": turn.map(|m| m.to_cols_array_2d()),

@@ -283,12 +283,10 @@ mod tests {
 
     fn one(id: &str, pixels: u32, occlusion: Occlusion, set: Option<&str>, width: f64) -> (Candidate, InspectedObject) {
         let bounds = PixelBox { x0: 0.0, y0: 0.0, x1: 9.0, y1: 9.0 };
-        let detection =
-            Detection { label: "chair".into(), phrase: "chair".into(), bounds, score: None, outline: None };
+        let detection = Detection { label: "chair".into(), phrase: "chair".into(), bounds, score: None, outline: None };
         let mask = Mask::from_fn(ImageSize::new(16, 16), |x, y| y * 16 + x < pixels);
         let id = ObjectId::new(id).unwrap();
-        let mut object =
-            InspectedObject::plain(id.as_str(), "chair", InspectedSize { width, height: 0.9, depth: 0.5 });
+        let mut object = InspectedObject::plain(id.as_str(), "chair", InspectedSize { width, height: 0.9, depth: 0.5 });
         object.occlusion = occlusion;
         object.matched_set = set.map(str::to_owned);
         (Candidate { id, level: Level::Furniture, detection, mask, mask_score: None, host_hint: None }, object)
@@ -305,8 +303,7 @@ mod tests {
             one("chair_05", 60, Occlusion::None, None, 0.45),
             one("chair_06", 60, Occlusion::None, Some(" "), 0.45),
         ]);
-        let ids: Vec<Vec<&str>> =
-            groups.iter().map(|g| g.iter().map(|(c, _)| c.id.as_str()).collect()).collect();
+        let ids: Vec<Vec<&str>> = groups.iter().map(|g| g.iter().map(|(c, _)| c.id.as_str()).collect()).collect();
         assert_eq!(
             ids,
             [vec!["chair_03", "chair_01", "chair_02"], vec!["chair_04"], vec!["chair_05"], vec!["chair_06"]],

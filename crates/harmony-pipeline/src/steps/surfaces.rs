@@ -88,11 +88,7 @@ fn with_margin(state: &SceneState, objects: &Mask) -> Mask {
 ///
 /// # Errors
 /// Fatal role errors and unwritable files.
-pub async fn all(
-    ctx: &PhaseCtx<'_>,
-    state: &mut SceneState,
-    bare: Option<Arc<RgbImage>>,
-) -> Result<(), PhaseError> {
+pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<RgbImage>>) -> Result<(), PhaseError> {
     let size = state.partial.camera.size;
     let (source, visible) = match bare {
         Some(bare) => (bare, Mask::from_fn(size, |_, _| true)),
