@@ -13,3 +13,4 @@ pub mod run;
 pub mod score;
 pub mod summary;
 pub mod truth;
+pub mod wall_clock;

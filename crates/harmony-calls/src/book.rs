@@ -9,12 +9,15 @@ use harmony_roles::{Role, RoleError};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::record::{CallRecord, CallSummary, CallTiming, RECORD_VERSION};
+use crate::record::{CallRecord, CallSummary, CallTiming, RECORD_VERSION, Source, Unanswered};
 use crate::recording::Recording;
 use crate::{CallName, NameError};
 
 /// Folder of half-written records; emptied when a book is opened.
 const TEMPORARY: &str = ".tmp";
+
+/// Folder of the accounts of calls that have no answer yet.
+const UNANSWERED: &str = ".unanswered";
 
 /// Folder of the images that calls were made with, one file an image.
 const IMAGES: &str = ".images";
@@ -147,6 +150,12 @@ impl CallBook {
         Ok(Self { root, options, recording, counter: AtomicU64::new(0) })
     }
 
+    /// Looks into the book of a run folder, which another program may be writing: nothing is made or tidied.
+    pub fn look(run_folder: &Path) -> Self {
+        let root = run_folder.join("calls");
+        Self { root, options: BookOptions::default(), recording: None, counter: AtomicU64::new(0) }
+    }
+
     /// `<run>/calls`.
     pub fn folder(&self) -> &Path {
         &self.root
@@ -239,7 +248,35 @@ impl CallBook {
         Ok(())
     }
 
-    /// Every record of the run in order of role and name: the audit log, and what the bill is made from.
+    fn unanswered_file(&self, role: Role, name: &CallName) -> PathBuf {
+        // The parts of a name hold no dot, so names and files go one to one.
+        let file = format!("{}.json", name.as_str().replace('/', "."));
+        self.root.join(UNANSWERED).join(role.folder()).join(file)
+    }
+
+    /// What was tried for a call that has no answer yet.
+    pub(crate) fn unanswered(&self, role: Role, name: &CallName) -> Option<Unanswered> {
+        let account: Unanswered = read_json(&self.unanswered_file(role, name)).ok()?;
+        (account.role == role && account.name == name.as_str()).then_some(account)
+    }
+
+    pub(crate) fn keep_unanswered(&self, account: &Unanswered) -> Result<(), BookError> {
+        let path = self.unanswered_file(account.role, &CallName::new(&account.name)?);
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).map_err(io_error("make the folder", folder))?;
+        }
+        let write = |reason: String| BookError::Write { reason, path: path.clone() };
+        let text = json_text(account).map_err(|error| write(error.to_string()))?;
+        harmony_io::write_atomic(&path, self.redacted(&text).as_bytes()).map_err(|error| write(error.to_string()))
+    }
+
+    pub(crate) fn forget_unanswered(&self, role: Role, name: &CallName) {
+        // Mostly there is none; one that stays is overruled by the record.
+        let _ = fs::remove_file(self.unanswered_file(role, name));
+    }
+
+    /// Every record of the run in order of role and name: the audit log, and what the bill is made from. After the
+    /// records of a role come the calls that were tried and have no answer yet.
     ///
     /// # Errors
     /// [`BookError::Io`] when the folder can't be listed; a record that can't be read is left out.
@@ -260,6 +297,25 @@ impl CallBook {
                     tries: record.tries.len(),
                     usage: record.usage,
                     timing,
+                });
+            }
+            for path in sorted_entries(&self.root.join(UNANSWERED).join(role.folder()))? {
+                let Ok(account) = read_json::<Unanswered>(&path) else { continue };
+                let Ok(name) = CallName::new(&account.name) else { continue };
+                if account.role != role || self.record(role, &name).is_some() {
+                    continue;
+                }
+                log.push(CallSummary {
+                    name: account.name,
+                    phase: name.phase().to_owned(),
+                    role,
+                    player: account.tries.last().map(|t| t.player.clone()).unwrap_or_default(),
+                    model: String::new(),
+                    offline: false,
+                    source: Source::Unanswered,
+                    tries: account.tries.len(),
+                    usage: account.usage,
+                    timing: CallTiming { started_unix_ms: account.started_unix_ms, latency_ms: account.latency_ms },
                 });
             }
         }

@@ -1,27 +1,28 @@
-//! Asking: re-entry, replay, checks, asking again, the offline player as a stand-in, and the record of it all.
+//! The calls of a run: who plays, what is limited, and one method a role. How a call goes is in `asking.rs`.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use harmony_roles::{
     DetectRequest, Detections, EditRequest, EditedImage, GeneratedMesh, GeometryAnswer, GeometryRequest, LitImage,
-    LitRequest, MeshRequest, PlayerCard, Role, RoleError, SegmentRequest, SegmentedMask, Usage, VlmAnswer, VlmRequest,
+    LitRequest, MeshRequest, PlayerCard, Role, RoleError, SegmentRequest, SegmentedMask, VlmAnswer, VlmRequest,
 };
-use harmony_scene::{Warning, WarningKind};
+use harmony_scene::Warning;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use tokio::sync::{Semaphore, SemaphorePermit};
+use tokio::time::Instant;
 
+use crate::board::{Board, CallsNow};
+use crate::budget::{Budget, Purse, Spent};
 use crate::check::shortened;
-use crate::codec::Recordable;
-use crate::key::KeyHasher;
-use crate::record::{CallRecord, CallTiming, RECORD_VERSION, Source, Try, add_usage};
-use crate::{CallBook, CallName, Cast, ContentKey, key_for};
-
-/// Longest complaint sent back to a player, characters.
-const MAX_COMPLAINT: usize = 3000;
+use crate::gate::Gate;
+use crate::limits::Limits;
+use crate::prices::Prices;
+use crate::record::{CallSummary, Source};
+use crate::stop::Stop;
+use crate::{CallBook, CallName, Cast};
 
 /// What happens to a call, for progress display.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,6 +44,27 @@ pub enum CallEventKind {
         /// Who.
         player: String,
     },
+    /// It takes no more calls at once; this one waits in line.
+    Queued {
+        /// Who.
+        player: String,
+    },
+    /// It takes no more requests or tokens this minute.
+    RateLimited {
+        /// Who.
+        player: String,
+        /// For so long.
+        wait: Duration,
+    },
+    /// It did not answer and is asked again.
+    Retried {
+        /// Who.
+        player: String,
+        /// What happened.
+        reason: String,
+        /// After this time.
+        wait: Duration,
+    },
     /// Its answer was not accepted and it is asked again.
     AskedAgain {
         /// Who.
@@ -56,6 +78,8 @@ pub enum CallEventKind {
         player: String,
         /// After this time.
         latency: Duration,
+        /// For so many US dollars, where known.
+        cost_usd: Option<f64>,
     },
     /// The record of an earlier run answered: no call.
     Reused,
@@ -91,65 +115,89 @@ pub struct CallOptions {
     pub on_warning: Arc<dyn Fn(Warning) + Send + Sync>,
     /// Told of progress.
     pub on_event: Arc<dyn Fn(CallEvent) + Send + Sync>,
+    /// What players can take, and when they are tried again.
+    pub limits: Limits,
+    /// What may be spent.
+    pub budget: Budget,
+    /// What calls cost, where players don't say.
+    pub prices: Prices,
+    /// Numbers from 0 to 1 for the jitter of waits.
+    pub random: Arc<dyn Fn() -> f64 + Send + Sync>,
 }
 
 impl Default for CallOptions {
     fn default() -> Self {
-        Self { reasks: 2, on_warning: Arc::new(|_| {}), on_event: Arc::new(|_| {}) }
+        Self {
+            reasks: 2,
+            on_warning: Arc::new(|_| {}),
+            on_event: Arc::new(|_| {}),
+            limits: Limits::default(),
+            budget: Budget::default(),
+            prices: Prices::default(),
+            random: Arc::new(rand::random::<f64>),
+        }
     }
 }
 
 /// A cast whose every call is checked and recorded.
 pub struct Calls {
-    book: Arc<CallBook>,
+    pub(crate) book: Arc<CallBook>,
     cast: Cast,
     offline: Cast,
-    options: CallOptions,
-    /// Free places by player and model.
-    places: Mutex<HashMap<String, Arc<Semaphore>>>,
+    pub(crate) options: CallOptions,
+    /// The way to each player and model.
+    gates: Mutex<HashMap<String, Arc<Gate>>>,
     /// One call under a name at a time.
     names: Mutex<HashMap<(Role, CallName), Turn>>,
-    asked: AtomicUsize,
-    asked_outside: AtomicUsize,
-    reused: AtomicUsize,
-    replayed: AtomicUsize,
-    replaced: AtomicUsize,
+    pub(crate) stop: Arc<Stop>,
+    pub(crate) purse: Arc<Purse>,
+    pub(crate) board: Board,
+    /// When the run's time is over.
+    pub(crate) deadline: Option<Instant>,
+    pub(crate) asked: AtomicUsize,
+    pub(crate) asked_outside: AtomicUsize,
+    pub(crate) reused: AtomicUsize,
+    pub(crate) replayed: AtomicUsize,
+    pub(crate) replaced: AtomicUsize,
 }
 
 /// Whose turn it is to make the call of a name.
 type Turn = Arc<tokio::sync::Mutex<()>>;
 
-/// An accepted answer and how it came about.
-struct Accepted<A> {
-    answer: A,
-    by: PlayerCard,
-    source: Source,
-    warnings: Vec<Warning>,
-}
-
-/// The course of one call until now.
-#[derive(Default)]
-struct Course {
-    tries: Vec<Try>,
-    usage: Usage,
-}
-
 impl Calls {
-    /// Makes calls of `cast` into `book`; `offline` stands in for players that fail.
+    /// Makes calls of `cast` into `book`; `offline` stands in for players that fail. The run's minutes begin now.
     pub fn new(book: Arc<CallBook>, cast: Cast, offline: Cast, options: CallOptions) -> Self {
+        // A book that can't be listed says so when it is used.
+        let before =
+            if options.budget.is_unlimited() { BTreeMap::new() } else { spent_in(&book.log().unwrap_or_default()) };
+        let minutes = options.budget.minutes.map(|m| Duration::from_secs_f64((m * 60.0).clamp(0.0, 3.2e9)));
         Self {
             book,
             cast,
             offline,
-            options,
-            places: Mutex::default(),
+            gates: Mutex::default(),
             names: Mutex::default(),
+            stop: Arc::default(),
+            purse: Purse::new(options.budget.clone(), before),
+            board: Board::default(),
+            deadline: minutes.map(|m| Instant::now() + m),
+            options,
             asked: AtomicUsize::new(0),
             asked_outside: AtomicUsize::new(0),
             reused: AtomicUsize::new(0),
             replayed: AtomicUsize::new(0),
             replaced: AtomicUsize::new(0),
         }
+    }
+
+    /// The switch that stops the run.
+    pub fn stop(&self) -> &Arc<Stop> {
+        &self.stop
+    }
+
+    /// What is under way now, and what was spent.
+    pub fn now(&self) -> CallsNow {
+        CallsNow { underway: self.board.underway(), spent: self.purse.spent() }
     }
 
     /// The book.
@@ -253,290 +301,34 @@ impl Calls {
         self.call(request, &self.cast.lit_renderer, &self.offline.lit_renderer, &|_| Ok(())).await
     }
 
-    /// One call of any role.
-    async fn call<R: Recordable>(
-        &self,
-        request: &R,
-        cast: &Arc<R::Player>,
-        offline: &Arc<R::Player>,
-        sense: &(dyn Fn(&R::Answer) -> Result<(), String> + Send + Sync),
-    ) -> Result<R::Answer, RoleError> {
-        let name = CallName::new(request.name()).map_err(crate::BookError::from)?;
-        let turn = self.turn(R::ROLE, &name);
-        let _only_one = turn.lock().await;
-        let accept = |answer: &R::Answer| request.check(answer).and_then(|()| sense(answer));
-        let event = |kind| (self.options.on_event)(CallEvent { role: R::ROLE, name: name.to_string(), kind });
-        let card = R::card(cast);
-
-        let question = blocking({
-            let request = request.clone();
-            move || {
-                let mut hasher = KeyHasher::new(R::ROLE);
-                request.hash(&mut hasher);
-                hasher.finish()
-            }
-        })
-        .await?;
-        let recorded = self.book.recorded(R::ROLE, &name, &question)?;
-        let key = recorded.as_ref().map_or_else(|| key_for(&question, &card), |recorded| recorded.key.clone());
-
-        let mut warnings = Vec::new();
-        if let Some(record) = self.book.record(R::ROLE, &name).filter(|record| self.reusable(record, &key)) {
-            let answer = self.read_back(request, &name).await?;
-            match answer.and_then(|answer| accept(&answer).map(|()| answer)) {
-                Ok(answer) => {
-                    self.reused.fetch_add(1, Ordering::Relaxed);
-                    event(CallEventKind::Reused);
-                    for warning in record.warnings {
-                        (self.options.on_warning)(warning);
-                    }
-                    return Ok(answer);
-                }
-                Err(reason) => {
-                    let reason = format!("the kept answer to {name} cannot be used any more: {reason}");
-                    warnings.push(warning(&name, WarningKind::AnswerRepaired, &reason));
-                }
-            }
-        }
-
-        let mut course = Course::default();
-        let started = SystemTime::now();
-        let clock = Instant::now();
-        let mut accepted = None;
-        if let Some(recorded) = recorded {
-            let folder = recorded.folder.clone();
-            let request = request.clone();
-            match blocking(move || request.read_answer(&folder)).await?.and_then(|a| accept(&a).map(|()| a)) {
-                Ok(answer) => {
-                    self.replayed.fetch_add(1, Ordering::Relaxed);
-                    tracing::debug!(role = R::ROLE.folder(), call = %name, player = "replay", "asked");
-                    event(CallEventKind::Replayed);
-                    let label = recorded.card.model.clone();
-                    if recorded.question_differs {
-                        let text = format!("the recording {label:?} answered {name}, but to a different question");
-                        warnings.push(warning(&name, WarningKind::AnswerRepaired, &text));
-                    }
-                    let source = Source::Recording { label, question_differs: recorded.question_differs };
-                    accepted = Some((answer, recorded.card, source));
-                }
-                Err(reason) => {
-                    let text = format!("the recorded answer to {name} cannot be used: {reason}");
-                    warnings.push(warning(&name, WarningKind::PlayerReplaced, &text));
-                }
-            }
-        } else if self.book.recording().is_some_and(|recording| recording.covers(R::ROLE)) {
-            let missing = RoleError::NotRecorded { name: name.to_string() };
-            let text = format!("{missing}; {} was asked", card.player);
-            warnings.push(warning(&name, WarningKind::PlayerReplaced, &text));
-        }
-        let (answer, by, source) = match accepted {
-            Some(accepted) => accepted,
-            None => self.play(request, cast, offline, &accept, &name, &mut course, &mut warnings).await?,
-        };
-        let accepted = Accepted { answer, by, source, warnings };
-        let timing = CallTiming {
-            started_unix_ms: millis(started.duration_since(UNIX_EPOCH).unwrap_or_default()),
-            latency_ms: millis(clock.elapsed()),
-        };
-        self.keep(request, &name, accepted, (question, key, card), course, timing).await
-    }
-
-    /// Asks the cast player, again with the complaint where that helps, and then the offline one.
-    #[expect(clippy::too_many_arguments, reason = "one call's state, split for reading only")]
-    async fn play<R: Recordable>(
-        &self,
-        request: &R,
-        cast: &Arc<R::Player>,
-        offline: &Arc<R::Player>,
-        accept: &(dyn Fn(&R::Answer) -> Result<(), String> + Send + Sync),
-        name: &CallName,
-        course: &mut Course,
-        warnings: &mut Vec<Warning>,
-    ) -> Result<(R::Answer, PlayerCard, Source), RoleError> {
-        let card = R::card(cast);
-        let event = |kind| (self.options.on_event)(CallEvent { role: R::ROLE, name: name.to_string(), kind });
-        let failure = match self.try_player(request, cast, accept, name, course).await {
-            Ok(answer) => return Ok((answer, card, Source::Player)),
-            Err(error) => error,
-        };
-        let stand_in = R::card(offline);
-        let same = stand_in.player == card.player && stand_in.model == card.model;
-        if failure.is_fatal() || same {
-            return Err(failure);
-        }
-        let reason = shortened(&self.book.redacted(&failure.to_string()), 600);
-        tracing::warn!(call = %name, role = R::ROLE.folder(), "{} stands in: {reason}", stand_in.player);
-        event(CallEventKind::Replaced { reason: reason.clone() });
-        let answer = self.try_player(request, offline, accept, name, course).await?;
-        self.replaced.fetch_add(1, Ordering::Relaxed);
-        let text = format!("{reason}; {} ({}) stood in", stand_in.player, stand_in.model);
-        warnings.push(warning(name, WarningKind::PlayerReplaced, &text));
-        Ok((answer, stand_in, Source::Replaced { reason }))
-    }
-
-    /// Asks one player until its answer is accepted or it makes no sense to ask again.
-    async fn try_player<R: Recordable>(
-        &self,
-        request: &R,
-        player: &Arc<R::Player>,
-        accept: &(dyn Fn(&R::Answer) -> Result<(), String> + Send + Sync),
-        name: &CallName,
-        course: &mut Course,
-    ) -> Result<R::Answer, RoleError> {
-        let card = R::card(player);
-        let event = |kind| (self.options.on_event)(CallEvent { role: R::ROLE, name: name.to_string(), kind });
-        // The same question would get the same answer from a player that only computes.
-        let reasks = if card.offline { 0 } else { self.options.reasks };
-        let place = self.place(&card);
-        let mut asked = request.clone();
-        let mut tried = 0;
-        loop {
-            let _place = free_place(place.as_deref()).await;
-            self.asked.fetch_add(1, Ordering::Relaxed);
-            self.asked_outside.fetch_add(usize::from(!card.offline), Ordering::Relaxed);
-            tracing::debug!(role = R::ROLE.folder(), call = %name, player = %card.player, "asked");
-            event(CallEventKind::Asked { player: card.player.clone() });
-            let clock = Instant::now();
-            let outcome = asked.play(player).await.and_then(|answer| match accept(&answer) {
-                Ok(()) => Ok(answer),
-                Err(complaint) => {
-                    let usage = R::usage(&answer);
-                    course.usage = add_usage(course.usage, usage);
-                    Err(RoleError::UnusableAnswer {
-                        player: card.player.clone(),
-                        complaint: shortened(&complaint, MAX_COMPLAINT),
-                        raw: shortened(&R::raw(&answer), 2000),
-                    })
-                }
-            });
-            let error = match outcome {
-                Ok(answer) => {
-                    let usage = R::usage(&answer);
-                    course.usage = add_usage(course.usage, usage);
-                    course.tries.push(Try { player: card.player.clone(), complaint: None, usage });
-                    event(CallEventKind::Answered { player: card.player, latency: clock.elapsed() });
-                    return Ok(answer);
-                }
-                Err(error) => error,
-            };
-            let complaint = self.book.redacted(&shortened(&error.to_string(), MAX_COMPLAINT));
-            course.tries.push(Try {
-                player: card.player.clone(),
-                complaint: Some(complaint.clone()),
-                usage: Usage::default(),
-            });
-            tried += 1;
-            // The one place that decides what a failure leads to; waiting and trying again what is passing
-            // (`is_retryable`, `retry_after`) belongs here too.
-            match &error {
-                RoleError::UnusableAnswer { complaint, raw, .. } if tried <= reasks => {
-                    event(CallEventKind::AskedAgain { player: card.player.clone(), complaint: complaint.clone() });
-                    asked = request.again(complaint, raw);
-                }
-                _ => return Err(error),
-            }
-        }
-    }
-
-    /// Writes the record and returns the answer as it is read back from it, so that a run that is re-entered sees
-    /// exactly what the first one saw.
-    async fn keep<R: Recordable>(
-        &self,
-        request: &R,
-        name: &CallName,
-        accepted: Accepted<R::Answer>,
-        (question, key, cast): (ContentKey, ContentKey, PlayerCard),
-        course: Course,
-        timing: CallTiming,
-    ) -> Result<R::Answer, RoleError> {
-        let warnings: Vec<Warning> =
-            accepted.warnings.into_iter().map(|w| Warning { message: self.book.redacted(&w.message), ..w }).collect();
-        let record = CallRecord {
-            version: RECORD_VERSION,
-            name: name.to_string(),
-            role: R::ROLE,
-            key,
-            question,
-            cast,
-            answered_by: accepted.by,
-            source: accepted.source,
-            tries: course.tries,
-            usage: course.usage,
-            warnings: warnings.clone(),
-        };
-        let book = Arc::clone(&self.book);
-        let request = request.clone();
-        let answer = accepted.answer;
-        let kept = blocking(move || {
-            let offline = record.answered_by.offline;
-            let folder = book.store(&record, timing, |out| {
-                request.write_request(out, offline)?;
-                request.write_answer(&answer, out)
-            })?;
-            let path = folder.join("answer.json");
-            request.read_answer(&folder).map_err(|reason| crate::BookError::Write { reason, path })
-        })
-        .await??;
-        for warning in warnings {
-            (self.options.on_warning)(warning);
-        }
-        Ok(kept)
-    }
-
-    fn reusable(&self, record: &CallRecord, key: &ContentKey) -> bool {
-        let replaced = matches!(record.source, Source::Replaced { .. });
-        record.key == *key && !(replaced && self.book.options().retry_replaced)
-    }
-
-    async fn read_back<R: Recordable>(
-        &self,
-        request: &R,
-        name: &CallName,
-    ) -> Result<Result<R::Answer, String>, RoleError> {
-        let folder = self.book.record_folder(R::ROLE, name);
-        let request = request.clone();
-        blocking(move || request.read_answer(&folder)).await
-    }
-
     /// The lock of a name: two calls under one name run one after the other, the second takes the first's record.
-    fn turn(&self, role: Role, name: &CallName) -> Turn {
+    pub(crate) fn turn(&self, role: Role, name: &CallName) -> Turn {
         let mut names = self.names.lock().unwrap_or_else(PoisonError::into_inner);
         Arc::clone(names.entry((role, name.clone())).or_default())
     }
 
-    /// The free places of a player; `None` = no limit.
-    fn place(&self, card: &PlayerCard) -> Option<Arc<Semaphore>> {
-        if card.concurrency == 0 {
-            return None;
+    /// The way to a player.
+    pub(crate) fn gate(&self, card: &PlayerCard) -> Arc<Gate> {
+        let mut gates = self.gates.lock().unwrap_or_else(PoisonError::into_inner);
+        let gate = gates.entry(format!("{}\n{}", card.player, card.model)).or_insert_with(|| {
+            let limits = self.options.limits.of(card);
+            Gate::new(limits.concurrency.unwrap_or(card.concurrency), limits)
+        });
+        Arc::clone(gate)
+    }
+}
+
+/// What the records of earlier starts say was spent, by role.
+fn spent_in(log: &[CallSummary]) -> BTreeMap<Role, Spent> {
+    let mut spent: BTreeMap<Role, Spent> = BTreeMap::new();
+    for call in log {
+        // The stand-in's try is this program's own.
+        let own = usize::from(call.offline || matches!(call.source, Source::Replaced { .. }));
+        let outside = call.tries.saturating_sub(own);
+        if outside > 0 {
+            let time = Duration::from_millis(call.timing.latency_ms);
+            spent.entry(call.role).or_default().add(call.usage.cost_usd, outside, time);
         }
-        let mut places = self.places.lock().unwrap_or_else(PoisonError::into_inner);
-        let place = places
-            .entry(format!("{}\n{}", card.player, card.model))
-            .or_insert_with(|| Arc::new(Semaphore::new(card.concurrency.min(Semaphore::MAX_PERMITS))));
-        Some(Arc::clone(place))
     }
-}
-
-async fn free_place(place: Option<&Semaphore>) -> Option<SemaphorePermit<'_>> {
-    match place {
-        // The semaphore is never closed, so this waits until there is a place.
-        Some(place) => place.acquire().await.ok(),
-        None => None,
-    }
-}
-
-/// Runs what hashes, encodes or waits for the disk beside the asynchronous work.
-async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, RoleError> {
-    tokio::task::spawn_blocking(work)
-        .await
-        .map_err(|error| RoleError::Io { player: "the call book".to_owned(), source: std::io::Error::other(error) })
-}
-
-fn warning(name: &CallName, kind: WarningKind, message: &str) -> Warning {
-    let message = shortened(message, 1200);
-    Warning { phase: name.phase().to_owned(), object: name.object(), kind, message }
-}
-
-fn millis(duration: Duration) -> u64 {
-    u64::try_from(duration.as_millis()).unwrap_or(u64::MAX)
+    spent
 }

@@ -39,6 +39,8 @@ pub enum Source {
         /// Why, in words.
         reason: String,
     },
+    /// Nobody yet: tries were made, and the run stopped before one was answered. Never in a record; only in the log.
+    Unanswered,
 }
 
 /// One time that a player was asked.
@@ -79,12 +81,30 @@ pub struct CallRecord {
     pub warnings: Vec<Warning>,
 }
 
+/// `calls/.unanswered/<role>/<name>.json`: what was tried, and paid, for a call that has no answer yet. The next start
+/// goes on from it, and the file goes when the call is recorded.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Unanswered {
+    /// Call name.
+    pub name: String,
+    /// Role.
+    pub role: Role,
+    /// Every time somebody was asked, in order.
+    pub tries: Vec<Try>,
+    /// Sum over all tries.
+    pub usage: Usage,
+    /// Start of the last of them, milliseconds since 1970-01-01 UTC.
+    pub started_unix_ms: u64,
+    /// Time that players took, milliseconds.
+    pub latency_ms: u64,
+}
+
 /// `timing.json`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct CallTiming {
     /// Start, milliseconds since 1970-01-01 UTC.
     pub started_unix_ms: u64,
-    /// From the first try to the taken answer, without waiting for a free place, milliseconds.
+    /// Time that players took over all tries, without any waiting, milliseconds.
     pub latency_ms: u64,
 }
 

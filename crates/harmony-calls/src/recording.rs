@@ -115,6 +115,22 @@ impl Recording {
         self.root.join(role.folder()).is_dir()
     }
 
+    /// Whether somebody outside (not this program alone) answered for a role. Recordings keep only such answers unless
+    /// they were told otherwise; of a run's folder the records tell.
+    pub fn played_outside(&self, role: Role) -> bool {
+        let Ok(names) = self.names(role) else { return false };
+        match &self.manifest {
+            Some(manifest) => names.iter().any(|name| {
+                let answer = manifest.answers.get(&format!("{}/{name}", role.folder()));
+                answer.is_some_and(|a| a.player != "offline")
+            }),
+            None => names.iter().any(|name| {
+                let folder = name.under(&self.root.join(role.folder()));
+                read_json::<CallRecord>(&folder.join("record.json")).is_ok_and(|record| !record.answered_by.offline)
+            }),
+        }
+    }
+
     fn marker(&self) -> &'static str {
         if self.manifest.is_some() { "answer.json" } else { "record.json" }
     }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use harmony_calls::{Budget, Limits, Prices};
 use harmony_pipeline::Settings;
 use serde::{Deserialize, Serialize};
 
@@ -55,6 +56,12 @@ pub struct ConfigFile {
     pub files: FilesConfig,
     /// Hosted and local players, for the profiles `paper` and `local`.
     pub players: PlayersConfig,
+    /// What may be spent.
+    pub budget: Budget,
+    /// What players can take, and when they are tried again.
+    pub limits: Limits,
+    /// What calls cost.
+    pub prices: Prices,
 }
 
 /// The files player.
@@ -110,6 +117,9 @@ pub fn parse(text: &str) -> Result<ConfigFile, String> {
     })?;
     file.settings.check()?;
     file.players.check()?;
+    file.budget.check()?;
+    file.limits.check()?;
+    file.prices.check()?;
     if !(0.0..=MAX_TIMEOUT_MINUTES).contains(&file.files.timeout_minutes) {
         return Err(format!(
             "files.timeout_minutes is {}; allowed is 0 to {MAX_TIMEOUT_MINUTES}",
@@ -136,6 +146,27 @@ mod tests {
             assert!(error.contains("timeout_minutes"), "{error}");
         }
         assert!(parse("[files]\ntimeout_minutes = 525600.0\n").is_ok());
+    }
+
+    #[test]
+    fn budgets_limits_and_prices_are_read() {
+        let file = parse(
+            "[budget]\nusd = 5.0\nwhen_reached = \"offline\"\n[budget.roles.mesh_generator]\ncalls = 40\n\
+             [limits.try_seconds]\nmesh_generator = 900.0\n[limits.players.\"openai / gpt-5.5\"]\nrequests_per_minute = 60.0\n\
+             [prices]\ndate = \"2026-11-01\"\n[prices.models.\"gpt-5.5\"]\ninput = 1.0\noutput = 8.0\n",
+        )
+        .unwrap();
+        assert_eq!(file.budget.roles[&harmony_roles::Role::MeshGenerator].calls, Some(40));
+        assert_eq!(file.limits.try_seconds[&harmony_roles::Role::MeshGenerator], 900.0);
+        assert_eq!(file.prices.models["gpt-5.5"].output, 8.0);
+        for (text, named) in [
+            ("[budget]\nusd = -1.0\n", "budget.usd"),
+            ("[prices.models.m]\nimage = nan\n", "image"),
+            ("[limits.retry]\nfirst_seconds = inf\n", "first_seconds"),
+        ] {
+            let error = parse(text).unwrap_err();
+            assert!(error.contains(named), "{error}");
+        }
     }
 
     #[test]

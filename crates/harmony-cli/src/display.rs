@@ -1,7 +1,7 @@
 //! What a person sees: progress, errors with hints, logs.
 
 use std::io::{IsTerminal, Write};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use harmony_calls::{CallEvent, CallEventKind};
@@ -97,9 +97,14 @@ pub fn log_to_stderr(verbose: u8) {
         .init();
 }
 
+/// Waits for a rate limit that are worth a line of their own.
+const TELLING_WAIT: Duration = Duration::from_secs(10);
+
 /// A line that moves on a terminal, plain lines elsewhere.
 pub struct Display {
     bar: Option<ProgressBar>,
+    /// What the run does, and what its calls do.
+    shown: Mutex<(String, String)>,
 }
 
 impl Display {
@@ -113,7 +118,7 @@ impl Display {
             bar.enable_steady_tick(Duration::from_millis(120));
             bar
         });
-        Arc::new(Self { bar })
+        Arc::new(Self { bar, shown: Mutex::default() })
     }
 
     fn say(&self, text: &str) {
@@ -124,9 +129,20 @@ impl Display {
     }
 
     fn now(&self, text: String) {
-        if let Some(bar) = &self.bar {
-            bar.set_message(text);
-        }
+        self.show(|shown| shown.0 = text);
+    }
+
+    /// What is under way, in one line.
+    pub fn calls(&self, line: String) {
+        self.show(|shown| shown.1 = line);
+    }
+
+    fn show(&self, change: impl FnOnce(&mut (String, String))) {
+        let Some(bar) = &self.bar else { return };
+        let mut shown = self.shown.lock().unwrap_or_else(PoisonError::into_inner);
+        change(&mut shown);
+        let (step, calls) = &*shown;
+        bar.set_message(if calls.is_empty() { step.clone() } else { format!("{step} | {calls}") });
     }
 
     /// Ends.
@@ -160,6 +176,17 @@ impl Display {
             CallEventKind::AskedAgain { player, complaint } => {
                 let first = complaint.lines().next().unwrap_or_default().to_owned();
                 display.say(&format!("{}: {player} is asked again: {first}", event.name));
+            }
+            CallEventKind::Retried { player, reason, wait } => {
+                let first = reason.lines().next().unwrap_or_default().to_owned();
+                display.say(&format!(
+                    "{}: {player} is tried again in {:.0} s: {first}",
+                    event.name,
+                    wait.as_secs_f64()
+                ));
+            }
+            CallEventKind::RateLimited { player, wait } if wait >= TELLING_WAIT => {
+                display.say(&format!("{}: waits {:.0} s for {player}'s rate limit", event.name, wait.as_secs_f64()));
             }
             CallEventKind::Replaced { reason } => {
                 display.say(&format!("{}: this program stands in: {reason}", event.name));

@@ -4,6 +4,7 @@ mod cast;
 mod commands;
 mod config;
 mod display;
+mod stopping;
 
 use std::process::ExitCode;
 
@@ -15,6 +16,8 @@ const EXIT_OK: u8 = 0;
 const EXIT_ERROR: u8 = 1;
 /// A phase failed or a required file is missing; what was obtained is kept, `run.json` tells which and why.
 const EXIT_INCOMPLETE: u8 = 3;
+/// A budget, a deadline or Ctrl-C stopped the run; what was obtained is kept.
+const EXIT_STOPPED: u8 = 4;
 
 /// Turns one photograph of a room into an editable, lit, simulation-ready 3D scene.
 ///
@@ -36,12 +39,17 @@ Exit codes:
   1  the input or an argument cannot be used, or another harmony is at work in the run folder; nothing was run
   2  wrong usage of the command line
   3  a phase failed, or a required file is missing or cannot be written (a full disk): what was obtained is kept,
-     run.json tells which and why; run the same command again to go on from there";
+     run.json tells which and why; run the same command again to go on from there
+  4  stopped before its end by a budget, a deadline or Ctrl-C: every answer is kept, running again goes on";
 
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Reconstruct a photo into a run folder (scene.json, scene_full.glb, renders, report.html).
     Reconstruct(Box<commands::reconstruct::Args>),
+    /// Tell what a run would take: calls, money, minutes. Asks nobody.
+    Estimate(commands::estimate::Args),
+    /// Tell what a run took, by phase, role, player and object.
+    Bill(commands::bill::Args),
     /// Tell who can play each role here and what is missing.
     Doctor(commands::doctor::Args),
     /// Summarise a run in the terminal.
@@ -61,6 +69,8 @@ fn main() -> ExitCode {
     display::log_to_stderr(cli.verbose);
     let result = match cli.command {
         Command::Reconstruct(args) => commands::reconstruct::run(*args),
+        Command::Estimate(args) => commands::estimate::run(&args),
+        Command::Bill(args) => commands::bill::run(&args),
         Command::Doctor(args) => commands::doctor::run(&args),
         Command::Show(args) => commands::show::run(&args),
         Command::Render(args) => commands::render::run(&args),

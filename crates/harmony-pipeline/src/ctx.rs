@@ -48,6 +48,12 @@ pub enum PhaseError {
     /// The report cannot be written.
     #[error(transparent)]
     Report(#[from] harmony_viewer::ReportError),
+    /// What this phase waited for will not come, for an earlier one failed.
+    #[error("{phase} was not begun, for a phase before it failed")]
+    Abandoned {
+        /// Phase.
+        phase: String,
+    },
     /// A bug of ours.
     #[error("{phase} failed inside: {reason}")]
     Internal {
@@ -64,6 +70,11 @@ impl PhaseError {
         Self::Internal { phase: phase.to_owned(), reason: reason.to_string() }
     }
 
+    /// See [`PhaseError::Abandoned`].
+    pub fn abandoned(phase: &str) -> Self {
+        Self::Abandoned { phase: phase.to_owned() }
+    }
+
     /// What a person can do about it.
     pub fn hint(&self) -> Option<String> {
         match self {
@@ -72,6 +83,13 @@ impl PhaseError {
                     .unwrap_or("check the disk and the run folder, then run the same command again")
                     .to_owned(),
             ),
+            Self::Role(RoleError::Budget { .. }) => Some(
+                "raise [budget] in harmony.toml and run the same command again: nothing that was answered is asked again"
+                    .to_owned(),
+            ),
+            Self::Role(RoleError::Interrupted { .. }) => {
+                Some("run the same command again to go on: nothing that was answered is asked again".to_owned())
+            }
             Self::Role(error) => error.hint().map(ToOwned::to_owned),
             Self::File(error) => error.hint().map(ToOwned::to_owned),
             Self::Picture(error) => error.hint().map(ToOwned::to_owned),
@@ -142,6 +160,12 @@ impl PhaseCtx<'_> {
         !self.calls.cast().vision_language.card().offline || recorded.iter().any(|n| n.as_str() == name)
     }
 
+    /// Whether somebody outside plays a role here, or did so in the recording that is replayed.
+    pub fn played_outside(&self, role: Role) -> bool {
+        let recorded = || self.calls.book().recording().is_some_and(|recording| recording.played_outside(role));
+        !self.calls.cast().card(role).offline || recorded()
+    }
+
     /// Tells that a step begins.
     pub fn step(&self, text: &str) {
         tracing::info!(phase = self.phase, "{text}");
@@ -176,6 +200,17 @@ impl PhaseCtx<'_> {
             facts: serde_json::json!({ "question": question.kind, "facts": facts }),
         };
         Ok(self.calls.ask_as(&request, sense).await?)
+    }
+
+    /// Computes beside the asynchronous work, so that other objects' chains go on meanwhile.
+    ///
+    /// # Errors
+    /// A panic of the work, as a fault inside.
+    pub async fn computed<T: Send + 'static>(
+        &self,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, PhaseError> {
+        tokio::task::spawn_blocking(work).await.map_err(|e| PhaseError::internal(self.phase, &e))
     }
 
     /// Path of a file of this phase; its folder is made.

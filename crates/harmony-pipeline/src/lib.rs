@@ -6,8 +6,11 @@
 //!
 //! Start reading at [`run`].
 
+mod before;
 mod ctx;
+mod estimate;
 mod filter;
+mod graph;
 mod outputs;
 mod phases;
 mod progress;
@@ -20,6 +23,7 @@ mod steps;
 pub mod views;
 
 pub use ctx::{PhaseCtx, PhaseError, Warnings};
+pub use estimate::{Estimate, Inventory, RoleEstimate, estimate};
 pub use filter::{Dropped, filter_boxes, filter_masks};
 pub use outputs::GENERATOR;
 pub use phases::layout::layout_prior;

@@ -13,6 +13,7 @@ use image::{RgbImage, imageops};
 use serde_json::json;
 
 use crate::ctx::{PhaseCtx, PhaseError, Warnings};
+use crate::graph::Graph;
 use crate::outputs::{self, GENERATOR};
 use crate::phases;
 use crate::progress::{ProgressEvent, ProgressSink};
@@ -159,18 +160,15 @@ impl Stage<'_> {
         let request = self.request;
         let working = Arc::new(working_photo(&request.photo, request.settings.working_px));
         let ctx = self.ctx(0);
-        let Some(mut state) = self.phase(0, phases::layout::run(&ctx, &request.photo, working)).await? else {
+        let Some(start) = self.phase(0, phases::layout::run(&ctx, &request.photo, working)).await? else {
             return Ok(None);
         };
-        for (index, level) in [(1, Level::Wall), (2, Level::Furniture), (3, Level::Ceiling), (4, Level::Decoration)] {
-            if index > request.until {
-                return Ok(Some(state));
-            }
-            let ctx = self.ctx(index);
-            match self.phase(index, phases::objects::run(&ctx, level, state.clone())).await? {
-                Some(next) => state = next,
-                None => return Ok(Some(state)),
-            }
+        let levels = request.until.min(Level::ALL.len());
+        let graph = Graph::new((1..=levels).map(|index| self.ctx(index)).collect(), Arc::new(start.clone()));
+        let ((), placed) = futures::join!(graph.prepare(), self.levels(&graph, start, levels));
+        let (mut state, complete) = placed?;
+        if !complete {
+            return Ok(Some(state));
         }
         if request.until >= 5 {
             let ctx = self.ctx(5);
@@ -180,6 +178,32 @@ impl Stage<'_> {
             }
         }
         Ok(Some(state))
+    }
+
+    /// Places the levels in order; the state after the last that succeeded, and whether that is the last one.
+    async fn levels(
+        &mut self,
+        graph: &Graph<'_>,
+        mut state: SceneState,
+        levels: usize,
+    ) -> Result<(SceneState, bool), RunError> {
+        for level in 0..levels {
+            let placed = self.phase(level + 1, graph.place(level, state.clone())).await;
+            match placed {
+                Ok(Some(next)) => state = next,
+                // Whoever waits in the graph must hear of it before the run can end.
+                Ok(None) => {
+                    graph.end(Some(&format!("{} failed", graph.ctx(level).phase)));
+                    return Ok((state, false));
+                }
+                Err(error) => {
+                    graph.end(Some(&error.to_string()));
+                    return Err(error);
+                }
+            }
+        }
+        graph.end(None);
+        Ok((state, true))
     }
 
     /// Runs one phase and marks how it ended.
@@ -251,6 +275,7 @@ fn finish(
     let questions = log.iter().filter(|c| c.role == Role::VisionLanguage).count();
     file.questions_per_object = questions as f64 / (file.objects.max(1)) as f64;
     file.bill = Bill::of(&log);
+    harmony_io::write_json(&request.run.join("bill.json"), &file.bill.without_times())?;
     file.answers = calls.book().answers_digest("")?;
     let written =
         outputs::write(&request.run, state, request.photo.original_size, lit, &warnings.sorted()).and_then(|scene| {

@@ -66,6 +66,12 @@ pub enum RoleError {
         /// Which limit.
         reason: String,
     },
+    /// The run stops before its end: somebody wants it so, or another part of it failed.
+    #[error("stopped: {reason}")]
+    Interrupted {
+        /// Why.
+        reason: String,
+    },
     /// The disk did not let us.
     #[error("could not read or write for {player}: {source}")]
     Io {
@@ -101,7 +107,7 @@ impl RoleError {
 
     /// Whether the whole run should stop rather than go on with another player.
     pub fn is_fatal(&self) -> bool {
-        matches!(self, Self::Budget { .. } | Self::Io { .. })
+        matches!(self, Self::Budget { .. } | Self::Interrupted { .. } | Self::Io { .. })
     }
 
     /// What a person can do about it.

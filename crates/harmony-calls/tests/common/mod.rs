@@ -230,10 +230,18 @@ impl Desk {
     }
 
     pub fn with(run: &Path, options: BookOptions, cast: Cast, offline: Cast) -> Self {
+        Self::limited(run, options, cast, offline, CallOptions::default())
+    }
+
+    /// With budgets, limits and prices; waits are drawn at their upper bound.
+    pub fn limited(run: &Path, options: BookOptions, cast: Cast, offline: Cast, how: CallOptions) -> Self {
         let warnings: Arc<Mutex<Vec<Warning>>> = Arc::default();
         let sink = warnings.clone();
-        let options_of_calls =
-            CallOptions { on_warning: Arc::new(move |w| sink.lock().unwrap().push(w)), ..CallOptions::default() };
+        let options_of_calls = CallOptions {
+            on_warning: Arc::new(move |w| sink.lock().unwrap().push(w)),
+            random: Arc::new(|| 1.0),
+            ..how
+        };
         let book = Arc::new(CallBook::open(run, options).unwrap());
         Self { calls: Arc::new(Calls::new(book, cast, offline, options_of_calls)), warnings }
     }

@@ -1,7 +1,9 @@
 //! One module a command.
 
 pub mod bench;
+pub mod bill;
 pub mod doctor;
+pub mod estimate;
 pub mod reconstruct;
 pub mod record;
 pub mod render;

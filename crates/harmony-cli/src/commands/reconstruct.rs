@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use harmony_calls::{BookOptions, CallBook, CallOptions, Calls};
+use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, StopReason};
 use harmony_io::load_photo;
 use harmony_pipeline::{PHASES, RunError, RunFolder, RunOutcome, RunRequest, Warnings};
 use harmony_roles::Role;
@@ -12,7 +12,7 @@ use harmony_roles::Role;
 use crate::cast::{self, CastRequest, Casting};
 use crate::config::{self, Profile};
 use crate::display::{Display, hinted, print_error};
-use crate::{EXIT_ERROR, EXIT_INCOMPLETE, EXIT_OK, say, tell};
+use crate::{EXIT_ERROR, EXIT_INCOMPLETE, EXIT_OK, EXIT_STOPPED, say, stopping, tell};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -70,6 +70,15 @@ pub struct Args {
     /// Leave the path-traced render out even where Blender is there.
     #[arg(long)]
     no_lit: bool,
+    /// Stop before more US dollars are spent in this run folder; overrides budget.usd.
+    #[arg(long)]
+    max_usd: Option<f64>,
+    /// Stop before players outside are asked more often in this run folder; overrides budget.calls.
+    #[arg(long)]
+    max_calls: Option<usize>,
+    /// Stop after so many minutes; overrides budget.minutes.
+    #[arg(long)]
+    max_minutes: Option<f64>,
 }
 
 fn phase_index(text: &str) -> Result<usize, String> {
@@ -131,12 +140,22 @@ async fn reconstruct(args: Args) -> Result<u8> {
         BookOptions { replay: args.replay.clone(), secrets: casting.secrets.clone(), ..BookOptions::default() };
     let book = CallBook::open(&args.out, options).map_err(|e| hinted(e.to_string(), e.hint()))?;
     let collected = Arc::clone(&warnings);
+    let mut budget = config.budget;
+    budget.usd = args.max_usd.or(budget.usd);
+    budget.calls = args.max_calls.or(budget.calls);
+    budget.minutes = args.max_minutes.or(budget.minutes);
+    budget.check().map_err(|e| anyhow::anyhow!(e))?;
     let options = CallOptions {
         on_warning: Arc::new(move |warning| collected.push(warning)),
         on_event: display.call_sink(),
+        limits: config.limits,
+        budget,
+        prices: config.prices,
         ..CallOptions::default()
     };
-    let calls = Calls::new(Arc::new(book), casting.cast, casting.offline, options);
+    let calls = Arc::new(Calls::new(Arc::new(book), casting.cast, casting.offline, options));
+    stopping::on_interrupt(&calls);
+    let ticker = stopping::show_calls(&calls, &display);
     let replaying = args.replay.is_some();
     let run_request = RunRequest {
         title: args.photo.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
@@ -150,9 +169,14 @@ async fn reconstruct(args: Args) -> Result<u8> {
         further_inputs: casting.inputs,
     };
     let outcome = Box::pin(harmony_pipeline::run(&run_request, &calls, &warnings, &display.sink())).await;
+    ticker.abort();
     display.finish();
     match outcome {
-        Ok(outcome) => report(&args, &outcome),
+        Ok(outcome) => {
+            let code = report(&args, &outcome)?;
+            let stopped = matches!(calls.stop().reason(), Some(StopReason::Interrupted(_) | StopReason::Budget(_)));
+            Ok(if code == EXIT_INCOMPLETE && stopped { EXIT_STOPPED } else { code })
+        }
         Err(error) => {
             let begun = matches!(error, RunError::File(_));
             print_error(&hinted(error.to_string(), error.hint()));
@@ -230,6 +254,9 @@ fn report(args: &Args, outcome: &RunOutcome) -> Result<u8> {
         outcome.file.questions_per_object,
         bill.usage.cost_usd.map_or_else(|| "no known cost".to_owned(), |c| format!("{c:.3} US$")),
     )?;
+    if bill.calls > bill.offline + bill.recorded {
+        super::bill::print(&outcome.file.bill, false)?;
+    }
     if let Some((phase, reason, hint)) = &outcome.failure {
         tell!("error: {phase}: {reason}");
         if let Some(hint) = hint {

@@ -1,35 +1,129 @@
 //! Phases 2 to 5: wall objects, furniture, ceiling objects, decorations. Paper Sec. 3.2, 3.3 and App. C.
+//!
+//! A level has two halves. [`prepare`] looks for its objects and makes them ready; [`place`] puts them into the scene,
+//! in the paper's order. `graph.rs` says which half waits for what.
+
+use std::sync::Arc;
 
 use harmony_scene::Level;
+use image::RgbImage;
 use serde_json::json;
 
+use crate::before::{Before, Known};
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::SceneState;
+use crate::state::{Prepared, SceneState};
+use crate::steps::inspect::Inspection;
 use crate::steps::{detect, inspect, place, prepare, review, surfaces, texture};
 
-/// Runs one level: from the list of objects to reviewed placements.
+/// A level that can be placed.
+#[derive(Debug, Default)]
+pub struct PreparedLevel {
+    /// Candidates there were.
+    candidates: usize,
+    /// Objects, in order of their ids.
+    ready: Vec<Prepared>,
+    /// Left out: label or id, and reason, in the order in which it was found out.
+    dropped: Vec<(String, String)>,
+    /// What was said about the level.
+    inspection: Inspection,
+}
+
+/// A level whose objects are named and inspected: what [`prepare`] goes on from, and what later levels may know of it.
+pub struct Inspected {
+    candidates: Vec<crate::state::Candidate>,
+    dropped: Vec<(String, String)>,
+    inspection: Inspection,
+}
+
+impl Inspected {
+    /// The kept objects.
+    pub fn known(&self, level: Level) -> Known {
+        let kept = self.candidates.iter().filter_map(|candidate| {
+            let object = self.inspection.objects.get(&candidate.id).filter(|o| o.keep)?;
+            Some((candidate.clone(), object.clone()))
+        });
+        let mut objects: Vec<_> = kept.collect();
+        objects.sort_by(|a, b| a.0.id.cmp(&b.0.id));
+        Known { level, objects }
+    }
+}
+
+/// Names and inspects what was found.
+///
+/// # Errors
+/// Fatal role errors and unwritable files only.
+pub async fn inspect(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    found: detect::Found,
+    before: &Before,
+) -> Result<Inspected, PhaseError> {
+    let dropped = found.dropped.iter().map(|d| (d.label.clone(), d.reason.clone())).collect();
+    let candidates = detect::name(ctx, level, found, before)?;
+    let mut inspection = Inspection::default();
+    if !candidates.is_empty() {
+        ctx.step(&format!("inspecting {} candidates", candidates.len()));
+        inspection = inspect::all(ctx, level, before, &candidates).await?;
+    }
+    Ok(Inspected { candidates, dropped, inspection })
+}
+
+/// Completes and meshes the kept objects.
 ///
 /// # Errors
 /// Fatal role errors and unwritable files only; an object that fails is dropped with a warning.
-pub async fn run(ctx: &PhaseCtx<'_>, level: Level, mut state: SceneState) -> Result<SceneState, PhaseError> {
-    ctx.step(&format!("looking for {} objects", level.stage()));
-    let candidates = detect::candidates(ctx, level, &mut state).await?;
-    let mut outcome = json!({ "candidates": candidates.len() });
-    if !candidates.is_empty() {
-        ctx.step(&format!("inspecting {} candidates", candidates.len()));
-        let inspection = inspect::all(ctx, level, &state, &candidates).await?;
+pub async fn prepare(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &Arc<SceneState>,
+    inspected: Inspected,
+) -> Result<PreparedLevel, PhaseError> {
+    let Inspected { candidates, mut dropped, inspection } = inspected;
+    let count = candidates.len();
+    let mut ready = Vec::new();
+    if count > 0 {
         ctx.step("completing and meshing");
-        let prepared = prepare::all(ctx, level, &mut state, candidates, &inspection).await?;
-        ctx.step(&format!("placing {} objects", prepared.len()));
-        let report = place::in_order(ctx, level, &mut state, prepared, &inspection.order).await?;
+        let objects = prepare::all(ctx, level, state, candidates, &inspection).await?;
+        dropped.extend(objects.dropped.into_iter().map(|(id, reason)| (id.to_string(), reason)));
+        ready = objects.ready;
+    }
+    Ok(PreparedLevel { candidates: count, ready, dropped, inspection })
+}
+
+/// Places a prepared level and reviews it. `bare` is the picture of the empty room that an image editor drew, for the
+/// last level.
+///
+/// # Errors
+/// Fatal role errors and unwritable files only; an object that cannot be placed is dropped with a warning.
+pub async fn place(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    mut state: SceneState,
+    prepared: PreparedLevel,
+    bare: Option<Arc<RgbImage>>,
+) -> Result<SceneState, PhaseError> {
+    let mut outcome = json!({ "candidates": prepared.candidates });
+    for (label, reason) in prepared.dropped {
+        state.dropped.push((label, ctx.phase.to_owned(), reason));
+    }
+    if prepared.candidates > 0 {
+        let mut ids = Vec::new();
+        for mut object in prepared.ready {
+            object.index = state.next_index;
+            state.next_index += 1;
+            ids.push(object.candidate.id.clone());
+            state.prepared.insert(object.candidate.id.clone(), object);
+        }
+        ctx.step(&format!("placing {} objects", ids.len()));
+        let report = place::in_order(ctx, level, &mut state, ids, &prepared.inspection.order).await?;
         texture::level(ctx, &mut state, level).await?;
         if level == Level::Decoration {
             place::orient_decorations(ctx, &mut state).await?;
         }
         review::until_settled(ctx, level, &mut state).await?;
         texture::level(ctx, &mut state, level).await?;
-        if !inspection.summary.is_empty() {
-            state.summaries.push(inspection.summary);
+        if !prepared.inspection.summary.is_empty() {
+            state.summaries.push(prepared.inspection.summary);
         }
         outcome = json!({ "placed": report.objects.len(), "unresolved": report.unresolved.len() });
     }
@@ -37,9 +131,9 @@ pub async fn run(ctx: &PhaseCtx<'_>, level: Level, mut state: SceneState) -> Res
     state.partial.room.openings = surfaces::openings(&state);
     if level == Level::Decoration {
         ctx.step("room surfaces");
-        surfaces::all(ctx, &mut state).await?;
+        surfaces::all(ctx, &mut state, bare).await?;
         texture::everything(ctx, &mut state).await?;
     }
-    place::write_files(ctx, level, &state, &outcome)?;
+    place::write_files(ctx, level, &state, &outcome).await?;
     Ok(state)
 }

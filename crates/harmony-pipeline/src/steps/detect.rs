@@ -1,28 +1,39 @@
 //! List -> boxes -> filter -> masks -> filter: the candidates of a level. Paper Sec. 3.2 "Object Detection".
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use harmony_imaging::sheet::{LabelledBox, draw_boxes, grid_overlay, palette};
 use harmony_prompts::{ListAnswer, ListVars, list};
 use harmony_roles::{DetectRequest, Detection, PhraseRequest, Picture, SegmentPrompt, SegmentRequest};
-use harmony_scene::{ImageSize, Level, ObjectId, PixelBox, WarningKind};
+use harmony_scene::{ImageSize, Level, Mask, ObjectId, PixelBox, WarningKind};
 use image::RgbImage;
 use serde_json::json;
 
+use crate::before::{Before, stem};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::filter::{Dropped, filter_boxes, filter_masks};
 use crate::state::{Candidate, SceneState};
 
-/// Finds the candidates of a level.
+/// What was found for a level: boxes with masks, not yet named.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// In the order of their places in the photo.
+    kept: Vec<((Detection, Mask), Option<f64>)>,
+    /// What a filter took out.
+    pub dropped: Vec<Dropped>,
+    /// Hosts that the list named, by box.
+    hosts: BTreeMap<[i64; 4], String>,
+}
+
+/// Looks for the objects of a level.
+///
+/// The lists of walls, furniture and ceilings need the photo only; that of decorations shows the furniture placed so
+/// far, for what rests on it is what the photo shows and the reconstruction does not.
 ///
 /// # Errors
 /// Fatal role errors only; a player that fails is replaced.
-pub async fn candidates(
-    ctx: &PhaseCtx<'_>,
-    level: Level,
-    state: &mut SceneState,
-) -> Result<Vec<Candidate>, PhaseError> {
+pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> Result<Found, PhaseError> {
     let with_boxes = ctx.boxes_from_vlm;
     let wanted = ask_list(ctx, level, state, with_boxes).await?;
     let size = state.partial.camera.size;
@@ -49,44 +60,55 @@ pub async fn candidates(
         let request = SegmentRequest { name: ctx.call("segment"), image: state.photo.clone(), prompts };
         ctx.calls.segment(&request).await?
     };
-    let pairs: Vec<_> = found.into_iter().zip(masks).map(|(d, m)| ((d, m.mask), m.score)).collect();
-    let (pairs, scores): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
-    let verdicts = filter_masks(&pairs, &ctx.settings.filters);
+    let filters = ctx.settings.filters;
+    let (pairs, verdicts) = ctx
+        .computed(move || {
+            let pairs: Vec<_> = found.into_iter().zip(masks).map(|(d, m)| ((d, m.mask), m.score)).collect();
+            let (pairs, scores): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
+            let verdicts = filter_masks(&pairs, &filters);
+            (pairs.into_iter().zip(scores).collect::<Vec<_>>(), verdicts)
+        })
+        .await?;
 
-    let mut kept: Vec<((Detection, harmony_scene::Mask), Option<f64>)> = Vec::new();
-    for ((pair, score), verdict) in pairs.into_iter().zip(scores).zip(verdicts) {
+    let mut kept: Vec<((Detection, Mask), Option<f64>)> = Vec::new();
+    for ((pair, score), verdict) in pairs.into_iter().zip(verdicts) {
         match verdict {
             None => kept.push((pair, score)),
             Some(reason) => dropped.push(Dropped { label: pair.0.label, bounds: pair.0.bounds, reason }),
         }
-    }
-    for d in &dropped {
-        state.dropped.push((d.label.clone(), ctx.phase.to_owned(), d.reason.clone()));
     }
     // Ids count from left to right, so that they are the same whatever order the detector gives.
     kept.sort_by(|a, b| {
         let key = |d: &Detection| (d.bounds.x0, d.bounds.y0);
         key(&a.0.0).partial_cmp(&key(&b.0.0)).unwrap_or(std::cmp::Ordering::Equal)
     });
-    let mut counters: BTreeMap<String, usize> = state.prepared.keys().map(|id| (stem(id.as_str()), 0)).collect();
-    for id in state.prepared.keys() {
-        *counters.entry(stem(id.as_str())).or_default() += 1;
-    }
-    let mut candidates = Vec::new();
-    for ((detection, mask), mask_score) in kept {
-        let first = ObjectId::numbered(&detection.label, 1);
-        let number = counters.entry(stem(first.as_str())).or_default();
-        *number += 1;
-        let id = ObjectId::numbered(&detection.label, *number);
-        let host_hint = hosts.get(&host_key(&detection)).cloned().and_then(|h: String| ObjectId::new(&h).ok());
-        candidates.push(Candidate { id, level, detection, mask, mask_score, host_hint });
-    }
-    write_files(ctx, &candidates, &dropped)?;
-    Ok(candidates)
+    Ok(Found { kept, dropped, hosts })
 }
 
-fn stem(id: &str) -> String {
-    id.rsplit_once('_').map_or(id, |(stem, _)| stem).to_owned()
+/// Names what was found, with numbers that earlier levels have not taken, and writes the level's files.
+///
+/// # Errors
+/// Unwritable files.
+pub fn name(ctx: &PhaseCtx<'_>, level: Level, found: Found, before: &Before) -> Result<Vec<Candidate>, PhaseError> {
+    let mut counters = before.counts();
+    let mut taken: BTreeSet<ObjectId> = before.ids().cloned().collect();
+    let mut candidates = Vec::new();
+    for ((detection, mask), mask_score) in found.kept {
+        let first = ObjectId::numbered(&detection.label, 1);
+        let number = counters.entry(stem(first.as_str())).or_default();
+        // Earlier levels keep the numbers of what they kept, which need not be the lowest.
+        let id = loop {
+            *number += 1;
+            let id = ObjectId::numbered(&detection.label, *number);
+            if taken.insert(id.clone()) {
+                break id;
+            }
+        };
+        let host_hint = found.hosts.get(&host_key(&detection)).cloned().and_then(|h: String| ObjectId::new(&h).ok());
+        candidates.push(Candidate { id, level, detection, mask, mask_score, host_hint });
+    }
+    write_files(ctx, &candidates, &found.dropped)?;
+    Ok(candidates)
 }
 
 /// The pictures that go with a list question.
@@ -122,7 +144,7 @@ fn list_pictures(level: Level, state: &SceneState) -> Vec<Picture> {
 async fn ask_list(
     ctx: &PhaseCtx<'_>,
     level: Level,
-    state: &SceneState,
+    state: &Arc<SceneState>,
     with_boxes: bool,
 ) -> Result<ListAnswer, PhaseError> {
     let placed: Vec<String> = if level == Level::Decoration {
@@ -137,7 +159,8 @@ async fn ask_list(
         "camera": harmony_scene::SceneCamera::from(&state.partial.camera),
         "extents": state.partial.room.extents,
     });
-    let pictures = list_pictures(level, state);
+    let shown = Arc::clone(state);
+    let pictures = ctx.computed(move || list_pictures(level, &shown)).await?;
     let answer: ListAnswer = ctx.ask("list", question, pictures, facts, |answer: &ListAnswer| answer.check()).await?;
     Ok(answer)
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use futures::future::join_all;
 use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
 use harmony_mesh::catalogue;
 use harmony_prompts::{InspectAnswer, InspectVars, InspectedObject, InspectedSize, inspect};
@@ -11,6 +12,7 @@ use harmony_scene::{Level, ObjectId, Size, WarningKind};
 use image::RgbaImage;
 use serde_json::json;
 
+use crate::before::Before;
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Candidate, SceneState};
 use crate::views;
@@ -31,20 +33,24 @@ pub struct Inspection {
     pub summary: String,
 }
 
-/// Asks about all candidates.
+/// Asks about all candidates; the questions of a crowded level are asked beside each other.
 ///
 /// # Errors
 /// Fatal role errors only.
 pub async fn all(
     ctx: &PhaseCtx<'_>,
     level: Level,
-    state: &SceneState,
+    before: &Before,
     candidates: &[Candidate],
 ) -> Result<Inspection, PhaseError> {
-    let mut inspection = Inspection::default();
-    for (part, chunk) in candidates.chunks(CANDIDATES_PER_QUESTION).enumerate() {
+    let answers = join_all(candidates.chunks(CANDIDATES_PER_QUESTION).enumerate().map(|(part, chunk)| async move {
         let name = if part == 0 { "inspect".to_owned() } else { format!("inspect_{}", part + 1) };
-        let answer = ask(ctx, level, state, chunk, &name).await?;
+        ask(ctx, level, before, chunk, &name).await
+    }))
+    .await;
+    let mut inspection = Inspection::default();
+    for answer in answers {
+        let answer = answer?;
         for object in answer.objects {
             if let Ok(id) = ObjectId::new(&object.id) {
                 inspection.objects.insert(id, sensible(ctx, object));
@@ -61,10 +67,11 @@ pub async fn all(
 async fn ask(
     ctx: &PhaseCtx<'_>,
     level: Level,
-    state: &SceneState,
+    before: &Before,
     candidates: &[Candidate],
     name: &str,
 ) -> Result<InspectAnswer, PhaseError> {
+    let state = &before.state;
     let ids: Vec<String> = candidates.iter().map(|c| c.id.to_string()).collect();
     let size = state.partial.camera.size;
     let question = inspect(&InspectVars {
@@ -89,10 +96,28 @@ async fn ask(
                 )
             })
             .collect(),
-        placed: state.partial.placed.iter().map(views::line).collect(),
+        placed: before.lines(),
         templates: catalogue::CATEGORIES.iter().map(|c| c.name.to_owned()).collect(),
         with_models: ctx.calls.cast().mesh_generator.card().offline,
     });
+    let (shown, listed) = (Arc::clone(state), candidates.to_vec());
+    let pictures = ctx.computed(move || pictures(&shown, &listed)).await?;
+    let facts = json!({
+        "level": level,
+        "room": state.partial.room.extents,
+        "candidates": candidates.iter().map(|c| json!({
+            "id": c.id, "label": c.detection.label, "box": c.detection.bounds, "image": size,
+            "estimated_size_m": views::apparent_size(state, c),
+            "host": c.host_hint,
+        })).collect::<Vec<_>>(),
+        "placed": before.facts(),
+    });
+    let asked = ids.clone();
+    ctx.ask(name, question, pictures, facts, move |answer: &InspectAnswer| answer.check(&asked)).await
+}
+
+/// The photo with the candidates, the empty room, and sheets of crops.
+fn pictures(state: &SceneState, candidates: &[Candidate]) -> Vec<Picture> {
     let crops: Vec<(String, RgbaImage)> = candidates
         .iter()
         .filter_map(|c| crop_rgba(&state.photo, &c.mask, 0.1).map(|(image, _)| (c.id.to_string(), image)))
@@ -112,21 +137,7 @@ async fn ask(
             image: Arc::new(contact_sheet(&cells, columns, 300)),
         });
     }
-    let facts = json!({
-        "level": level,
-        "room": state.partial.room.extents,
-        "candidates": candidates.iter().map(|c| json!({
-            "id": c.id, "label": c.detection.label, "box": c.detection.bounds, "image": size,
-            "estimated_size_m": views::apparent_size(state, c),
-            "host": c.host_hint,
-        })).collect::<Vec<_>>(),
-        "placed": state.partial.placed.iter().map(|p| json!({
-            "id": p.item.id, "label": p.item.label, "level": p.item.level, "box": p.item.mask.bounds(),
-            "position": p.pose.position.to_array(), "size": p.size(),
-        })).collect::<Vec<_>>(),
-    });
-    let asked = ids.clone();
-    ctx.ask(name, question, pictures, facts, move |answer: &InspectAnswer| answer.check(&asked)).await
+    pictures
 }
 
 /// Sizes far outside what the category can be are pulled back, with a warning.

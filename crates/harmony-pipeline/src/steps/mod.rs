@@ -1,5 +1,6 @@
 //! Steps that the object phases share; the level is data.
 
+pub mod canonical;
 pub mod detect;
 pub mod inspect;
 pub mod place;

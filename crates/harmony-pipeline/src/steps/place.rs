@@ -10,7 +10,7 @@ use harmony_roles::Picture;
 use harmony_scene::{
     Camera, Level, ObjectId, Placement, Relations, Similarity, Size, Support, WallAffinity, WarningKind,
 };
-use image::RgbaImage;
+use image::{RgbImage, RgbaImage};
 use serde_json::{Value, json};
 
 use crate::ctx::{PhaseCtx, PhaseError};
@@ -171,26 +171,15 @@ pub async fn orient_decorations(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> R
     if turning.is_empty() {
         return Ok(());
     }
-    let mut pictures: Vec<(String, RgbaImage)> = Vec::new();
-    let mut ids = Vec::new();
-    for i in &turning {
-        let id = state.partial.placed[*i].item.id.clone();
-        let Some(window) = views::window_around(state, *i) else { continue };
-        pictures.push((format!("{id} photo"), views::photo_window(state, window)));
-        for (k, letter) in ["A", "B", "C", "D"].iter().enumerate() {
-            let turn = FrontPanel::ALL[k].yaw();
-            pictures.push((format!("{id} {letter}"), views::turned(state, *i, turn, window)));
-        }
-        ids.push(id.to_string());
-    }
-    let cells: Vec<Cell<'_>> = pictures.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
+    let (shown, wanted) = (state.clone(), turning.clone());
+    let (sheet, ids) = ctx.computed(move || orientation_sheet(&shown, &wanted)).await?;
     let question = orient(&FrontsVars {
         objects: turning
             .iter()
             .map(|i| format!("- {}: {}", state.partial.placed[*i].item.id, state.partial.placed[*i].item.label))
             .collect(),
     });
-    let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(contact_sheet(&cells, 5, 240)) };
+    let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
     let asked = ids.clone();
     let answer: FrontsAnswer = ctx
         .ask("orient", question, vec![sheet], json!({ "objects": ids }), move |a: &FrontsAnswer| a.check(&asked))
@@ -207,11 +196,34 @@ pub async fn orient_decorations(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> R
     Ok(())
 }
 
+/// A row an object: the photo around it and four renders of the scene with it turned; and the ids shown.
+fn orientation_sheet(state: &SceneState, turning: &[usize]) -> (RgbImage, Vec<String>) {
+    let mut pictures: Vec<(String, RgbaImage)> = Vec::new();
+    let mut ids = Vec::new();
+    for i in turning {
+        let id = state.partial.placed[*i].item.id.clone();
+        let Some(window) = views::window_around(state, *i) else { continue };
+        pictures.push((format!("{id} photo"), views::photo_window(state, window)));
+        for (k, letter) in ["A", "B", "C", "D"].iter().enumerate() {
+            let turn = FrontPanel::ALL[k].yaw();
+            pictures.push((format!("{id} {letter}"), views::turned(state, *i, turn, window)));
+        }
+        ids.push(id.to_string());
+    }
+    let cells: Vec<Cell<'_>> = pictures.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
+    (contact_sheet(&cells, 5, 240), ids)
+}
+
 /// Writes `placements.json` and the level's renders.
 ///
 /// # Errors
 /// Unwritable files.
-pub fn write_files(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState, outcome: &Value) -> Result<(), PhaseError> {
+pub async fn write_files(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &SceneState,
+    outcome: &Value,
+) -> Result<(), PhaseError> {
     let rows: Vec<Value> = state
         .partial
         .placed
@@ -225,8 +237,10 @@ pub fn write_files(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState, outcome
         })
         .collect();
     ctx.write_json("placements.json", &json!({ "outcome": outcome, "objects": rows }))?;
-    ctx.write_picture("render_flat.png", &views::flat(state))?;
-    ctx.write_picture("render_blend.png", &views::blend(state))
+    let shown = state.clone();
+    let (flat, blend) = ctx.computed(move || (views::flat(&shown), views::blend(&shown))).await?;
+    ctx.write_picture("render_flat.png", &flat)?;
+    ctx.write_picture("render_blend.png", &blend)
 }
 
 fn support(s: &Support) -> Value {

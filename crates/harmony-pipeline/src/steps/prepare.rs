@@ -1,197 +1,247 @@
 //! Each object's own chain: complete -> mesh -> de-tilt -> front. Paper Sec. 3.2.
 //!
-//! Chains are independent and run beside each other; questions about several objects are asked on one sheet.
+//! Chains are independent and run beside each other, those of other levels among them. Identical objects share one
+//! chain: what is completed and meshed is the one that is seen best.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use futures::future::join_all;
 use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
-use harmony_mesh::{catalogue, convex_parts};
-use harmony_prompts::{
-    CompletedAnswer, CompletedVars, FrontsAnswer, FrontsVars, InspectedObject, Occlusion, completed, fronts,
-};
-use harmony_roles::{EditKind, EditRequest, GeneratedMesh, MeshFrame, MeshRequest, Picture};
-use harmony_scene::{
-    Level, MaterialCategory, ObjectId, PbrFactors, Physical, PlacementType, Size, SurfaceMaterial, WarningKind,
-};
+use harmony_prompts::{CompletedAnswer, CompletedVars, InspectedObject, Occlusion, completed};
+use harmony_roles::{EditKind, EditRequest, GeneratedMesh, MeshRequest, Picture, Role};
+use harmony_scene::{Level, ObjectId, Size, WarningKind};
 use image::RgbaImage;
-use serde_json::json;
+use serde_json::{Value, json};
 
+use super::canonical::{assemble, canonicalise};
 use super::inspect::Inspection;
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Candidate, Prepared, SceneState};
-use crate::views;
+
+/// Largest ratio of the sizes, side by side, of objects that are taken for identical.
+const SAME_SIZE: f64 = 1.25;
 
 /// A candidate with its completed picture.
-struct Completed {
-    candidate: Candidate,
-    inspected: InspectedObject,
-    image: Arc<RgbaImage>,
+#[derive(Clone)]
+pub struct Completed {
+    /// The candidate.
+    pub candidate: Candidate,
+    /// What was said about it.
+    pub inspected: InspectedObject,
+    /// The object alone; alpha = object.
+    pub image: Arc<RgbaImage>,
+}
+
+/// What comes out of the chains of a level.
+#[derive(Debug, Default)]
+pub struct Objects {
+    /// Ready to be placed, in order of their ids; without indices.
+    pub ready: Vec<Prepared>,
+    /// Left out: id and reason.
+    pub dropped: Vec<(ObjectId, String)>,
+}
+
+/// How one object came out of its chain.
+enum Outcome {
+    Ready(Box<Prepared>, Value),
+    Dropped(ObjectId, String),
 }
 
 /// Prepares every kept candidate; those that are not kept, or fail, are dropped with the reason.
 ///
 /// # Errors
-/// Fatal role errors only.
+/// Fatal role errors only. All chains have come to their end by then: what is in flight is not dropped.
 pub async fn all(
     ctx: &PhaseCtx<'_>,
     level: Level,
-    state: &mut SceneState,
+    state: &Arc<SceneState>,
     candidates: Vec<Candidate>,
     inspection: &Inspection,
-) -> Result<Vec<ObjectId>, PhaseError> {
+) -> Result<Objects, PhaseError> {
+    let mut objects = Objects::default();
     let mut wanted = Vec::new();
     for candidate in candidates {
         match inspection.objects.get(&candidate.id) {
             Some(object) if object.keep => wanted.push((candidate, object.clone())),
             Some(object) => {
                 let reason = if object.reason.is_empty() { "rejected".to_owned() } else { object.reason.clone() };
-                state.dropped.push((candidate.id.to_string(), ctx.phase.to_owned(), reason));
+                objects.dropped.push((candidate.id, reason));
             }
             None => {
-                ctx.warn(
-                    WarningKind::ObjectDropped,
-                    Some(candidate.id.clone()),
-                    "nothing was said about it".to_owned(),
-                );
-                state.dropped.push((
-                    candidate.id.to_string(),
-                    ctx.phase.to_owned(),
-                    "nothing was said about it".into(),
-                ));
+                let reason = "nothing was said about it".to_owned();
+                ctx.warn(WarningKind::ObjectDropped, Some(candidate.id.clone()), reason.clone());
+                objects.dropped.push((candidate.id, reason));
             }
         }
     }
-    let completed = complete(ctx, state, wanted).await?;
-    let meshes = join_all(completed.iter().map(|c| generate(ctx, level, c))).await;
-    let mut raw = Vec::new();
+    // What this program makes itself costs nothing, and a part model is made for each object's own mask.
+    let made_outside = ctx.played_outside(Role::MeshGenerator);
+    let groups = if made_outside { identical(wanted) } else { wanted.into_iter().map(|one| vec![one]).collect() };
+    let outcomes = join_all(groups.into_iter().map(|group| chain(ctx, level, state, group))).await;
     let mut ready = Vec::new();
-    for (completed, mesh) in completed.into_iter().zip(meshes) {
-        match mesh? {
-            Some(mesh) if mesh.frame == MeshFrame::Raw => raw.push((completed, mesh)),
-            Some(mesh) => {
-                ready.push((completed, mesh, json!({ "frame": "canonical as made", "front_local_axis": "+z" })));
-            }
+    for outcome in outcomes.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().flatten() {
+        match outcome {
+            Outcome::Ready(prepared, detilt) => ready.push((*prepared, detilt)),
+            Outcome::Dropped(id, reason) => objects.dropped.push((id, reason)),
+        }
+    }
+    ready.sort_by(|a, b| a.0.candidate.id.cmp(&b.0.candidate.id));
+    let detilt: serde_json::Map<String, Value> =
+        ready.iter().map(|(p, d)| (p.candidate.id.to_string(), d.clone())).collect();
+    ctx.write_json("detilt_results.json", &detilt)?;
+    objects.ready = ready.into_iter().map(|(prepared, _)| prepared).collect();
+    Ok(objects)
+}
+
+/// Puts identical objects together: one named set, one kind, one size. The one seen best comes first.
+fn identical(wanted: Vec<(Candidate, InspectedObject)>) -> Vec<Vec<(Candidate, InspectedObject)>> {
+    let mut groups: Vec<Vec<(Candidate, InspectedObject)>> = Vec::new();
+    let mut sets: BTreeMap<(String, String), Vec<usize>> = BTreeMap::new();
+    for (candidate, object) in wanted {
+        let Some(set) = object.matched_set.clone().filter(|s| !s.trim().is_empty()) else {
+            groups.push(vec![(candidate, object)]);
+            continue;
+        };
+        let known = sets.entry((set, object.kind.clone())).or_default();
+        match known.iter().find(|i| same_size(&groups[**i][0].1, &object)) {
+            Some(i) => groups[*i].push((candidate, object)),
             None => {
-                let id = completed.candidate.id;
-                ctx.warn(WarningKind::ObjectDropped, Some(id.clone()), "no mesh could be made of it".to_owned());
-                state.dropped.push((id.to_string(), ctx.phase.to_owned(), "no mesh could be made of it".into()));
+                known.push(groups.len());
+                groups.push(vec![(candidate, object)]);
             }
         }
     }
-    ready.extend(canonicalise(ctx, raw).await?);
-    ready.sort_by(|a, b| a.0.candidate.id.cmp(&b.0.candidate.id));
-    let detilt: serde_json::Map<String, serde_json::Value> =
-        ready.iter().map(|(c, _, d)| (c.candidate.id.to_string(), d.clone())).collect();
-    ctx.write_json("detilt_results.json", &detilt)?;
-
-    let mut ids = Vec::new();
-    for (completed, mesh, _) in ready {
-        let prepared = assemble(ctx, state.next_index, completed, mesh)?;
-        state.next_index += 1;
-        ids.push(prepared.candidate.id.clone());
-        state.prepared.insert(prepared.candidate.id.clone(), prepared);
+    for group in &mut groups {
+        let hidden = |o: &InspectedObject| match o.occlusion {
+            Occlusion::None => 0,
+            Occlusion::Partly => 1,
+            Occlusion::Heavily => 2,
+        };
+        group.sort_by_cached_key(|(c, o)| (hidden(o), std::cmp::Reverse(c.mask.count()), c.id.clone()));
     }
-    Ok(ids)
+    groups
+}
+
+fn same_size(a: &InspectedObject, b: &InspectedObject) -> bool {
+    let (a, b) = (a.size_m, b.size_m);
+    [(a.width, b.width), (a.height, b.height), (a.depth, b.depth)]
+        .into_iter()
+        .all(|(a, b)| a.max(b) <= SAME_SIZE * a.min(b))
+}
+
+/// The chain of one object, or of several identical ones.
+async fn chain(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &Arc<SceneState>,
+    group: Vec<(Candidate, InspectedObject)>,
+) -> Result<Vec<Outcome>, PhaseError> {
+    let mut outcomes = Vec::new();
+    let mut members = Vec::new();
+    for (candidate, inspected) in group {
+        let (shown, mask) = (Arc::clone(state), candidate.mask.clone());
+        let crop = ctx.computed(move || crop_rgba(&shown.photo, &mask, 0.08)).await?;
+        let Some((crop, _)) = crop else {
+            outcomes.push(Outcome::Dropped(candidate.id, "no pixel of it is left".into()));
+            continue;
+        };
+        ctx.write_picture_rgba(&format!("crops/{}.png", candidate.id), &crop)?;
+        members.push(Completed { candidate, inspected, image: Arc::new(crop) });
+    }
+    let mut made = None;
+    for member in &mut members {
+        complete(ctx, state, member).await?;
+        ctx.write_picture_rgba(&format!("completed/{}.png", member.candidate.id), &member.image)?;
+        if let Some(mesh) = generate(ctx, level, member).await? {
+            let (mesh, detilt) = canonicalise(ctx, member, mesh).await?;
+            made = Some((member.candidate.id.clone(), mesh, detilt));
+            break;
+        }
+        // Of identical objects the next one is tried.
+    }
+    let Some((maker, mesh, detilt)) = made else {
+        for member in members {
+            let (id, reason) = (member.candidate.id, "no mesh could be made of it".to_owned());
+            ctx.warn(WarningKind::ObjectDropped, Some(id.clone()), reason.clone());
+            outcomes.push(Outcome::Dropped(id, reason));
+        }
+        return Ok(outcomes);
+    };
+    for member in members {
+        let (mut mesh, mut detilt) = (mesh.clone(), detilt.clone());
+        if member.candidate.id != maker {
+            mesh.source = format!("{}, the mesh of {maker}", mesh.source);
+            detilt["mesh_of"] = json!(maker);
+        }
+        outcomes.push(Outcome::Ready(Box::new(assemble(ctx, member, mesh).await?), detilt));
+    }
+    Ok(outcomes)
 }
 
 /// Amodal completion of what is hidden, inspected, with one more try.
-async fn complete(
-    ctx: &PhaseCtx<'_>,
-    state: &SceneState,
-    wanted: Vec<(Candidate, InspectedObject)>,
-) -> Result<Vec<Completed>, PhaseError> {
+async fn complete(ctx: &PhaseCtx<'_>, state: &Arc<SceneState>, c: &mut Completed) -> Result<(), PhaseError> {
     // This program's own fill can't invent what is hidden, so for part models the masked crop is enough.
     let editor_draws = !ctx.calls.cast().image_editor.card().offline;
-    let mut done = Vec::new();
-    for (candidate, inspected) in wanted {
-        let Some((crop, _)) = crop_rgba(&state.photo, &candidate.mask, 0.08) else { continue };
-        ctx.write_picture_rgba(&format!("crops/{}.png", candidate.id), &crop)?;
-        done.push(Completed { candidate, inspected, image: Arc::new(crop) });
+    if !editor_draws || c.inspected.occlusion == Occlusion::None {
+        return Ok(());
     }
-    if editor_draws {
-        let hidden: Vec<usize> = (0..done.len()).filter(|i| done[*i].inspected.occlusion != Occlusion::None).collect();
-        edit_all(ctx, state, &mut done, &hidden, &[]).await?;
-        let hints = inspect_completed(ctx, state, &done, &hidden).await?;
-        let again: Vec<usize> = hidden.iter().zip(&hints).filter(|(_, h)| h.is_some()).map(|(i, _)| *i).collect();
-        let hints: Vec<String> = hints.into_iter().flatten().collect();
-        edit_all(ctx, state, &mut done, &again, &hints).await?;
-    }
-    for c in &done {
-        ctx.write_picture_rgba(&format!("completed/{}.png", c.candidate.id), &c.image)?;
-    }
-    Ok(done)
-}
-
-async fn edit_all(
-    ctx: &PhaseCtx<'_>,
-    state: &SceneState,
-    done: &mut [Completed],
-    which: &[usize],
-    hints: &[String],
-) -> Result<(), PhaseError> {
-    let requests: Vec<EditRequest> = which
-        .iter()
-        .enumerate()
-        .map(|(k, i)| {
-            let c = &done[*i];
-            let hint = hints.get(k).map_or(String::new(), |h| format!(" Hints: {h}."));
-            let suffix = if hints.is_empty() { "complete" } else { "complete_again" };
-            EditRequest {
-                name: ctx.call(&format!("{}/{suffix}", c.candidate.id)),
-                kind: EditKind::Amodal,
-                image: state.photo.clone(),
-                mask: None,
-                object: Some(Arc::new(c.candidate.mask.clone())),
-                instruction: format!(
-                    "Draw the complete {} alone on a plain grey background, as seen from this camera: {}. \
-                     Keep the visible parts as they are and complete what other objects hide.{hint}",
-                    c.inspected.kind, c.inspected.description
-                ),
-            }
-        })
-        .collect();
-    let edited = join_all(requests.iter().map(|r| ctx.calls.edit(r))).await;
-    for (i, image) in which.iter().zip(edited) {
-        done[*i].image = Arc::new(image?.image);
+    c.image = edit(ctx, state, c, "complete", "").await?;
+    if let Some(hint) = inspect_completed(ctx, state, c).await? {
+        c.image = edit(ctx, state, c, "complete_again", &format!(" Hints: {hint}.")).await?;
     }
     Ok(())
 }
 
+async fn edit(
+    ctx: &PhaseCtx<'_>,
+    state: &Arc<SceneState>,
+    c: &Completed,
+    step: &str,
+    hint: &str,
+) -> Result<Arc<RgbaImage>, PhaseError> {
+    let request = EditRequest {
+        name: ctx.call(&format!("{}/{step}", c.candidate.id)),
+        kind: EditKind::Amodal,
+        image: state.photo.clone(),
+        mask: None,
+        object: Some(Arc::new(c.candidate.mask.clone())),
+        instruction: format!(
+            "Draw the complete {} alone on a plain grey background, as seen from this camera: {}. \
+             Keep the visible parts as they are and complete what other objects hide.{hint}",
+            c.inspected.kind, c.inspected.description
+        ),
+    };
+    Ok(Arc::new(ctx.calls.edit(&request).await?.image))
+}
+
+/// Asks whether the completed picture shows the object; hints for another try when it does not.
 async fn inspect_completed(
     ctx: &PhaseCtx<'_>,
-    state: &SceneState,
-    done: &[Completed],
-    which: &[usize],
-) -> Result<Vec<Option<String>>, PhaseError> {
-    if which.is_empty() {
-        return Ok(Vec::new());
-    }
-    let ids: Vec<String> = which.iter().map(|i| done[*i].candidate.id.to_string()).collect();
-    let mut pictures: Vec<(String, RgbaImage)> = Vec::new();
-    for i in which {
-        let c = &done[*i];
-        if let Some((crop, _)) = crop_rgba(&state.photo, &c.candidate.mask, 0.1) {
-            pictures.push((format!("{} photo", c.candidate.id), crop));
-            pictures.push((format!("{} completed", c.candidate.id), (*c.image).clone()));
-        }
-    }
-    let cells: Vec<Cell<'_>> = pictures.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
-    let question = completed(&CompletedVars {
-        objects: which
-            .iter()
-            .map(|i| format!("- {}: {}", done[*i].candidate.id, done[*i].inspected.description))
-            .collect(),
-    });
-    let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(contact_sheet(&cells, 2, 300)) };
-    let asked = ids.clone();
-    let answer: CompletedAnswer = ctx
-        .ask("completed", question, vec![sheet], json!({ "objects": ids }), move |a: &CompletedAnswer| a.check(&asked))
+    state: &Arc<SceneState>,
+    c: &Completed,
+) -> Result<Option<String>, PhaseError> {
+    let id = c.candidate.id.to_string();
+    let (shown, mask, done, label) = (Arc::clone(state), c.candidate.mask.clone(), Arc::clone(&c.image), id.clone());
+    let sheet = ctx
+        .computed(move || {
+            let (crop, _) = crop_rgba(&shown.photo, &mask, 0.1)?;
+            let cells = [
+                Cell { label: format!("{label} photo"), image: &crop },
+                Cell { label: format!("{label} completed"), image: &done },
+            ];
+            Some(contact_sheet(&cells, 2, 300))
+        })
         .await?;
-    Ok(ids
-        .iter()
-        .map(|id| answer.objects.iter().find(|o| o.id == *id).filter(|o| !o.matches).map(|o| o.hint.clone()))
-        .collect())
+    let Some(sheet) = sheet else { return Ok(None) };
+    let question = completed(&CompletedVars { objects: vec![format!("- {id}: {}", c.inspected.description)] });
+    let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
+    let asked = vec![id.clone()];
+    let facts = json!({ "objects": asked });
+    let answer: CompletedAnswer = ctx
+        .ask(&format!("{id}/completed"), question, vec![sheet], facts, move |a: &CompletedAnswer| a.check(&asked))
+        .await?;
+    Ok(answer.objects.into_iter().find(|o| o.id == id).filter(|o| !o.matches).map(|o| o.hint))
 }
 
 async fn generate(ctx: &PhaseCtx<'_>, level: Level, c: &Completed) -> Result<Option<GeneratedMesh>, PhaseError> {
@@ -223,130 +273,41 @@ async fn generate(ctx: &PhaseCtx<'_>, level: Level, c: &Completed) -> Result<Opt
     }
 }
 
-/// Sets raw meshes upright (by their faces, or as the paper does by the PCA axis nearest to up) and turns them to the front that the VLM picks.
-async fn canonicalise(
-    ctx: &PhaseCtx<'_>,
-    raw: Vec<(Completed, GeneratedMesh)>,
-) -> Result<Vec<(Completed, GeneratedMesh, serde_json::Value)>, PhaseError> {
-    if raw.is_empty() {
-        return Ok(Vec::new());
-    }
-    let mut upright = Vec::new();
-    for (completed, mut generated) in raw {
-        let (mut mesh, _) = harmony_mesh::clean(&generated.mesh, ctx.settings.mesh.faces as usize);
-        let turn = if ctx.settings.upright_by_faces {
-            Some(harmony_mesh::upright(&mesh).turn)
-        } else {
-            let vertices: Vec<glam::DVec3> = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
-            harmony_geometry::detilt(&vertices)
-        };
-        harmony_mesh::canonicalise(&mut mesh, turn.unwrap_or(glam::DMat3::IDENTITY));
-        generated.mesh = Arc::new(mesh);
-        upright.push((completed, generated, turn));
-    }
-    let ids: Vec<String> = upright.iter().map(|(c, _, _)| c.candidate.id.to_string()).collect();
-    let mut pictures: Vec<(String, RgbaImage)> = Vec::new();
-    for (c, g, _) in &upright {
-        pictures.push((format!("{} photo", c.candidate.id), (*c.image).clone()));
-        for (k, letter) in ["A", "B", "C", "D"].iter().enumerate() {
-            pictures.push((format!("{} {letter}", c.candidate.id), views::mesh_view(&g.mesh, k, 260)));
-        }
-    }
-    let cells: Vec<Cell<'_>> = pictures.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
-    let question = fronts(&FrontsVars {
-        objects: upright.iter().map(|(c, _, _)| format!("- {}: {}", c.candidate.id, c.inspected.kind)).collect(),
-    });
-    let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(contact_sheet(&cells, 5, 260)) };
-    let asked = ids.clone();
-    let answer: FrontsAnswer = ctx
-        .ask("fronts", question, vec![sheet], json!({ "objects": ids }), move |a: &FrontsAnswer| a.check(&asked))
-        .await?;
-    let mut done = Vec::new();
-    for (c, mut g, turn) in upright {
-        let id = c.candidate.id.to_string();
-        let panel = answer.objects.iter().find(|o| o.id == id).map(|o| o.front_panel);
-        let yaw = panel.map_or(0.0, harmony_prompts::FrontPanel::yaw);
-        let mut mesh = (*g.mesh).clone();
-        harmony_mesh::canonicalise(&mut mesh, glam::DMat3::from_rotation_y(yaw));
-        g.mesh = Arc::new(mesh);
-        g.frame = MeshFrame::Canonical;
-        let front_before = glam::DMat3::from_rotation_y(-yaw) * glam::DVec3::Z;
-        let record = json!({
-            "frame": if ctx.settings.upright_by_faces { "set upright by its faces, front by the VLM" } else { "de-tilted by PCA, front by the VLM" },
-            "detilt": turn.map(|m| m.to_cols_array_2d()),
-            "front_panel": panel,
-            "front_local_axis": front_before.round().to_array(),
-        });
-        done.push((c, g, record));
-    }
-    Ok(done)
-}
+#[cfg(test)]
+mod tests {
+    use harmony_prompts::InspectedSize;
+    use harmony_roles::Detection;
+    use harmony_scene::{ImageSize, Mask, PixelBox};
 
-/// How far a cushion leans that stands against a back, radians.
-const LEAN: f64 = 0.3;
+    use super::*;
 
-/// Lets a cushion that stands against a back lean: its mesh turns about its lower edge, its size follows.
-fn lean(c: &mut Completed, g: &mut GeneratedMesh) {
-    let leans = c.inspected.placement_type == PlacementType::AgainstBack
-        && harmony_mesh::template_name(&c.inspected.kind) == Some("cushion");
-    let size = &mut c.inspected.size_m;
-    if !leans || size.depth > 0.7 * size.height {
-        return;
+    fn one(id: &str, pixels: u32, occlusion: Occlusion, set: Option<&str>, width: f64) -> (Candidate, InspectedObject) {
+        let bounds = PixelBox { x0: 0.0, y0: 0.0, x1: 9.0, y1: 9.0 };
+        let detection = Detection { label: "chair".into(), phrase: "chair".into(), bounds, score: None, outline: None };
+        let mask = Mask::from_fn(ImageSize::new(16, 16), |x, y| y * 16 + x < pixels);
+        let id = ObjectId::new(id).unwrap();
+        let mut object = InspectedObject::plain(id.as_str(), "chair", InspectedSize { width, height: 0.9, depth: 0.5 });
+        object.occlusion = occlusion;
+        object.matched_set = set.map(str::to_owned);
+        (Candidate { id, level: Level::Furniture, detection, mask, mask_score: None, host_hint: None }, object)
     }
-    let (sin, cos) = LEAN.sin_cos();
-    (size.height, size.depth) = (size.height * cos + size.depth * sin, size.height * sin + size.depth * cos);
-    let mut mesh = (*g.mesh).clone();
-    harmony_mesh::canonicalise(&mut mesh, glam::DMat3::from_rotation_x(-LEAN));
-    g.mesh = Arc::new(mesh);
-    g.convex = None;
-}
 
-fn assemble(ctx: &PhaseCtx<'_>, index: u32, mut c: Completed, mut g: GeneratedMesh) -> Result<Prepared, PhaseError> {
-    lean(&mut c, &mut g);
-    let id = c.candidate.id.clone();
-    let hulls: Vec<Vec<glam::DVec3>> = g
-        .convex
-        .clone()
-        .unwrap_or_else(|| convex_parts(&g.mesh))
-        .into_iter()
-        .map(|part| part.points.into_iter().map(glam::Vec3::as_dvec3).collect())
-        .collect();
-    ctx.write_picture_rgba(&format!("meshes/{id}.png"), &views::mesh_view(&g.mesh, 0, 256))?;
-    if let Some(model) = &g.part_model {
-        ctx.write_json(&format!("meshes/{id}.part_model.json"), model)?;
+    #[test]
+    fn identical_objects_share_a_chain_and_the_one_seen_best_is_meshed() {
+        let set = Some("dining chairs");
+        let groups = identical(vec![
+            one("chair_01", 50, Occlusion::Partly, set, 0.45),
+            one("chair_02", 90, Occlusion::Heavily, set, 0.45),
+            one("chair_03", 40, Occlusion::None, set, 0.47),
+            one("chair_04", 60, Occlusion::Partly, set, 0.9),
+            one("chair_05", 60, Occlusion::None, None, 0.45),
+            one("chair_06", 60, Occlusion::None, Some(" "), 0.45),
+        ]);
+        let ids: Vec<Vec<&str>> = groups.iter().map(|g| g.iter().map(|(c, _)| c.id.as_str()).collect()).collect();
+        assert_eq!(
+            ids,
+            [vec!["chair_03", "chair_01", "chair_02"], vec!["chair_04"], vec!["chair_05"], vec!["chair_06"]],
+            "another size, no set and an empty name are objects of their own"
+        );
     }
-    Ok(Prepared {
-        material: material_of(&c.inspected),
-        candidate: c.candidate,
-        inspected: c.inspected,
-        mesh: g.mesh.clone(),
-        hulls,
-        part_model: g.part_model.clone(),
-        mesh_source: g.source.clone(),
-        index,
-    })
-}
-
-/// The answer's material, completed and clamped by the category's defaults.
-fn material_of(object: &InspectedObject) -> SurfaceMaterial {
-    let size = object.size_m;
-    let volume = size.width * size.height * size.depth;
-    let category: MaterialCategory =
-        object.material.as_ref().map_or_else(|| catalogue::default_material(&object.kind), |m| m.material_category);
-    let d = category.defaults();
-    let m = object.material.as_ref();
-    let pbr = category.clamp(PbrFactors {
-        roughness: m.and_then(|m| m.roughness).unwrap_or(d.roughness),
-        metallic: m.and_then(|m| m.metallic).unwrap_or(d.metallic),
-        ior: m.and_then(|m| m.ior).unwrap_or(d.ior),
-        transmission: m.and_then(|m| m.transmission).unwrap_or(d.transmission),
-    });
-    let sound = |v: Option<f64>, low: f64, high: f64| v.filter(|v| v.is_finite()).map(|v| v.clamp(low, high));
-    let physical = Physical {
-        weight_kg: sound(m.and_then(|m| m.weight_kg), 0.01, 2000.0)
-            .unwrap_or((volume * category.box_density()).clamp(0.02, 800.0)),
-        thickness_m: sound(m.and_then(|m| m.thickness_m), 0.0005, 2.0).unwrap_or(0.02),
-        elasticity: sound(m.and_then(|m| m.elasticity), 0.0, 1.0).unwrap_or(0.1),
-    };
-    SurfaceMaterial { category, pbr, physical }
 }

@@ -24,7 +24,7 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
         let mut results = Vec::new();
         let mut kept = 0;
         for action in &answer.actions {
-            let result = try_action(ctx, state, action);
+            let result = try_action(ctx, state, action).await?;
             kept += usize::from(result.1);
             results.push(result.0);
         }
@@ -72,10 +72,12 @@ async fn ask(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState, round: usize)
             .collect(),
         findings: findings.clone(),
     });
+    let shown = state.clone();
+    let (reconstruction, both) = ctx.computed(move || (views::flat_with_room(&shown), views::blend(&shown))).await?;
     let pictures = vec![
         Picture { caption: "IMAGE 1: the photo".into(), image: state.photo.clone() },
-        Picture { caption: "IMAGE 2: the reconstruction".into(), image: views::flat_with_room(state) },
-        Picture { caption: "IMAGE 3: both, with outlines".into(), image: views::blend(state) },
+        Picture { caption: "IMAGE 2: the reconstruction".into(), image: reconstruction },
+        Picture { caption: "IMAGE 3: both, with outlines".into(), image: both },
     ];
     let facts = json!({
         "level": level,
@@ -91,14 +93,25 @@ async fn ask(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState, round: usize)
 }
 
 /// Tries one action; the scene changes only when the evidence does not speak against it.
-fn try_action(ctx: &PhaseCtx<'_>, state: &mut SceneState, answer: &ReviewActionAnswer) -> (Value, bool) {
+async fn try_action(
+    ctx: &PhaseCtx<'_>,
+    state: &mut SceneState,
+    answer: &ReviewActionAnswer,
+) -> Result<(Value, bool), PhaseError> {
     let Some(action) = typed(state, answer) else {
-        return (json!({ "asked": answer, "kept": false, "reason": "it says too little to be tried" }), false);
+        return Ok((json!({ "asked": answer, "kept": false, "reason": "it says too little to be tried" }), false));
     };
-    match apply(&state.partial, &action, &ctx.settings.placement) {
+    let (partial, settings) = (state.partial.clone(), ctx.settings.placement.clone());
+    let tried = ctx
+        .computed(move || {
+            let outcome = apply(&partial, &action, &settings)?;
+            let verdict = judge(&partial, &outcome, &settings);
+            Ok::<_, harmony_placement::ActionError>((outcome, verdict))
+        })
+        .await?;
+    Ok(match tried {
         Err(error) => (json!({ "asked": answer, "kept": false, "reason": error.to_string() }), false),
-        Ok(outcome) => {
-            let verdict = judge(&state.partial, &outcome, &ctx.settings.placement);
+        Ok((outcome, verdict)) => {
             if verdict.kept {
                 for id in &outcome.touched {
                     state.textured.remove(id);
@@ -115,7 +128,7 @@ fn try_action(ctx: &PhaseCtx<'_>, state: &mut SceneState, answer: &ReviewActionA
             let kept = verdict.kept;
             (json!({ "asked": answer, "kept": kept, "verdict": verdict }), kept)
         }
-    }
+    })
 }
 
 /// Copies that an action added get an entry among the prepared objects, like the one they copy.

@@ -6,8 +6,8 @@ use harmony_imaging::rectify::{SurfaceRect, surface_texture};
 use harmony_imaging::tile::{TextureSettings, complete_surface};
 use harmony_mesh::template_name;
 use harmony_roles::{EditKind, EditRequest};
-use harmony_scene::{Level, Opening, OpeningKind, Support, Surface};
-use image::{DynamicImage, RgbaImage};
+use harmony_scene::{Level, Mask, Opening, OpeningKind, Support, Surface};
+use image::{DynamicImage, RgbImage, RgbaImage};
 
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::SceneState;
@@ -48,34 +48,54 @@ pub fn openings(state: &SceneState) -> Vec<Opening> {
         .collect()
 }
 
+/// The paper's empty room: the image editor takes everything out of the photo. `None` when no editor draws here.
+///
+/// `objects` are the pixels of everything that was found.
+///
+/// # Errors
+/// Fatal role errors.
+pub async fn bare_room(
+    ctx: &PhaseCtx<'_>,
+    state: &SceneState,
+    objects: &Mask,
+) -> Result<Option<Arc<RgbImage>>, PhaseError> {
+    if ctx.calls.cast().image_editor.card().offline {
+        return Ok(None);
+    }
+    let request = EditRequest {
+        name: "1_layout/empty_room".to_owned(),
+        kind: EditKind::EmptyRoom,
+        image: state.photo.clone(),
+        mask: Some(Arc::new(with_margin(state, objects))),
+        object: None,
+        instruction: "Remove all furniture, wall objects, lamps and decorations. Keep the room itself exactly as it \
+                      is: floor, walls, ceiling, corners, light, camera."
+            .to_owned(),
+    };
+    let edited = ctx.calls.edit(&request).await?;
+    Ok(Some(Arc::new(DynamicImage::ImageRgba8(edited.image).to_rgb8())))
+}
+
+/// Pixels that are not bare room: objects with a margin, and the photo's empty frame.
+fn with_margin(state: &SceneState, objects: &Mask) -> Mask {
+    objects.dilated((state.photo.width() / 200).max(2) as i32).or(&state.photo_frame)
+}
+
 /// Makes the textures of all faces and the empty-room picture.
 ///
-/// With an image editor that draws, the paper's way: its empty room is projected onto the faces. Otherwise the photo's
-/// bare pixels are, and each face is completed in its own plane, where the texture has no perspective.
+/// With an image editor that draws, the paper's way: its empty room (`bare`) is projected onto the faces. Otherwise
+/// the photo's bare pixels are, and each face is completed in its own plane, where the texture has no perspective.
 ///
 /// # Errors
 /// Fatal role errors and unwritable files.
-pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
-    let objects = state.all_objects().dilated((state.photo.width() / 200).max(2) as i32).or(&state.photo_frame);
-    let editor_draws = !ctx.calls.cast().image_editor.card().offline;
-    let (source, visible) = if editor_draws {
-        let request = EditRequest {
-            name: "1_layout/empty_room".to_owned(),
-            kind: EditKind::EmptyRoom,
-            image: state.photo.clone(),
-            mask: Some(Arc::new(objects.clone())),
-            object: None,
-            instruction:
-                "Remove all furniture, wall objects, lamps and decorations. Keep the room itself exactly as it \
-                          is: floor, walls, ceiling, corners, light, camera."
-                    .to_owned(),
-        };
-        let edited = ctx.calls.edit(&request).await?;
-        let image = Arc::new(DynamicImage::ImageRgba8(edited.image).to_rgb8());
-        (image, harmony_scene::Mask::from_fn(state.partial.camera.size, |_, _| true))
-    } else {
-        let size = state.partial.camera.size;
-        (state.photo.clone(), harmony_scene::Mask::from_fn(size, |_, _| true).minus(&objects))
+pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<RgbImage>>) -> Result<(), PhaseError> {
+    let size = state.partial.camera.size;
+    let (source, visible) = match bare {
+        Some(bare) => (bare, Mask::from_fn(size, |_, _| true)),
+        None => {
+            let objects = with_margin(state, &state.all_objects());
+            (state.photo.clone(), Mask::from_fn(size, |_, _| true).minus(&objects))
+        }
     };
     let camera = state.partial.camera;
     let extents = state.partial.room.extents;

@@ -1,0 +1,157 @@
+//! From the mesh that was made to the object that is placed: upright, front to +Z, convex parts, material.
+
+use std::sync::Arc;
+
+use harmony_imaging::sheet::{Cell, contact_sheet};
+use harmony_mesh::{catalogue, convex_parts};
+use harmony_prompts::{FrontsAnswer, FrontsVars, InspectedObject, fronts};
+use harmony_roles::{GeneratedMesh, MeshFrame, Picture};
+use harmony_scene::{MaterialCategory, PbrFactors, Physical, PlacementType, SurfaceMaterial};
+use image::RgbaImage;
+use serde_json::{Value, json};
+
+use super::prepare::Completed;
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::state::Prepared;
+use crate::views;
+
+/// Sets a raw mesh upright (by its faces, or as the paper does by the PCA axis nearest to up) and turns it to the
+/// front that the VLM picks. Returns how that was done, for `detilt_results.json`.
+///
+/// # Errors
+/// Fatal role errors only.
+pub async fn canonicalise(
+    ctx: &PhaseCtx<'_>,
+    c: &Completed,
+    mut generated: GeneratedMesh,
+) -> Result<(GeneratedMesh, Value), PhaseError> {
+    if generated.frame != MeshFrame::Raw {
+        return Ok((generated, json!({ "frame": "canonical as made", "front_local_axis": "+z" })));
+    }
+    let id = c.candidate.id.to_string();
+    let (raw, faces, by_faces) =
+        (generated.mesh.clone(), ctx.settings.mesh.faces as usize, ctx.settings.upright_by_faces);
+    let (crop, labelled) = (Arc::clone(&c.image), id.clone());
+    let (mesh, turn, sheet) = ctx
+        .computed(move || {
+            let (mut mesh, _) = harmony_mesh::clean(&raw, faces);
+            let turn = if by_faces {
+                Some(harmony_mesh::upright(&mesh).turn)
+            } else {
+                let vertices: Vec<glam::DVec3> = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
+                harmony_geometry::detilt(&vertices)
+            };
+            harmony_mesh::canonicalise(&mut mesh, turn.unwrap_or(glam::DMat3::IDENTITY));
+            let mut pictures: Vec<(String, RgbaImage)> = vec![(format!("{labelled} photo"), (*crop).clone())];
+            for (k, letter) in ["A", "B", "C", "D"].iter().enumerate() {
+                pictures.push((format!("{labelled} {letter}"), views::mesh_view(&mesh, k, 260)));
+            }
+            let cells: Vec<Cell<'_>> =
+                pictures.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
+            let sheet = contact_sheet(&cells, 5, 260);
+            (mesh, turn, sheet)
+        })
+        .await?;
+    let question = fronts(&FrontsVars { objects: vec![format!("- {id}: {}", c.inspected.kind)] });
+    let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
+    let asked = vec![id.clone()];
+    let facts = json!({ "objects": asked });
+    let answer: FrontsAnswer =
+        ctx.ask(&format!("{id}/front"), question, vec![sheet], facts, move |a: &FrontsAnswer| a.check(&asked)).await?;
+    let panel = answer.objects.iter().find(|o| o.id == id).map(|o| o.front_panel);
+    let yaw = panel.map_or(0.0, harmony_prompts::FrontPanel::yaw);
+    let mesh = ctx
+        .computed(move || {
+            let mut mesh = mesh;
+            harmony_mesh::canonicalise(&mut mesh, glam::DMat3::from_rotation_y(yaw));
+            mesh
+        })
+        .await?;
+    generated.mesh = Arc::new(mesh);
+    generated.frame = MeshFrame::Canonical;
+    let front_before = glam::DMat3::from_rotation_y(-yaw) * glam::DVec3::Z;
+    let frame =
+        if by_faces { "set upright by its faces, front by the VLM" } else { "de-tilted by PCA, front by the VLM" };
+    let record = json!({
+        "frame": frame,
+        "detilt": turn.map(|m| m.to_cols_array_2d()),
+        "front_panel": panel,
+        "front_local_axis": front_before.round().to_array(),
+    });
+    Ok((generated, record))
+}
+
+/// How far a cushion leans that stands against a back, radians.
+const LEAN: f64 = 0.3;
+
+/// Lets a cushion that stands against a back lean: its mesh turns about its lower edge, its size follows.
+fn lean(c: &mut Completed, g: &mut GeneratedMesh) {
+    let leans = c.inspected.placement_type == PlacementType::AgainstBack
+        && harmony_mesh::template_name(&c.inspected.kind) == Some("cushion");
+    let size = &mut c.inspected.size_m;
+    if !leans || size.depth > 0.7 * size.height {
+        return;
+    }
+    let (sin, cos) = LEAN.sin_cos();
+    (size.height, size.depth) = (size.height * cos + size.depth * sin, size.height * sin + size.depth * cos);
+    let mut mesh = (*g.mesh).clone();
+    harmony_mesh::canonicalise(&mut mesh, glam::DMat3::from_rotation_x(-LEAN));
+    g.mesh = Arc::new(mesh);
+    g.convex = None;
+}
+
+/// The object as placement and report need it; it has no index yet.
+///
+/// # Errors
+/// Unwritable files.
+pub async fn assemble(ctx: &PhaseCtx<'_>, mut c: Completed, mut g: GeneratedMesh) -> Result<Prepared, PhaseError> {
+    let id = c.candidate.id.clone();
+    let (c, g, hulls, view) = ctx
+        .computed(move || {
+            lean(&mut c, &mut g);
+            let parts = g.convex.clone().unwrap_or_else(|| convex_parts(&g.mesh));
+            let hulls: Vec<Vec<glam::DVec3>> =
+                parts.into_iter().map(|part| part.points.into_iter().map(glam::Vec3::as_dvec3).collect()).collect();
+            let view = views::mesh_view(&g.mesh, 0, 256);
+            (c, g, hulls, view)
+        })
+        .await?;
+    ctx.write_picture_rgba(&format!("meshes/{id}.png"), &view)?;
+    if let Some(model) = &g.part_model {
+        ctx.write_json(&format!("meshes/{id}.part_model.json"), model)?;
+    }
+    Ok(Prepared {
+        material: material_of(&c.inspected),
+        candidate: c.candidate,
+        inspected: c.inspected,
+        mesh: g.mesh.clone(),
+        hulls,
+        part_model: g.part_model.clone(),
+        mesh_source: g.source.clone(),
+        index: 0,
+    })
+}
+
+/// The answer's material, completed and clamped by the category's defaults.
+fn material_of(object: &InspectedObject) -> SurfaceMaterial {
+    let size = object.size_m;
+    let volume = size.width * size.height * size.depth;
+    let category: MaterialCategory =
+        object.material.as_ref().map_or_else(|| catalogue::default_material(&object.kind), |m| m.material_category);
+    let d = category.defaults();
+    let m = object.material.as_ref();
+    let pbr = category.clamp(PbrFactors {
+        roughness: m.and_then(|m| m.roughness).unwrap_or(d.roughness),
+        metallic: m.and_then(|m| m.metallic).unwrap_or(d.metallic),
+        ior: m.and_then(|m| m.ior).unwrap_or(d.ior),
+        transmission: m.and_then(|m| m.transmission).unwrap_or(d.transmission),
+    });
+    let sound = |v: Option<f64>, low: f64, high: f64| v.filter(|v| v.is_finite()).map(|v| v.clamp(low, high));
+    let physical = Physical {
+        weight_kg: sound(m.and_then(|m| m.weight_kg), 0.01, 2000.0)
+            .unwrap_or((volume * category.box_density()).clamp(0.02, 800.0)),
+        thickness_m: sound(m.and_then(|m| m.thickness_m), 0.0005, 2.0).unwrap_or(0.02),
+        elasticity: sound(m.and_then(|m| m.elasticity), 0.0, 1.0).unwrap_or(0.1),
+    };
+    SurfaceMaterial { category, pbr, physical }
+}
