@@ -14,18 +14,20 @@ export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$HARMONY_CACHE/target}"
 export CARGO_INCREMENTAL=0
 # Property tests draw the same cases every time; take the line out to look for new ones.
 export PROPTEST_RNG_SEED="${PROPTEST_RNG_SEED:-2026}"
+# The native networks are switched on for the tests; the plain program is built without them.
+NETS="$(printf 'harmony-nets/%s ' vggt sam2 clip detector lpips players)"
 mkdir -p "$HARMONY_CACHE"
 step() { printf '\n== %s\n' "$1"; }
 
 step "format"
 cargo fmt --all --check
 step "lints"
-cargo clippy --quiet --workspace --all-targets -- -D warnings
+cargo clippy --quiet --workspace --all-targets --features "$NETS" -- -D warnings
 step "Rust tests"
 if cargo nextest --version >/dev/null 2>&1; then
-  cargo nextest run --workspace --no-fail-fast
+  cargo nextest run --workspace --features "$NETS" --no-fail-fast
 else
-  cargo test --workspace --no-fail-fast
+  cargo test --workspace --features "$NETS" --no-fail-fast
 fi
 if [ "${1:-}" = "--quick" ]; then exit 0; fi
 
