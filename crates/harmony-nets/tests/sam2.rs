@@ -60,7 +60,7 @@ fn prompts() -> [(&'static str, Prompt); 3] {
     ]
 }
 
-fn values(b: &Reference, x: &<Reference as Backend>::Tensor) -> Vec<f32> {
+fn values(b: Reference, x: &<Reference as Backend>::Tensor) -> Vec<f32> {
     b.read(x).expect("readable")
 }
 
@@ -78,7 +78,7 @@ fn thinned(masks: &[MaskPrediction]) -> Vec<f32> {
 fn the_encoder_agrees_at_every_tap() {
     let wanted = arrays("sam2_small.safetensors");
     let net = network();
-    let b = net.backend();
+    let b = *net.backend();
     let stages = net.stages(preprocess(&photo(96, 64), 128)).expect("encodes");
     // Ends of stages 1, 3 and 4 are blocks 0, 5 and 7; the script keeps 0 and 7 of them.
     close("stage 1", &values(b, &stages[0]), &array(&wanted, "block0"), LIMIT);
