@@ -544,8 +544,8 @@ mod tests {
     use crate::{Evidence, Placed};
 
     /// Six boxes on the floor as they are, with masks of the camera as it is; calibration knows directions and focal
-    /// length well, the height exactly, and lengths to `sigma` with what they have in common.
-    fn furnished(sigma: f64) -> PartialScene {
+    /// length well, the height exactly, the scale to `sigma`, the camera's height (logit) to `floor_sigma`.
+    fn furnished(sigma: f64, floor_sigma: f64) -> PartialScene {
         let mut scene = empty_room();
         let places = [[0.8, 1.0], [2.0, 0.8], [3.2, 1.2], [1.0, 2.4], [2.2, 2.0], [3.3, 2.7]];
         for (k, [x, z]) in places.into_iter().enumerate() {
@@ -560,7 +560,7 @@ mod tests {
             });
         }
         let mut information = vec![0.0; ROOM * ROOM];
-        let sigmas = [0.002, 0.001, 0.001, 0.001, 0.02, 0.02, 0.02, 0.02, 0.001, sigma];
+        let sigmas = [0.002, 0.001, 0.001, 0.001, 0.02, 0.02, floor_sigma, 0.02, 0.001, sigma];
         for (i, s) in sigmas.into_iter().enumerate() {
             information[i * ROOM + i] = 1.0 / (s * s);
         }
@@ -592,7 +592,7 @@ mod tests {
 
     #[test]
     fn sizes_right_a_scale_that_calibration_leaves_open() {
-        let truth = furnished(0.3);
+        let truth = furnished(0.3, 0.5);
         let mut scene = scaled(truth.clone(), 1.12);
         let report = refine_globally(&mut scene, &PlacementSettings::default()).unwrap();
         assert!(report.kept, "{report:?}");
@@ -607,7 +607,7 @@ mod tests {
 
     #[test]
     fn a_scale_that_calibration_knows_stays_whatever_the_sizes_say() {
-        let mut scene = furnished(0.002);
+        let mut scene = furnished(0.002, 0.02);
         for p in &mut scene.placed {
             let mut item = (*p.item).clone();
             item.size = harmony_scene::Size::from_vec(item.size.as_vec() * 1.25);
@@ -620,7 +620,7 @@ mod tests {
 
     #[test]
     fn without_a_posterior_nothing_is_done() {
-        let mut scene = furnished(0.3);
+        let mut scene = furnished(0.3, 0.5);
         scene.posterior = None;
         assert!(refine_globally(&mut scene, &PlacementSettings::default()).is_none());
     }

@@ -136,6 +136,8 @@ pub fn place_level(
             report.global = crate::refine_globally(scene, settings);
             tracing::debug!(?level, report = ?report.global, "refined globally");
         }
+        crate::plausible::between_curtains(scene, settings);
+        crate::plausible::back_onto_hosts(scene);
         if settings.collision {
             part_all(scene, level, settings, &mut report);
         }

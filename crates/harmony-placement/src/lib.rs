@@ -31,6 +31,7 @@ mod level;
 mod optimise;
 mod order;
 mod outline;
+mod plausible;
 #[cfg(test)]
 mod probe;
 mod raster;

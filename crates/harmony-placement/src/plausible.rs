@@ -1,0 +1,206 @@
+//! Last corrections of a level, by what holds in rooms whatever the photo shows of it.
+
+use harmony_scene::{Mask, Support, Vec3, Wall};
+
+use crate::anchoring::{reach, size_of};
+use crate::level::neighbours;
+use crate::support::{SurfaceQuery, surface_under};
+use crate::view::View;
+use crate::{PartialScene, PlacementSettings};
+
+/// Share of a footprint that must be on the host, and how far the surface may be from where the object stands, metres.
+const SUPPORTED: f64 = 0.5;
+const SAME_LEVEL: f64 = 0.05;
+/// Steps in which an object is moved towards its host's middle.
+const STEPS: u32 = 40;
+/// How far beyond a window's end its curtains may end, share of the window's width.
+const OVERHANG: f64 = 0.6;
+/// Pixels beyond a mask's end in which what hides the rest is looked for.
+const NEXT_TO: i64 = 6;
+/// Agreement with the mask that a better place of a window may cost.
+const WINDOW_SLACK: f64 = 0.1;
+
+/// Moves what hangs in the air beside its host back onto it, no farther than it must.
+///
+/// Host and object are refined each by what is seen of it; where both are half hidden they may part.
+pub(crate) fn back_onto_hosts(scene: &mut PartialScene) {
+    for i in 0..scene.placed.len() {
+        let Support::Object { id } = &scene.placed[i].support else { continue };
+        let Some(host) = scene.position(id).filter(|h| *h != i) else { continue };
+        let (object, host) = (&scene.placed[i], &scene.placed[host]);
+        let level = object.pose.position.y;
+        let query = SurfaceQuery { level, object_height: object.size().height, soft: object.item.traits.soft };
+        let carried = |position: Vec3| {
+            let pose = harmony_scene::Pose { position, ..object.pose };
+            let surface = surface_under(host, &object.item, &pose, &query)?;
+            (surface.share >= SUPPORTED && (surface.height - level).abs() <= SAME_LEVEL).then_some(surface.height)
+        };
+        let start = object.pose.position;
+        let middle = Vec3::new(host.pose.position.x, level, host.pose.position.z);
+        let found = (0..=STEPS)
+            .map(|k| start.lerp(middle, f64::from(k) / f64::from(STEPS)))
+            .find_map(|p| Some(Vec3::new(p.x, carried(p)?, p.z)));
+        if let Some(position) = found {
+            let by = position - start;
+            for member in crate::collision::body(scene, i) {
+                scene.placed[member].pose.position += by;
+            }
+        }
+    }
+}
+
+/// Centres windows of which both ends are hidden between the curtains that hide them.
+pub(crate) fn between_curtains(scene: &mut PartialScene, settings: &PlacementSettings) {
+    for i in 0..scene.placed.len() {
+        let p = &scene.placed[i];
+        let Support::Wall { wall } = p.support else { continue };
+        if !p.item.traits.opening || p.item.traits.to_floor {
+            continue;
+        }
+        let hanging: Vec<usize> = (0..scene.placed.len())
+            .filter(|k| *k != i && scene.placed[*k].item.traits.hangs && scene.placed[*k].support == p.support)
+            .collect();
+        if !ends_hidden(scene, &p.item.mask, &hanging) {
+            continue;
+        }
+        let others = neighbours(scene, &p.item, &[], Some(i));
+        let Some(view) = View::new(scene, Some(i), &p.item.mask, &others, settings.window_px) else { continue };
+        let before = view.compare(p.item.shape.proxy(), &p.pose).iou;
+        let width = size_of(&p.item, &p.pose).x;
+        let own = along(scene, i, wall);
+        let curtains: Vec<[f64; 2]> = hanging
+            .into_iter()
+            .map(|k| along(scene, k, wall))
+            .filter(|c| c[0] < own[1] + OVERHANG * width && c[1] > own[0] - OVERHANG * width)
+            .collect();
+        let (low, high) = curtains.iter().fold((f64::MAX, f64::MIN), |(l, h), c| (l.min(c[0]), h.max(c[1])));
+        // One curtain of a pair, the other unseen, says nothing about the middle.
+        if high - low < width || high - low > (1.0 + 2.0 * OVERHANG) * width {
+            continue;
+        }
+        let by = f64::midpoint(low, high) - f64::midpoint(own[0], own[1]);
+        let mut pose = p.pose;
+        pose.position += axis(wall) * by;
+        if view.compare(p.item.shape.proxy(), &pose).iou >= before - WINDOW_SLACK {
+            scene.placed[i].pose = pose;
+        }
+    }
+}
+
+/// Whether a mask ends at both sides where something that hangs, or the image's border, hides the rest.
+fn ends_hidden(scene: &PartialScene, mask: &Mask, hanging: &[usize]) -> bool {
+    let Some(b) = mask.bounds() else { return false };
+    let width = i64::from(mask.size().width);
+    let hidden = |x: i64, y: i64, towards: i64| {
+        (1..=NEXT_TO)
+            .map(|k| x + k * towards)
+            .any(|x| x < 1 || x >= width - 1 || hanging.iter().any(|h| scene.placed[*h].item.mask.get(x, y)))
+    };
+    let (mut rows, mut cut) = (0, [0, 0]);
+    for y in b.y0 as i64..b.y1 as i64 {
+        let mut row = (b.x0 as i64..b.x1 as i64).filter(|x| mask.get(*x, y));
+        let Some(first) = row.next() else { continue };
+        let last = row.next_back().unwrap_or(first);
+        rows += 1;
+        cut[0] += i32::from(hidden(first, y, -1));
+        cut[1] += i32::from(hidden(last, y, 1));
+    }
+    cut.into_iter().all(|c| 2 * c >= rows)
+}
+
+/// The room axis along a wall.
+fn axis(wall: Wall) -> Vec3 {
+    if wall.normal().x.abs() > 0.5 { Vec3::Z } else { Vec3::X }
+}
+
+/// From where to where an object reaches along a wall's axis, metres.
+fn along(scene: &PartialScene, object: usize, wall: Wall) -> [f64; 2] {
+    let p = &scene.placed[object];
+    let (low, high) = reach(&p.item, &p.pose);
+    let at = |v: Vec3| (p.pose.position + v).dot(axis(wall));
+    [at(low), at(high)]
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use harmony_scene::{Level, ObjectId, Pose};
+
+    use super::*;
+    use crate::testing::{boxed, empty_room};
+    use crate::{Evidence, Placed};
+
+    fn add(scene: &mut PartialScene, name: &str, size: Vec3, at: Vec3, change: impl FnOnce(&mut Placed)) {
+        let mut item = boxed(scene, size, at, 0.0);
+        item.id = ObjectId::new(name).unwrap();
+        let mut placed = Placed {
+            item: Arc::new(item),
+            pose: Pose::new(at, 0.0, 1.0),
+            support: Support::Floor,
+            evidence: Evidence::default(),
+        };
+        change(&mut placed);
+        scene.placed.push(placed);
+    }
+
+    fn on(name: &str) -> Support {
+        Support::Object { id: ObjectId::new(name).unwrap() }
+    }
+
+    #[test]
+    fn a_lamp_beside_its_table_comes_back_onto_it_and_one_on_it_stays() {
+        let mut scene = empty_room();
+        add(&mut scene, "table_01", Vec3::new(0.6, 0.5, 0.6), Vec3::new(2.0, 0.0, 2.0), |_| {});
+        let lamp = Vec3::new(0.2, 0.4, 0.2);
+        add(&mut scene, "lamp_01", lamp, Vec3::new(2.45, 0.5, 2.0), |p| p.support = on("table_01"));
+        add(&mut scene, "lamp_02", lamp, Vec3::new(1.9, 0.5, 1.9), |p| p.support = on("table_01"));
+        add(&mut scene, "cap_01", Vec3::splat(0.1), Vec3::new(2.45, 0.9, 2.0), |p| p.support = on("lamp_01"));
+        back_onto_hosts(&mut scene);
+        let at = |i: usize| scene.placed[i].pose.position;
+        assert!(at(1).x > 2.2 && at(1).x <= 2.32, "{:?}", at(1));
+        assert!((at(1).y - 0.5).abs() < 1e-6);
+        assert_eq!(at(2), Vec3::new(1.9, 0.5, 1.9));
+        // What stands on it goes along.
+        assert!((at(3).x - at(1).x).abs() < 1e-9, "{:?}", at(3));
+    }
+
+    #[test]
+    fn a_window_with_hidden_ends_is_in_the_middle_of_its_curtains() {
+        let curtains = |scene: &mut PartialScene, pair: bool| {
+            for (k, x) in [1.0, 3.0].into_iter().enumerate().take(if pair { 2 } else { 1 }) {
+                let name = format!("curtain_0{k}");
+                add(scene, &name, Vec3::new(0.5, 2.2, 0.1), Vec3::new(x, 0.1, 0.1), |p| {
+                    p.support = Support::Wall { wall: Wall::Back };
+                    let mut item = (*p.item).clone();
+                    item.traits.hangs = true;
+                    item.level = Level::Wall;
+                    p.item = Arc::new(item);
+                });
+            }
+        };
+        for (pair, expected) in [(true, 2.0), (false, 2.4)] {
+            let mut scene = empty_room();
+            curtains(&mut scene, pair);
+            let masks: Vec<Mask> = scene.placed.iter().map(|p| p.item.mask.clone()).collect();
+            add(&mut scene, "window_01", Vec3::new(1.8, 1.2, 0.05), Vec3::new(2.0, 0.9, 0.03), |p| {
+                p.support = Support::Wall { wall: Wall::Back };
+                p.pose.position.x = 2.4;
+                let mut item = (*p.item).clone();
+                item.level = Level::Wall;
+                item.traits.opening = true;
+                item.traits.planar = true;
+                // What the curtains leave of it.
+                let full = item.mask.clone();
+                item.mask = Mask::from_fn(full.size(), |x, y| {
+                    let (x, y) = (i64::from(x), i64::from(y));
+                    full.get(x, y) && !masks.iter().any(|m| m.get(x, y))
+                });
+                p.item = Arc::new(item);
+            });
+            between_curtains(&mut scene, &PlacementSettings::default());
+            let window = scene.placed.last().unwrap();
+            assert!((window.pose.position.x - expected).abs() < 0.02, "{pair}: {:?}", window.pose.position);
+        }
+    }
+}
