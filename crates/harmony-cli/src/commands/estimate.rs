@@ -48,8 +48,10 @@ pub fn run(args: &Args) -> Result<u8> {
     let config = config::load(args.config.as_deref())?;
     let photo = load_photo(&args.photo).map_err(|e| hinted(e.to_string(), e.hint()))?;
     let display = Display::new();
+    let profile = args.profile.or(config.profile).unwrap_or_default();
     let request = CastRequest {
-        profile: args.profile.or(config.profile).unwrap_or_default(),
+        profile,
+        players: config.players.resolved(profile),
         photo_size: photo.size(),
         points: None,
         intrinsics: None,
