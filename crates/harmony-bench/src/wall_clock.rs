@@ -141,7 +141,11 @@ pub async fn play(counts: [usize; 4], pace: Pace, offline: &Cast, out: &Path) ->
     let calls = Calls::new(book, cast, offline.clone(), CallOptions::default());
     let mut settings = Settings { working_px: PHOTO.width, surface_px_per_m: 10.0, ..Settings::default() };
     settings.mesh.faces = 1000;
-    settings.placement.renders_per_object = 40;
+    // What is computed is not what is measured: first poses are enough.
+    let placement = &mut settings.placement;
+    (placement.refinement, placement.optimiser, placement.second_look) = (false, false, false);
+    (placement.global_refinement, placement.collision) = (false, false);
+    (placement.max_rounds, placement.renders_per_object, placement.window_px) = (1, 2, 32);
     let request = RunRequest {
         photo,
         title: "a simulated room".into(),

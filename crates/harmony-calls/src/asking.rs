@@ -273,11 +273,11 @@ impl Calls {
 
         let deadline = self.options.limits.try_deadline(R::ROLE, card);
         let clock = Instant::now();
-        let outcome = tokio::select! {
+        let (outcome, dropped) = tokio::select! {
             biased;
-            outcome = asked.play(player) => outcome,
-            error = overdue(card, deadline) => Err(error),
-            stopped = self.let_go() => Err(stopped),
+            outcome = asked.play(player) => (outcome, false),
+            error = overdue(card, deadline) => (Err(error), false),
+            stopped = self.let_go() => (Err(stopped), true),
         };
         let time = clock.elapsed();
         course.time += time;
@@ -317,11 +317,10 @@ impl Calls {
                 Ok(answer)
             }
             Err(error) => {
-                let text = match &error {
-                    RoleError::Interrupted { .. } | RoleError::Budget { .. } => {
-                        "let go of in flight; it may have been paid".to_owned()
-                    }
-                    other => self.book.redacted(&shortened(&other.to_string(), MAX_COMPLAINT)),
+                let text = if dropped {
+                    "let go of in flight; it may have been paid".to_owned()
+                } else {
+                    self.book.redacted(&shortened(&error.to_string(), MAX_COMPLAINT))
                 };
                 let usage = Usage::default();
                 course.tries.push(Try { player: card.player.clone(), complaint: Some(text), usage });

@@ -105,7 +105,9 @@ async fn a_fatal_error_stops_instead_of_being_replaced() {
     let error = desk.calls.ask(&width_question("1_layout/layout"), sane).await.unwrap_err();
     assert!(matches!(error, RoleError::Budget { .. }));
     assert_eq!(offline.asked(), 0);
-    assert!(desk.calls.book().log().unwrap().is_empty());
+    let log = desk.calls.book().log().unwrap();
+    assert_eq!(log.len(), 1);
+    assert_eq!(log[0].source, Source::Unanswered, "there is no record, but an account of what was tried");
 }
 
 #[tokio::test]

@@ -223,17 +223,20 @@ async fn a_budget_stops_the_run_and_the_next_start_goes_on_where_it_is_raised() 
         async move { calls.ask(&question, sane).await }
     };
     let (a, b, c) = tokio::join!(ask(&first, 0), ask(&first, 1), ask(&first, 2));
-    assert!(a.is_ok() && b.is_ok(), "two are in the budget, and what is in flight is awaited");
-    let error = c.unwrap_err();
-    assert!(matches!(&error, RoleError::Budget { reason } if reason.contains("2.50 US$")), "{error}");
+    // Which of the three come first is not said.
+    let answers = [a, b, c];
+    let missing = answers.iter().position(Result::is_err).expect("three are beyond the budget");
+    assert_eq!(answers.iter().filter(|a| a.is_ok()).count(), 2, "two are in it, and what is in flight is awaited");
+    let error = answers[missing].as_ref().unwrap_err();
+    assert!(matches!(error, RoleError::Budget { reason } if reason.contains("2.50 US$")), "{error}");
     assert!(ask(&first, 3).await.is_err(), "nobody new is asked");
     assert_eq!(slow.asked.lock().unwrap().len(), 2);
     let bill = Bill::of(&first.calls.book().log().unwrap());
     assert_eq!(bill.total.usage.cost_usd, Some(2.0));
 
     let same = desk(run.path(), slow.cast(), how(2.5));
-    assert!(ask(&same, 0).await.is_ok(), "what is recorded costs nothing");
-    assert!(ask(&same, 2).await.is_err(), "what was spent before counts");
+    assert!(ask(&same, (missing + 1) % 3).await.is_ok(), "what is recorded costs nothing");
+    assert!(ask(&same, missing).await.is_err(), "what was spent before counts");
     let raised = desk(run.path(), slow.cast(), how(10.0));
     let (a, b, c) = tokio::join!(ask(&raised, 0), ask(&raised, 1), ask(&raised, 2));
     assert!(a.is_ok() && b.is_ok() && c.is_ok());
@@ -262,9 +265,9 @@ async fn at_the_runs_deadline_nobody_new_is_asked_and_what_is_in_flight_is_recor
     let questions: Vec<_> = (0..3).map(|i| width_question(&format!("1_layout/q_{i}"))).collect();
     let [a, b, c] = &questions[..] else { panic!() };
     let (a, b, c) = tokio::join!(desk.calls.ask(a, sane), desk.calls.ask(b, sane), desk.calls.ask(c, sane));
-    assert!(a.is_ok());
-    assert!(b.is_ok(), "begun before the deadline, ended after it");
-    assert!(matches!(c.unwrap_err(), RoleError::Budget { .. }));
+    let answers = [a, b, c];
+    assert_eq!(answers.iter().filter(|a| a.is_ok()).count(), 2, "the second was begun before the deadline");
+    assert!(matches!(answers.iter().find_map(|a| a.as_ref().err()), Some(RoleError::Budget { .. })));
     assert_eq!(begun.elapsed().as_secs(), 100);
     assert_eq!(desk.calls.book().log().unwrap().len(), 2);
 }
