@@ -6,6 +6,8 @@
 pub mod backend;
 #[cfg(feature = "cpu")]
 pub mod cpu;
+#[cfg(feature = "cuda")]
+pub mod cuda;
 mod error;
 pub mod host;
 pub mod math;
