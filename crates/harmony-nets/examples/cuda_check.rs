@@ -126,7 +126,8 @@ fn operations(cuda: &Cuda) -> Outcome {
     let none = || (0.0, String::from("none"));
     let mut tally = Tally { good: true, worst: [none(), none()] };
     let acts = [Act::None, Act::Relu, Act::Gelu, Act::GeluTanh, Act::QuickGelu, Act::Silu, Act::Sigmoid];
-    for (m, k, n) in [(1, 3, 5), (7, 64, 33), (13, 300, 72), (50, 513, 1100), (130, 256, 31), (300, 40, 40), (9, 9, 64)] {
+    for (m, k, n) in [(1, 3, 5), (7, 64, 33), (13, 300, 72), (50, 513, 1100), (130, 256, 31), (300, 40, 40), (9, 9, 64)]
+    {
         let (x, residual) = (r.tensor(&[m, k]), r.tensor(&[m, n]));
         let (weight, bias, scale) = (r.tensor(&[n, k]), r.tensor(&[n]), r.tensor(&[n]));
         for (act, with) in acts.into_iter().flat_map(|a| [(a, false), (a, true)]) {
@@ -148,7 +149,11 @@ fn operations(cuda: &Cuda) -> Outcome {
             let (k, n) = (a[a.len() - 1], 45);
             let shape = [front.clone(), if transposed { vec![n, k] } else { vec![k, n] }].concat();
             let (a, m) = (r.tensor(&a), r.tensor(&shape));
-            both!(tally, cuda, format!("matmul {transposed}"), |b, t| b.matmul(&b.load(&a, t)?, &b.load(&m, t)?, transposed));
+            both!(tally, cuda, format!("matmul {transposed}"), |b, t| b.matmul(
+                &b.load(&a, t)?,
+                &b.load(&m, t)?,
+                transposed
+            ));
         }
     }
     for c in [1, 8, 64, 100, 1024, 1152, 2048, 4096, 4100] {
@@ -175,9 +180,15 @@ fn operations(cuda: &Cuda) -> Outcome {
             both!(tally, cuda, format!("activation {act:?} {c}"), |b, t| b.activation(&b.load(&x, t)?, act));
         }
     }
-    for (batch, n, heads, dim) in
-        [(1, 1, 2, 8), (2, 50, 3, 16), (1, 131, 2, 64), (1, 700, 1, 32), (2, 65, 2, 72), (1, 200, 2, 128), (1, 70, 1, 144)]
-    {
+    for (batch, n, heads, dim) in [
+        (1, 1, 2, 8),
+        (2, 50, 3, 16),
+        (1, 131, 2, 64),
+        (1, 700, 1, 32),
+        (2, 65, 2, 72),
+        (1, 200, 2, 128),
+        (1, 70, 1, 144),
+    ] {
         let qkv = r.tensor(&[batch, n, 3 * heads * dim]);
         let norm: Vec<_> = (0..4).map(|_| r.tensor(&[dim])).collect();
         let (cos, sin, bias) = (r.tensor(&[n, dim / 2]), r.tensor(&[n, dim / 2]), r.tensor(&[1, n, n]));
@@ -211,9 +222,15 @@ fn operations(cuda: &Cuda) -> Outcome {
             b.attention(Qkv::Separate { q: &q, k: &k, v: &v }, &spec)
         });
     }
-    for (c, o, k, stride, padding) in
-        [(3, 8, 7, 4, 3), (3, 40, 14, 14, 0), (20, 33, 3, 1, 1), (16, 16, 3, 2, 1), (64, 32, 3, 1, 1), (300, 12, 1, 1, 0), (5, 6, 2, 2, 0)]
-    {
+    for (c, o, k, stride, padding) in [
+        (3, 8, 7, 4, 3),
+        (3, 40, 14, 14, 0),
+        (20, 33, 3, 1, 1),
+        (16, 16, 3, 2, 1),
+        (64, 32, 3, 1, 1),
+        (300, 12, 1, 1, 0),
+        (5, 6, 2, 2, 0),
+    ] {
         let x = r.tensor(&[2, 28, 29, c]);
         let weights = ConvWeights { weight: r.tensor(&[o, c, k, k]), bias: Some(r.tensor(&[o])) };
         both!(tally, cuda, format!("conv {c} {o} {k}"), |b, t| {

@@ -654,8 +654,7 @@ impl Backend for Cuda {
                 (dtype.size(), if dtype == DType::BF16 { "im2col_2" } else { "im2col_4" })
             };
             let units = w.inner * dtype.size() / unit;
-            let g: [i32; 9] =
-                [d.h, d.w, units, kh, kw, window.stride, window.padding, oh, ow].map(|v: usize| v as i32);
+            let g: [i32; 9] = [d.h, d.w, units, kh, kw, window.stride, window.padding, oh, ow].map(|v: usize| v as i32);
             for first in (0..rows).step_by(part) {
                 let here = part.min(rows - first);
                 let (pitch, n) = (row_bytes / unit, here * row_bytes / unit);

@@ -110,7 +110,8 @@ impl Products {
     ) -> Result<bool, NetError> {
         let mut plans = lock(&self.plans);
         if !plans.contains_key(&shape) {
-            let plan = self.plan(device, shape, operands, scratch).map_err(|e| device.refuse(format!("{shape:?}: {e}")))?;
+            let plan =
+                self.plan(device, shape, operands, scratch).map_err(|e| device.refuse(format!("{shape:?}: {e}")))?;
             plans.insert(shape, plan);
         }
         let Some(Some(plan)) = plans.get(&shape) else { return Ok(false) };
@@ -168,12 +169,11 @@ impl Products {
         scratch: Option<u64>,
     ) -> Result<Option<Plan>, CublasError> {
         // The library thinks in columns: the transposed result `y^T [n, m] = w^T [n, k] x^T [k, m]`.
-        let kind = if s.dtype == DType::BF16 { sys::cudaDataType_t::CUDA_R_16BF } else { sys::cudaDataType_t::CUDA_R_32F };
+        let kind =
+            if s.dtype == DType::BF16 { sys::cudaDataType_t::CUDA_R_16BF } else { sys::cudaDataType_t::CUDA_R_32F };
         let (m, n, k) = (s.m as u64, s.n as u64, s.k as u64);
-        let description = lt::create_matmul_desc(
-            sys::cublasComputeType_t::CUBLAS_COMPUTE_32F,
-            sys::cudaDataType_t::CUDA_R_32F,
-        )?;
+        let description =
+            lt::create_matmul_desc(sys::cublasComputeType_t::CUBLAS_COMPUTE_32F, sys::cudaDataType_t::CUDA_R_32F)?;
         let (rows, columns) = if s.transposed { (k, n) } else { (n, k) };
         let plan = Plan {
             description,
@@ -273,7 +273,8 @@ impl Products {
         const ROUNDS: usize = 4;
         let failed = |_| CublasError(sys::cublasStatus_t::CUBLAS_STATUS_INTERNAL_ERROR);
         let flags = cudarc::driver::sys::CUevent_flags::CU_EVENT_DEFAULT;
-        let (start, end) = (driver::event::create(flags).map_err(failed)?, driver::event::create(flags).map_err(failed)?);
+        let (start, end) =
+            (driver::event::create(flags).map_err(failed)?, driver::event::create(flags).map_err(failed)?);
         let run = || {
             self.launch(device, plan, algorithm, shape, operands)?;
             // SAFETY: events and stream live.

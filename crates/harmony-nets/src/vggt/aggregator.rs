@@ -95,12 +95,7 @@ impl<B: Backend> Aggregator<B> {
     }
 
     /// Runs the trunk on normalised images `[S, H, W, 3]`.
-    pub fn run(
-        &self,
-        backend: &B,
-        images: &B::Tensor,
-        tables: &TrunkTables<B>,
-    ) -> Result<Aggregated<B>, NetError> {
+    pub fn run(&self, backend: &B, images: &B::Tensor, tables: &TrunkTables<B>) -> Result<Aggregated<B>, NetError> {
         let (frames, height, width) = (images.dim(0), images.dim(1), images.dim(2));
         let (rows, columns) = (height / self.config.patch, width / self.config.patch);
         let dim = self.config.dim;

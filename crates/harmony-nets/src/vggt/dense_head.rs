@@ -70,7 +70,13 @@ pub struct DenseHead<B: Backend> {
 impl<B: Backend> DenseHead<B> {
     /// Loads a head with so many output channels (the last is the confidence), computing in `dtype` but for the last
     /// layer, which is f32.
-    pub fn load(backend: &B, at: &Weights<'_>, config: &VggtConfig, channels: usize, dtype: DType) -> Result<Self, NetError> {
+    pub fn load(
+        backend: &B,
+        at: &Weights<'_>,
+        config: &VggtConfig,
+        channels: usize,
+        dtype: DType,
+    ) -> Result<Self, NetError> {
         let loader = Loader { backend, dtype };
         let (dim, features) = (2 * config.dim, config.features);
         let scratch = at.at("scratch");

@@ -91,8 +91,10 @@ impl<B: Backend> Vggt<B> {
     /// GPUs.
     pub fn load_with(backend: &B, weights: &Weights<'_>, heads: DType) -> Result<Self, NetError> {
         let config = VggtConfig::of(weights)?;
-        let points =
-            config.points.then(|| DenseHead::load(backend, &weights.at("point_head"), &config, 4, heads)).transpose()?;
+        let points = config
+            .points
+            .then(|| DenseHead::load(backend, &weights.at("point_head"), &config, 4, heads))
+            .transpose()?;
         Ok(Self {
             aggregator: Aggregator::load(backend, weights, &config)?,
             camera: CameraHead::load(backend, weights, &config, heads)?,
