@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use cudarc::driver::result::{self as driver, DriverError};
-use cudarc::driver::sys;
+use cudarc::driver::sys::{self, CUdevice_attribute_enum as A};
 use cudarc::nvrtc;
 
 use super::product::Products;
@@ -174,7 +174,6 @@ impl Device {
             // SAFETY: the device exists.
             unsafe { driver::device::get_attribute(handle, a) }.map_err(first)
         };
-        use sys::CUdevice_attribute_enum as A;
         let arch = attribute(A::CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MAJOR)? * 10
             + attribute(A::CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MINOR)?;
         let processors = attribute(A::CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT)?.max(1) as u32;

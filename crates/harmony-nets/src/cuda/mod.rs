@@ -283,10 +283,8 @@ impl Cuda {
         };
         let address = |t: Option<&Tensor>| t.map_or(0u64, Tensor::at);
         let operands = |y| Operands { x, w, bias: address(bias), residual: address(residual), y };
-        if epilogue.is_some() {
-            if self.product(shape, operands(y.at()))? {
-                return Ok(());
-            }
+        if epilogue.is_some() && self.product(shape, operands(y.at()))? {
+            return Ok(());
         }
         // In two steps: the product, then everything else. The residual must not be overwritten by the first.
         let apart = residual.is_some_and(|r| r.at() == y.at());

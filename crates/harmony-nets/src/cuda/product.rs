@@ -1,13 +1,17 @@
 //! Matrix products by cuBLASLt: the algorithm of a shape is chosen by a measurement when the shape is first seen.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::ffi::c_void;
 use std::fmt;
 use std::mem::size_of;
 use std::sync::Mutex;
 
 use cudarc::cublaslt::result::{self as lt, CublasError};
-use cudarc::cublaslt::sys;
+use cudarc::cublaslt::sys::{
+    self, cublasLtEpilogue_t as E, cublasLtMatmulDescAttributes_t as Attribute,
+    cublasLtMatmulPreferenceAttributes_t as P, cublasLtMatrixLayoutAttribute_t as L,
+};
 use cudarc::driver::result as driver;
 
 use super::device::{Device, lock};
@@ -109,12 +113,14 @@ impl Products {
         scratch: Option<u64>,
     ) -> Result<bool, NetError> {
         let mut plans = lock(&self.plans);
-        if !plans.contains_key(&shape) {
-            let plan =
-                self.plan(device, shape, operands, scratch).map_err(|e| device.refuse(format!("{shape:?}: {e}")))?;
-            plans.insert(shape, plan);
-        }
-        let Some(Some(plan)) = plans.get(&shape) else { return Ok(false) };
+        let plan = match plans.entry(shape) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => {
+                let plan = self.plan(device, shape, operands, scratch);
+                new.insert(plan.map_err(|e| device.refuse(format!("{shape:?}: {e}")))?)
+            }
+        };
+        let Some(plan) = plan else { return Ok(false) };
         self.launch(device, plan, &plan.algorithm, shape, operands)
             .map_err(|e| device.refuse(format!("product {shape:?}: {e}")))?;
         Ok(true)
@@ -182,7 +188,6 @@ impl Products {
             y: lt::create_matrix_layout(kind, n, m, n as i64)?,
             algorithm: sys::cublasLtMatmulAlgo_t { data: [0; 8] },
         };
-        use sys::cublasLtEpilogue_t as E;
         let epilogue = match (s.epilogue, s.bias) {
             (Epilogue::None, false) => E::CUBLASLT_EPILOGUE_DEFAULT,
             (Epilogue::None, true) => E::CUBLASLT_EPILOGUE_BIAS,
@@ -199,7 +204,6 @@ impl Products {
                 set_description(description, Attribute::CUBLASLT_MATMUL_DESC_BIAS_POINTER, &operands.bias)?;
             }
             if s.batch > 1 {
-                use sys::cublasLtMatrixLayoutAttribute_t as L;
                 let steps = [(plan.x, s.m * s.k), (plan.w, s.k * s.n), (plan.y, s.m * s.n)];
                 for (layout, step) in steps {
                     let (count, step) = (s.batch as i32, step as i64);
@@ -235,7 +239,6 @@ impl Products {
         let preference = lt::create_matmul_pref()?;
         // SAFETY: all descriptions live; results beyond `count` are not read.
         unsafe {
-            use sys::cublasLtMatmulPreferenceAttributes_t as P;
             let at = (&raw const WORKSPACE_BYTES).cast();
             lt::set_matmul_pref_attribute(preference, P::CUBLASLT_MATMUL_PREF_MAX_WORKSPACE_BYTES, at, 8)?;
             let mut results: [sys::cublasLtMatmulHeuristicResult_t; TRIED] = std::mem::zeroed();
@@ -300,8 +303,6 @@ impl Products {
 }
 
 static WORKSPACE_BYTES: u64 = WORKSPACE as u64;
-
-use sys::cublasLtMatmulDescAttributes_t as Attribute;
 
 unsafe fn set_description<T>(
     description: sys::cublasLtMatmulDesc_t,

@@ -21,7 +21,7 @@ pub(super) enum Recording {
 /// A recorded chain with its inputs, its results and all memory in between.
 pub(super) struct Graph {
     device: Arc<Device>,
-    graph: sys::CUgraph,
+    recorded: sys::CUgraph,
     executable: sys::CUgraphExec,
     inputs: Vec<Tensor>,
     results: Vec<Tensor>,
@@ -45,7 +45,7 @@ impl Drop for Graph {
         // SAFETY: nothing of it runs any more.
         unsafe {
             let _ = driver::graph::exec_destroy(self.executable);
-            let _ = driver::graph::destroy(self.graph);
+            let _ = driver::graph::destroy(self.recorded);
         }
         // Results that a caller still holds come back to the pool later and stay there; the rest is freed.
         self.results.clear();
@@ -101,8 +101,8 @@ impl Cuda {
         let outcome = self.capture(inputs, body);
         *lock(&device.pool) = Arc::clone(&device.common);
         match outcome {
-            Ok((graph, executable, inputs, results)) => {
-                Ok(Graph { device: Arc::clone(device), graph, executable, inputs, results, pool })
+            Ok((recorded, executable, inputs, results)) => {
+                Ok(Graph { device: Arc::clone(device), recorded, executable, inputs, results, pool })
             }
             Err(e) => {
                 device.empty(&pool);
@@ -111,7 +111,6 @@ impl Cuda {
         }
     }
 
-    #[expect(clippy::type_complexity, reason = "used in one place")]
     fn capture(
         &self,
         inputs: &[&Tensor],
