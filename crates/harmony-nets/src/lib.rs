@@ -8,6 +8,8 @@ pub mod backend;
 pub mod clip;
 #[cfg(feature = "cpu")]
 pub mod cpu;
+#[cfg(feature = "cuda")]
+pub mod cuda;
 #[cfg(feature = "detector")]
 pub mod detector;
 mod error;

@@ -22,6 +22,14 @@ pub struct Aggregator<B: Backend> {
     other_tokens: B::Tensor,
 }
 
+/// What the trunk needs to know of a size of photos: made once a size, before anything is recorded.
+pub struct TrunkTables<B: Backend> {
+    cls: B::Tensor,
+    positions: B::Tensor,
+    frame: (B::Tensor, B::Tensor),
+    global: (B::Tensor, B::Tensor),
+}
+
 /// What the heads take from the trunk: the tokens of four levels, `[S, P, 2 dim]`.
 pub struct Aggregated<B: Backend> {
     /// By level.
@@ -66,12 +74,32 @@ impl<B: Backend> Aggregator<B> {
         })
     }
 
+    /// Tables for `frames` photos of `rows` by `columns` patches.
+    pub fn tables(
+        &self,
+        backend: &B,
+        frames: usize,
+        (rows, columns): (usize, usize),
+    ) -> Result<TrunkTables<B>, NetError> {
+        let dim = self.config.dim;
+        let load = |shape: &[usize], data: Vec<f32>| backend.load(&HostTensor::from_f32(shape, data), self.dtype);
+        // The class token gets the first position, the patches theirs, the registers none.
+        let cls: Vec<f32> = self.cls.iter().zip(&self.positions).map(|(a, b)| a + b).collect();
+        let (special, head) = (1 + self.config.registers, dim / self.config.heads);
+        Ok(TrunkTables {
+            cls: load(&[1, 1, dim], cls)?,
+            positions: load(&[rows * columns, dim], self.patch_positions(rows, columns))?,
+            frame: rope_tables(backend, special, rows, columns, 1, head)?,
+            global: rope_tables(backend, special, rows, columns, frames, head)?,
+        })
+    }
+
     /// Runs the trunk on normalised images `[S, H, W, 3]`.
-    pub fn run(&self, backend: &B, images: &B::Tensor) -> Result<Aggregated<B>, NetError> {
+    pub fn run(&self, backend: &B, images: &B::Tensor, tables: &TrunkTables<B>) -> Result<Aggregated<B>, NetError> {
         let (frames, height, width) = (images.dim(0), images.dim(1), images.dim(2));
         let (rows, columns) = (height / self.config.patch, width / self.config.patch);
         let dim = self.config.dim;
-        let patches = self.embed(backend, images, rows, columns)?;
+        let patches = self.embed(backend, images, tables, rows * columns)?;
         let mut with_special = Vec::with_capacity(frames);
         for frame in 0..frames {
             let own = backend.slice(&patches, 0, frame, 1)?;
@@ -82,16 +110,16 @@ impl<B: Backend> Aggregator<B> {
         drop((patches, with_special));
         let special = 1 + self.config.registers;
         let count = special + rows * columns;
-        let head = dim / self.config.heads;
-        let (frame_cos, frame_sin) = rope_tables(backend, special, rows, columns, 1, head)?;
-        let (global_cos, global_sin) = rope_tables(backend, special, rows, columns, frames, head)?;
+        let rope = |(cos, sin)| Some(Rope2d { cos, sin });
+        let (frame_cos, frame_sin) = &tables.frame;
+        let (global_cos, global_sin) = &tables.global;
         let mut levels = Vec::with_capacity(4);
         for (i, (frame_block, global_block)) in self.frame_blocks.iter().zip(&self.global_blocks).enumerate() {
-            tokens = frame_block.run(backend, tokens, Some(Rope2d { cos: &frame_cos, sin: &frame_sin }))?;
+            tokens = frame_block.run(backend, tokens, rope((frame_cos, frame_sin)))?;
             let kept = self.config.levels.contains(&i).then(|| tokens.clone());
             let all = backend.reshape(&tokens, &[1, frames * count, dim])?;
             drop(tokens);
-            let all = global_block.run(backend, all, Some(Rope2d { cos: &global_cos, sin: &global_sin }))?;
+            let all = global_block.run(backend, all, rope((global_cos, global_sin)))?;
             tokens = backend.reshape(&all, &[frames, count, dim])?;
             drop(all);
             if let Some(frame_tokens) = kept {
@@ -101,22 +129,23 @@ impl<B: Backend> Aggregator<B> {
         Ok(Aggregated { levels, special })
     }
 
-    /// Patch tokens `[S, rows * columns, dim]`.
-    fn embed(&self, backend: &B, images: &B::Tensor, rows: usize, columns: usize) -> Result<B::Tensor, NetError> {
+    /// Patch tokens `[S, count, dim]`.
+    fn embed(
+        &self,
+        backend: &B,
+        images: &B::Tensor,
+        tables: &TrunkTables<B>,
+        count: usize,
+    ) -> Result<B::Tensor, NetError> {
         let (frames, dim) = (images.dim(0), self.config.dim);
         let images = backend.cast(images, self.dtype)?;
         let patches = backend.conv2d(&images, &self.projection, Act::None, None)?;
-        let patches = backend.reshape(&patches, &[frames, rows * columns, dim])?;
-        let load = |shape: &[usize], data: Vec<f32>| backend.load(&HostTensor::from_f32(shape, data), self.dtype);
-        // The class token gets the first position, the patches theirs, the registers none.
-        let positions = load(&[rows * columns, dim], self.patch_positions(rows, columns))?;
-        let patches = backend.binary(patches, &positions, Binary::Add)?;
-        let cls: Vec<f32> = self.cls.iter().zip(&self.positions).map(|(a, b)| a + b).collect();
-        let cls = load(&[1, 1, dim], cls)?;
+        let patches = backend.reshape(&patches, &[frames, count, dim])?;
+        let patches = backend.binary(patches, &tables.positions, Binary::Add)?;
         let mut all = Vec::with_capacity(frames);
         for frame in 0..frames {
             let own = backend.slice(&patches, 0, frame, 1)?;
-            all.push(backend.concat(&[&cls, &self.registers, &own], 1)?);
+            all.push(backend.concat(&[&tables.cls, &self.registers, &own], 1)?);
         }
         let mut tokens = backend.concat(&all.iter().collect::<Vec<_>>(), 0)?;
         drop((patches, all));
@@ -124,7 +153,7 @@ impl<B: Backend> Aggregator<B> {
             tokens = block.run(backend, tokens, None)?;
         }
         let tokens = self.embed_norm.run(backend, &tokens)?;
-        backend.slice(&tokens, 1, 1 + self.config.registers, rows * columns)
+        backend.slice(&tokens, 1, 1 + self.config.registers, count)
     }
 
     /// Learned positions for a grid of patches: the stored ones, or these resized (cubic, antialiased).

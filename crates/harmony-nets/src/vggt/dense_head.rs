@@ -50,9 +50,16 @@ struct Fuse<B: Backend> {
     out: B::Conv,
 }
 
-/// A dense head; f32.
+/// Position embeddings of the four levels and of the last map: made once a size, the same for all dense heads.
+pub struct HeadTables<B: Backend> {
+    levels: [B::Tensor; 4],
+    last: B::Tensor,
+}
+
+/// A dense head.
 pub struct DenseHead<B: Backend> {
     config: VggtConfig,
+    dtype: DType,
     norm: Norm<B>,
     levels: Vec<Level<B>>,
     output1: B::Conv,
@@ -61,9 +68,16 @@ pub struct DenseHead<B: Backend> {
 }
 
 impl<B: Backend> DenseHead<B> {
-    /// Loads a head with so many output channels (the last is the confidence).
-    pub fn load(backend: &B, at: &Weights<'_>, config: &VggtConfig, channels: usize) -> Result<Self, NetError> {
-        let loader = Loader { backend, dtype: DType::F32 };
+    /// Loads a head with so many output channels (the last is the confidence), computing in `dtype` but for the last
+    /// layer, which is f32.
+    pub fn load(
+        backend: &B,
+        at: &Weights<'_>,
+        config: &VggtConfig,
+        channels: usize,
+        dtype: DType,
+    ) -> Result<Self, NetError> {
+        let loader = Loader { backend, dtype };
         let (dim, features) = (2 * config.dim, config.features);
         let scratch = at.at("scratch");
         let mut levels = Vec::with_capacity(4);
@@ -98,7 +112,8 @@ impl<B: Backend> DenseHead<B> {
             levels,
             output1: loader.conv(&scratch.at("output_conv1"), [half, features, 3], Window::conv(1, 1), true)?,
             output2: loader.conv(&scratch.at("output_conv2.0"), [LAST_CHANNELS, half, 3], Window::conv(1, 1), true)?,
-            output3: loader.conv(
+            dtype,
+            output3: (Loader { backend, dtype: DType::F32 }).conv(
                 &scratch.at("output_conv2.2"),
                 [channels, LAST_CHANNELS, 1],
                 Window::conv(1, 0),
@@ -106,6 +121,19 @@ impl<B: Backend> DenseHead<B> {
             )?,
             config: config.clone(),
         })
+    }
+
+    /// Tables for photos of `rows` by `columns` patches.
+    pub fn tables(&self, backend: &B, (rows, columns): (usize, usize)) -> Result<HeadTables<B>, NetError> {
+        let aspect = columns as f64 / rows as f64;
+        let load = |height: usize, width: usize, channels: usize| {
+            let values = position_embedding(height, width, channels, aspect);
+            backend.load(&HostTensor::from_f32(&[height, width, channels], values), self.dtype)
+        };
+        let [a, b, c, d] = self.config.head_channels.map(|channels| load(rows, columns, channels));
+        let patch = self.config.patch;
+        let last = load(rows * patch, columns * patch, self.config.features / 2)?;
+        Ok(HeadTables { levels: [a?, b?, c?, d?], last })
     }
 
     /// Raw maps `[S, 14 rows, 14 columns, channels]` of all frames, before their activations.
@@ -118,28 +146,28 @@ impl<B: Backend> DenseHead<B> {
         levels: &[B::Tensor],
         special: usize,
         (rows, columns): (usize, usize),
+        tables: &HeadTables<B>,
     ) -> Result<Vec<B::Tensor>, NetError> {
         let frames = levels.first().map_or(0, |l| l.dim(0));
-        (0..frames).map(|frame| self.frame(backend, levels, frame, special, (rows, columns))).collect()
+        (0..frames).map(|frame| self.frame(backend, levels, (frame, special), (rows, columns), tables)).collect()
     }
 
     fn frame(
         &self,
         backend: &B,
         tokens: &[B::Tensor],
-        frame: usize,
-        special: usize,
+        (frame, special): (usize, usize),
         (rows, columns): (usize, usize),
+        tables: &HeadTables<B>,
     ) -> Result<B::Tensor, NetError> {
-        let aspect = columns as f64 / rows as f64;
         let mut maps = Vec::with_capacity(4);
-        for (level, tokens) in self.levels.iter().zip(tokens) {
+        for ((level, tokens), table) in self.levels.iter().zip(tokens).zip(&tables.levels) {
             let own = backend.slice(tokens, 0, frame, 1)?;
             let patches = backend.slice(&own, 1, special, rows * columns)?;
-            let normed = self.norm.run(backend, &backend.cast(&patches, DType::F32)?)?;
+            let normed = self.norm.run(backend, &backend.cast(&patches, self.dtype)?)?;
             let map = backend.reshape(&normed, &[1, rows, columns, 2 * self.config.dim])?;
             let map = backend.conv2d(&map, &level.project, Act::None, None)?;
-            let map = add_positions(backend, map, aspect)?;
+            let map = backend.binary(map, table, Binary::Add)?;
             let map = match &level.rescale {
                 Rescale::Up(conv) => backend.conv_transpose2d(&map, conv, Act::None, None)?,
                 Rescale::Same => map,
@@ -166,17 +194,10 @@ impl<B: Backend> DenseHead<B> {
         drop(fused);
         let (height, width) = (rows * self.config.patch, columns * self.config.patch);
         let map = backend.resize(&map, height, width, Resize::BilinearCorners)?;
-        let map = add_positions(backend, map, aspect)?;
+        let map = backend.binary(map, &tables.last, Binary::Add)?;
         let map = backend.conv2d(&map, &self.output2, Act::Relu, None)?;
-        backend.conv2d(&map, &self.output3, Act::None, None)
+        backend.conv2d(&backend.cast(&map, DType::F32)?, &self.output3, Act::None, None)
     }
-}
-
-fn add_positions<B: Backend>(backend: &B, map: B::Tensor, aspect: f64) -> Result<B::Tensor, NetError> {
-    let (height, width, channels) = (map.dim(1), map.dim(2), map.dim(3));
-    let table = HostTensor::from_f32(&[height, width, channels], position_embedding(height, width, channels, aspect));
-    let table = backend.load(&table, map.dtype())?;
-    backend.binary(map, &table, Binary::Add)
 }
 
 /// A tenth of the sinusoidal embedding of a grid of `height` by `width` cells in an image of aspect `aspect`.

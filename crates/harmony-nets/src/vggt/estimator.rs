@@ -1,7 +1,7 @@
 //! VGGT as the geometry estimator, in our conventions.
 
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use async_trait::async_trait;
 use glam::{DMat3, DQuat, DVec2, DVec3, Vec3};
@@ -28,6 +28,12 @@ pub enum Device {
     /// All threads of rayon's pool.
     #[default]
     Cpu,
+    /// The first NVIDIA GPU; an error that says what is missing when there is none to be used.
+    #[cfg(feature = "cuda")]
+    Cuda,
+    /// The first NVIDIA GPU when it can be used and has the memory, else the CPU; [`VggtEstimator::device`] says which and why.
+    #[cfg(feature = "cuda")]
+    Best,
 }
 
 /// A network on a device, whichever that is.
@@ -39,6 +45,8 @@ trait Estimate: Send + Sync {
 struct On<B: Backend> {
     backend: B,
     network: Vggt<B>,
+    /// One pass at a time: a pass uses the whole device, and what others launch must not get into a recording.
+    turn: Mutex<()>,
 }
 
 impl<B: Backend> Estimate for On<B> {
@@ -47,6 +55,7 @@ impl<B: Backend> Estimate for On<B> {
     }
 
     fn run(&self, frames: &[Frame]) -> Result<Vec<FrameGeometry>, NetError> {
+        let _turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
         // Points come from the depth, which the authors recommend over the point head.
         self.network.run(&self.backend, frames, Heads { depth: true, points: false })
     }
@@ -58,6 +67,8 @@ pub struct VggtEstimator {
     network: Arc<dyn Estimate>,
     model: String,
     patch: usize,
+    /// Why it is not on the device that would be quicker.
+    note: Option<String>,
 }
 
 impl VggtEstimator {
@@ -69,6 +80,15 @@ impl VggtEstimator {
         let file = WeightFile::open(path)?;
         match device {
             Device::Cpu => Self::on(Cpu::new(), &file),
+            #[cfg(feature = "cuda")]
+            Device::Cuda => Self::on(crate::cuda::Cuda::open(0)?, &file),
+            #[cfg(feature = "cuda")]
+            Device::Best => match crate::cuda::Cuda::open(0).and_then(|cuda| Self::on(cuda, &file)) {
+                Err(reason @ (NetError::Device { .. } | NetError::OutOfMemory { .. })) => {
+                    Ok(Self { note: Some(reason.to_string()), ..Self::on(Cpu::new(), &file)? })
+                }
+                other => other,
+            },
         }
     }
 
@@ -80,12 +100,18 @@ impl VggtEstimator {
         let network = Vggt::load(&backend, &file.at(""))?;
         let name = file.path().file_name().map_or_else(|| "weights".into(), |n| n.to_string_lossy().into_owned());
         let patch = network.config().patch;
-        Ok(Self { network: Arc::new(On { backend, network }), model: format!("VGGT {name}"), patch })
+        Ok(Self {
+            network: Arc::new(On { backend, network, turn: Mutex::new(()) }),
+            model: format!("VGGT {name}"),
+            patch,
+            note: None,
+        })
     }
 
     /// The device it runs on, for people.
     pub fn device(&self) -> String {
-        self.network.device()
+        let device = self.network.device();
+        self.note.as_ref().map_or_else(|| device.clone(), |why| format!("{device}; not on a GPU: {why}"))
     }
 
     /// Point maps of several photos of one room, in one common frame. All photos have one shape after preprocessing.

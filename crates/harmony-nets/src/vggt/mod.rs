@@ -19,9 +19,12 @@ pub use config::VggtConfig;
 pub use estimator::{Device, VggtEstimator};
 pub use preprocess::{Frame, Photo, WIDTH, preprocess};
 
-use aggregator::Aggregator;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use aggregator::{Aggregator, TrunkTables};
 use camera_head::{CameraHead, POSE};
-use dense_head::DenseHead;
+use dense_head::{DenseHead, HeadTables};
 
 use crate::{Backend, DType, HostTensor, NetError, Weights};
 
@@ -62,20 +65,44 @@ pub struct Vggt<B: Backend> {
     camera: CameraHead<B>,
     depth: DenseHead<B>,
     points: Option<DenseHead<B>>,
+    /// Tells recordings of several networks on one device apart.
+    id: u64,
+    /// Tables of the size that was run last.
+    tables: Mutex<Option<Arc<Tables<B>>>>,
 }
 
+/// Tables of one size of photos: number, rows and columns of patches.
+struct Tables<B: Backend> {
+    size: (usize, usize, usize),
+    trunk: TrunkTables<B>,
+    head: HeadTables<B>,
+}
+
+static NEXT: AtomicU64 = AtomicU64::new(0);
+
 impl<B: Backend> Vggt<B> {
-    /// Loads the network; sizes are read from the file.
+    /// Loads the network; sizes are read from the file. The trunk computes in the backend's preferred type, the heads
+    /// in f32 as in the reference.
     pub fn load(backend: &B, weights: &Weights<'_>) -> Result<Self, NetError> {
+        Self::load_with(backend, weights, DType::F32)
+    }
+
+    /// The same with heads that compute in another type (their last layers stay f32): bf16 is several times as quick on
+    /// GPUs.
+    pub fn load_with(backend: &B, weights: &Weights<'_>, heads: DType) -> Result<Self, NetError> {
         let config = VggtConfig::of(weights)?;
-        let points =
-            config.points.then(|| DenseHead::load(backend, &weights.at("point_head"), &config, 4)).transpose()?;
+        let points = config
+            .points
+            .then(|| DenseHead::load(backend, &weights.at("point_head"), &config, 4, heads))
+            .transpose()?;
         Ok(Self {
             aggregator: Aggregator::load(backend, weights, &config)?,
-            camera: CameraHead::load(backend, weights, &config)?,
-            depth: DenseHead::load(backend, &weights.at("depth_head"), &config, 2)?,
+            camera: CameraHead::load(backend, weights, &config, heads)?,
+            depth: DenseHead::load(backend, &weights.at("depth_head"), &config, 2, heads)?,
             points,
             config,
+            id: NEXT.fetch_add(1, Ordering::Relaxed),
+            tables: Mutex::default(),
         })
     }
 
@@ -90,6 +117,48 @@ impl<B: Backend> Vggt<B> {
     /// [`NetError::Input`] for no frames, frames of different sizes, or sides that are no multiple of the patch.
     pub fn run(&self, backend: &B, frames: &[Frame], heads: Heads) -> Result<Vec<FrameGeometry>, NetError> {
         let wrong = |reason: String| NetError::Input { network: "VGGT", reason };
+        let (images, grid) = self.pixels(backend, frames)?;
+        let tables = self.tables(backend, frames.len(), grid)?;
+        let key = self.key(frames.len(), grid, heads);
+        let results =
+            backend.replayable(&key, &[&images], &mut |inputs| self.network(backend, inputs, &tables, grid, heads))?;
+        let (pose, maps) = results.split_first().ok_or_else(|| wrong("a network without results".into()))?;
+        let (depth, points) = maps.split_at(if heads.depth { frames.len() } else { 0 });
+        let poses = backend.read(pose)?;
+        let mut out: Vec<FrameGeometry> = poses
+            .as_chunks::<POSE>()
+            .0
+            .iter()
+            .map(|raw| {
+                let mut pose = *raw;
+                pose[7..].iter_mut().for_each(|fov| *fov = fov.max(0.0));
+                let (depth, depth_confidence) = (Vec::new(), Vec::new());
+                FrameGeometry { pose, depth, depth_confidence, points: Vec::new(), point_confidence: Vec::new() }
+            })
+            .collect();
+        for (frame, map) in out.iter_mut().zip(depth) {
+            let map = backend.read(map)?;
+            let cells = map.as_chunks::<2>().0;
+            frame.depth = cells.iter().map(|[v, _]| v.exp()).collect();
+            frame.depth_confidence = cells.iter().map(|[_, c]| 1.0 + c.exp()).collect();
+        }
+        for (frame, map) in out.iter_mut().zip(points) {
+            let map = backend.read(map)?;
+            let cells = map.as_chunks::<4>().0;
+            let unlog = |v: f32| v.signum() * v.abs().exp_m1();
+            frame.points = cells.iter().map(|[x, y, z, _]| [unlog(*x), unlog(*y), unlog(*z)]).collect();
+            frame.point_confidence = cells.iter().map(|[_, _, _, c]| 1.0 + c.exp()).collect();
+        }
+        Ok(out)
+    }
+
+    fn key(&self, frames: usize, (rows, columns): (usize, usize), heads: Heads) -> String {
+        format!("vggt {} {frames}x{rows}x{columns} {heads:?}", self.id)
+    }
+
+    /// Normalised photos `[S, H, W, 3]` on the device, and the rows and columns of patches of each.
+    fn pixels(&self, backend: &B, frames: &[Frame]) -> Result<(B::Tensor, (usize, usize)), NetError> {
+        let wrong = |reason: String| NetError::Input { network: "VGGT", reason };
         let first = frames.first().ok_or_else(|| wrong("no photo".into()))?;
         let (width, height, patch) = (first.width, first.height, self.config.patch);
         if frames.iter().any(|f| (f.width, f.height) != (width, height)) {
@@ -103,40 +172,60 @@ impl<B: Backend> Vggt<B> {
             pixels.extend(frame.rgb.iter().enumerate().map(|(i, v)| (v - MEAN[i % 3]) / DEVIATION[i % 3]));
         }
         let images = backend.load(&HostTensor::from_f32(&[frames.len(), height, width, 3], pixels), DType::F32)?;
-        let grid = (height / patch, width / patch);
-        let aggregated = self.aggregator.run(backend, &images)?;
-        let last = aggregated.levels.last().ok_or_else(|| wrong("a network without levels".into()))?;
-        let poses = backend.read(&self.camera.run(backend, last)?)?;
-        let mut out: Vec<FrameGeometry> = poses
-            .as_chunks::<POSE>()
-            .0
-            .iter()
-            .map(|raw| {
-                let mut pose = *raw;
-                pose[7..].iter_mut().for_each(|fov| *fov = fov.max(0.0));
-                let (depth, depth_confidence) = (Vec::new(), Vec::new());
-                FrameGeometry { pose, depth, depth_confidence, points: Vec::new(), point_confidence: Vec::new() }
-            })
-            .collect();
-        if heads.depth {
-            let maps = self.depth.run(backend, &aggregated.levels, aggregated.special, grid)?;
-            for (frame, map) in out.iter_mut().zip(maps) {
-                let map = backend.read(&map)?;
-                let cells = map.as_chunks::<2>().0;
-                frame.depth = cells.iter().map(|[v, _]| v.exp()).collect();
-                frame.depth_confidence = cells.iter().map(|[_, c]| 1.0 + c.exp()).collect();
-            }
+        Ok((images, (height / patch, width / patch)))
+    }
+
+    /// Milliseconds of the network alone, with the pixels on the device and the outputs left there; for benchmarks.
+    /// `recorded`: as [`Self::run`] does it, which the backend may replay; else operation by operation.
+    pub fn timed(&self, backend: &B, frames: &[Frame], heads: Heads, recorded: bool) -> Result<f64, NetError> {
+        let (images, grid) = self.pixels(backend, frames)?;
+        let tables = self.tables(backend, frames.len(), grid)?;
+        let key = self.key(frames.len(), grid, heads);
+        backend.read(&backend.slice(&images, 0, 0, 1)?)?;
+        let start = std::time::Instant::now();
+        let body = &mut |inputs: &[B::Tensor]| self.network(backend, inputs, &tables, grid, heads);
+        let results = if recorded { backend.replayable(&key, &[&images], body)? } else { body(&[images])? };
+        if let Some(pose) = results.first() {
+            // The few numbers of the pose; work before and after them is on one queue, so the last map is waited for too.
+            backend.read(pose)?;
         }
-        if let (true, Some(head)) = (heads.points, &self.points) {
-            let maps = head.run(backend, &aggregated.levels, aggregated.special, grid)?;
-            for (frame, map) in out.iter_mut().zip(maps) {
-                let map = backend.read(&map)?;
-                let cells = map.as_chunks::<4>().0;
-                let unlog = |v: f32| v.signum() * v.abs().exp_m1();
-                frame.points = cells.iter().map(|[x, y, z, _]| [unlog(*x), unlog(*y), unlog(*z)]).collect();
-                frame.point_confidence = cells.iter().map(|[_, _, _, c]| 1.0 + c.exp()).collect();
-            }
+        if let Some(last) = results.last() {
+            backend.read(&backend.slice(last, 1, 0, 1)?)?;
         }
-        Ok(out)
+        Ok(start.elapsed().as_secs_f64() * 1e3)
+    }
+
+    /// Everything between the pixels and the raw outputs: the pose, then the depth maps, then the point maps.
+    fn network(
+        &self,
+        backend: &B,
+        inputs: &[B::Tensor],
+        tables: &Tables<B>,
+        grid: (usize, usize),
+        heads: Heads,
+    ) -> Result<Vec<B::Tensor>, NetError> {
+        let wrong = |reason: &str| NetError::Input { network: "VGGT", reason: reason.into() };
+        let images = inputs.first().ok_or_else(|| wrong("no photo"))?;
+        let aggregated = self.aggregator.run(backend, images, &tables.trunk)?;
+        let last = aggregated.levels.last().ok_or_else(|| wrong("a network without levels"))?;
+        let mut results = vec![self.camera.run(backend, last)?];
+        let depth = heads.depth.then_some(&self.depth);
+        for head in [depth, self.points.as_ref().filter(|_| heads.points)].into_iter().flatten() {
+            results.extend(head.run(backend, &aggregated.levels, aggregated.special, grid, &tables.head)?);
+        }
+        Ok(results)
+    }
+
+    fn tables(&self, backend: &B, frames: usize, grid: (usize, usize)) -> Result<Arc<Tables<B>>, NetError> {
+        let mut last = self.tables.lock().unwrap_or_else(PoisonError::into_inner);
+        let size = (frames, grid.0, grid.1);
+        if let Some(tables) = last.as_ref().filter(|t| t.size == size) {
+            return Ok(Arc::clone(tables));
+        }
+        *last = None;
+        let trunk = self.aggregator.tables(backend, frames, grid)?;
+        let tables = Arc::new(Tables { size, trunk, head: self.depth.tables(backend, grid)? });
+        *last = Some(Arc::clone(&tables));
+        Ok(tables)
     }
 }
