@@ -157,8 +157,8 @@ mod tests {
         )
         .unwrap();
         assert_eq!(file.budget.roles[&harmony_roles::Role::MeshGenerator].calls, Some(40));
-        assert_eq!(file.limits.try_seconds[&harmony_roles::Role::MeshGenerator], 900.0);
-        assert_eq!(file.prices.models["gpt-5.5"].output, 8.0);
+        assert!((file.limits.try_seconds[&harmony_roles::Role::MeshGenerator] - 900.0).abs() < 1e-9);
+        assert!((file.prices.models["gpt-5.5"].output - 8.0).abs() < 1e-9);
         for (text, named) in [
             ("[budget]\nusd = -1.0\n", "budget.usd"),
             ("[prices.models.m]\nimage = nan\n", "image"),

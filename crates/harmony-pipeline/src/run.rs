@@ -172,7 +172,8 @@ impl Stage<'_> {
         }
         if request.until >= 5 {
             let ctx = self.ctx(5);
-            if let Some((next, lit)) = self.phase(5, phases::lighting::run(&ctx, state.clone())).await? {
+            let lighting = Box::pin(phases::lighting::run(&ctx, state.clone()));
+            if let Some((next, lit)) = self.phase(5, lighting).await? {
                 state = next;
                 self.lit = lit;
             }
@@ -188,7 +189,7 @@ impl Stage<'_> {
         levels: usize,
     ) -> Result<(SceneState, bool), RunError> {
         for level in 0..levels {
-            let placed = self.phase(level + 1, graph.place(level, state.clone())).await;
+            let placed = Box::pin(self.phase(level + 1, graph.place(level, state.clone()))).await;
             match placed {
                 Ok(Some(next)) => state = next,
                 // Whoever waits in the graph must hear of it before the run can end.

@@ -1,5 +1,6 @@
 //! A planted key must not appear in any error, `Debug` output, record or log of the players over HTTP, whatever a
 //! service does with it. One test in a program of its own: the log is the whole program's.
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 mod loopback;
 

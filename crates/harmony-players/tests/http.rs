@@ -1,4 +1,5 @@
 //! The client against a server that misbehaves.
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 mod loopback;
 

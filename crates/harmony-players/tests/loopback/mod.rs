@@ -153,12 +153,12 @@ async fn serve(
             stream.write_all(&body).await?;
             sent.fetch_add(body.len() as u64, Ordering::Relaxed);
         }
-        Play::Silence => tokio::time::sleep(Duration::from_secs(60)).await,
+        Play::Silence => tokio::time::sleep(Duration::from_mins(1)).await,
         Play::Stall(length, body) => {
             stream.write_all(head(200, &[], Some(length)).as_bytes()).await?;
             stream.write_all(&body).await?;
             stream.flush().await?;
-            tokio::time::sleep(Duration::from_secs(60)).await;
+            tokio::time::sleep(Duration::from_mins(1)).await;
         }
         Play::CutOff(length, body) => {
             stream.write_all(head(200, &[], Some(length)).as_bytes()).await?;
