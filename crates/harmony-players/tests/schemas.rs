@@ -1,5 +1,6 @@
 //! Every question of the pipeline survives the strict form: its example and the answers of the bundled recording come
 //! back as they were.
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use std::path::{Path, PathBuf};
 

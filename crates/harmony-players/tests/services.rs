@@ -1,4 +1,5 @@
 //! Each player against a server on loopback that speaks its format, and misbehaves as such servers do.
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 mod loopback;
 
