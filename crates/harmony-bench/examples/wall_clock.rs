@@ -2,7 +2,8 @@
 //!
 //! A made-up room of 30 objects, players with latencies like the real ones (8 s a question, 12 s an edit, 45 s a mesh).
 //! By default the clock is stopped: waits are counted, not waited, and computing counts as none. `--real 20` runs
-//! everything 20 times faster under the real clock, computing included. At last, what a call costs by itself.
+//! everything 20 times faster under the real clock, computing included; `--rooms 1` takes the first room only. The
+//! first line tells what a call costs by itself.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example that prints a table")]
 
@@ -23,8 +24,9 @@ const ROOMS: [(&str, [usize; 4]); 5] = [
 ];
 
 fn main() {
-    let real: Option<f64> =
-        std::env::args().skip_while(|a| a != "--real").nth(1).map(|text| text.parse().expect("--real takes a number"));
+    let given = |name: &str| std::env::args().skip_while(|a| a != name).nth(1);
+    let real: Option<f64> = given("--real").map(|text| text.parse().expect("--real takes a number"));
+    let rooms: usize = given("--rooms").map_or(ROOMS.len(), |text| text.parse().expect("--rooms takes a number"));
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .start_paused(real.is_none())
@@ -32,6 +34,7 @@ fn main() {
         .expect("a runtime can be made");
     let offline = offline_cast();
     let faster = real.unwrap_or(1.0);
+    tell_overhead(&offline);
     println!("lower bound = the larger of the longest chain (all players unlimited) and the busiest player's work");
     println!(
         "divided by its places; times in seconds of the {} clock\n",
@@ -41,8 +44,7 @@ fn main() {
         "{:18} {:>14} {:>6} {:>10} {:>8} {:>9} {:>9} {:>9} {:>6} {:>8} {:>6}",
         "room", "w/f/c/d", "meshes", "questions", "edits", "chain", "bound", "run", "ratio", "in a row", "gain"
     );
-    let rooms = if real.is_some() { &ROOMS[..1] } else { &ROOMS[..] };
-    for (name, counts) in rooms {
+    for (name, counts) in ROOMS.iter().take(rooms) {
         for meshes in [2, 4] {
             let pace = Pace::like_real(faster, meshes);
             let free = Pace { questions_at_once: 0, edits_at_once: 0, meshes_at_once: 0, ..pace };
@@ -71,18 +73,22 @@ fn main() {
             );
         }
     }
-    println!();
+}
+
+/// What a call costs by itself.
+fn tell_overhead(offline: &Cast) {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().expect("a runtime can be made");
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("calls");
     std::fs::create_dir_all(&out).unwrap();
-    let cost = runtime.block_on(overhead(2000, &offline, &out)).unwrap();
+    let cost = runtime.block_on(overhead(2000, offline, &out)).unwrap();
     println!(
         "2000 questions to a player that takes no time, one place: from one answer to the next question {:.3} ms \
          (median, scheduling alone), {:.3} ms a call with its record written and read back",
         cost.handover.as_secs_f64() * 1e3,
         cost.whole.as_secs_f64() * 1e3,
     );
+    println!();
 }
 
 fn run(runtime: &tokio::runtime::Runtime, counts: [usize; 4], pace: Pace, offline: &Cast) -> Played {

@@ -127,23 +127,20 @@ impl Calls {
             let text = format!("{missing}; {} was asked", card.player);
             warnings.push(warning(&name, WarningKind::PlayerReplaced, &text));
         }
-        let (answer, by, source) = match accepted {
-            Some(accepted) => accepted,
-            None => {
-                // What an earlier start paid for without an answer belongs to this call's account.
-                if let Some(before) = self.book.unanswered(R::ROLE, &name) {
-                    course.usage = before.usage;
-                    course.tries = before.tries;
-                    course.time = Duration::from_millis(before.latency_ms);
-                }
-                match self.play(request, cast, offline, &accept, &name, &mut course, &mut warnings).await {
-                    Ok(played) => played,
-                    Err(error) => {
-                        self.keep_unanswered::<R>(&name, &course, started)?;
-                        return Err(error);
-                    }
-                }
+        let (answer, by, source) = if let Some(accepted) = accepted {
+            accepted
+        } else {
+            // What an earlier start paid for without an answer belongs to this call's account.
+            if let Some(before) = self.book.unanswered(R::ROLE, &name) {
+                course.usage = before.usage;
+                course.tries = before.tries;
+                course.time = Duration::from_millis(before.latency_ms);
             }
+            let played = self.play(request, cast, offline, &accept, &name, &mut course, &mut warnings).await;
+            if played.is_err() {
+                self.keep_unanswered::<R>(&name, &course, started)?;
+            }
+            played?
         };
         let accepted = Accepted { answer, by, source, warnings };
         let timing = CallTiming { started_unix_ms: unix_millis(started), latency_ms: millis(course.time) };

@@ -35,29 +35,37 @@ use crate::phases::objects::{self, PreparedLevel};
 use crate::state::SceneState;
 use crate::steps::{detect, surfaces};
 
+/// Whether a value has come.
+#[derive(Debug, Clone)]
+enum Coming<T> {
+    Open,
+    There(T),
+    Never,
+}
+
 /// A value that comes once, or never; many can wait for it.
-struct Slot<T>(watch::Sender<Option<Option<T>>>);
+struct Slot<T>(watch::Sender<Coming<T>>);
 
 impl<T: Clone> Slot<T> {
     fn new() -> Self {
-        Self(watch::Sender::new(None))
+        Self(watch::Sender::new(Coming::Open))
     }
 
     /// The value is there; the first one stays.
     fn set(&self, value: T) {
-        self.close(Some(value));
+        self.close(Coming::There(value));
     }
 
     /// It will not come, if it is not there already.
     fn never(&self) {
-        self.close(None);
+        self.close(Coming::Never);
     }
 
-    fn close(&self, value: Option<T>) {
+    fn close(&self, value: Coming<T>) {
         self.0.send_if_modified(|slot| {
-            let open = slot.is_none();
+            let open = matches!(slot, Coming::Open);
             if open {
-                *slot = Some(value);
+                *slot = value;
             }
             open
         });
@@ -66,8 +74,11 @@ impl<T: Clone> Slot<T> {
     /// Waits for the value; `None` when it will not come.
     async fn get(&self) -> Option<T> {
         let mut changes = self.0.subscribe();
-        let found = changes.wait_for(Option::is_some).await;
-        found.ok().and_then(|slot| slot.clone().flatten())
+        let found = changes.wait_for(|slot| !matches!(slot, Coming::Open)).await;
+        match &*found.ok()? {
+            Coming::There(value) => Some(value.clone()),
+            Coming::Open | Coming::Never => None,
+        }
     }
 }
 

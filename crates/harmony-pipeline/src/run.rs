@@ -188,7 +188,7 @@ impl Stage<'_> {
         levels: usize,
     ) -> Result<(SceneState, bool), RunError> {
         for level in 0..levels {
-            let placed = self.phase(level + 1, graph.place(level, state.clone())).await;
+            let placed = Box::pin(self.phase(level + 1, graph.place(level, state.clone()))).await;
             match placed {
                 Ok(Some(next)) => state = next,
                 // Whoever waits in the graph must hear of it before the run can end.

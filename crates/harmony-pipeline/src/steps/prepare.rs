@@ -104,12 +104,11 @@ fn identical(wanted: Vec<(Candidate, InspectedObject)>) -> Vec<Vec<(Candidate, I
             continue;
         };
         let known = sets.entry((set, object.kind.clone())).or_default();
-        match known.iter().find(|i| same_size(&groups[**i][0].1, &object)) {
-            Some(i) => groups[*i].push((candidate, object)),
-            None => {
-                known.push(groups.len());
-                groups.push(vec![(candidate, object)]);
-            }
+        if let Some(i) = known.iter().find(|i| same_size(&groups[**i][0].1, &object)) {
+            groups[*i].push((candidate, object));
+        } else {
+            known.push(groups.len());
+            groups.push(vec![(candidate, object)]);
         }
     }
     for group in &mut groups {

@@ -90,12 +90,11 @@ fn with_margin(state: &SceneState, objects: &Mask) -> Mask {
 /// Fatal role errors and unwritable files.
 pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<RgbImage>>) -> Result<(), PhaseError> {
     let size = state.partial.camera.size;
-    let (source, visible) = match bare {
-        Some(bare) => (bare, Mask::from_fn(size, |_, _| true)),
-        None => {
-            let objects = with_margin(state, &state.all_objects());
-            (state.photo.clone(), Mask::from_fn(size, |_, _| true).minus(&objects))
-        }
+    let (source, visible) = if let Some(bare) = bare {
+        (bare, Mask::from_fn(size, |_, _| true))
+    } else {
+        let objects = with_margin(state, &state.all_objects());
+        (state.photo.clone(), Mask::from_fn(size, |_, _| true).minus(&objects))
     };
     let camera = state.partial.camera;
     let extents = state.partial.room.extents;
