@@ -1,5 +1,6 @@
 //! What happens on the way to a player: places, retries, deadlines, budgets, a clean stop. Tokio's clock is stopped
 //! (`start_paused`), so that waits take no time and can be read off to the second.
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 mod common;
 
@@ -130,7 +131,8 @@ async fn retry_after_is_kept_for_all_calls_of_the_player() {
         desk.calls.ask(&two, sane).await
     };
     let (first, second) = tokio::join!(first, second);
-    (first.unwrap(), second.unwrap());
+    first.unwrap();
+    second.unwrap();
     assert_eq!(begun.elapsed().as_secs(), 21, "20 s as asked for and up to 1 s of jitter");
     assert_eq!(vlm.asked(), 3, "the second call did not run into the closed door");
 }
