@@ -7,7 +7,7 @@ mod loopback;
 use std::io::Write;
 use std::sync::{Arc, Mutex};
 
-use harmony_calls::{BookOptions, CallBook, CallOptions, Calls};
+use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, Limits, RetryPolicy};
 use harmony_players::check::Check;
 use harmony_players::detector::grounding::{GroundingOptions, GroundingPlayer};
 use harmony_players::detector::locate::{LocateOptions, LocatePlayer};
@@ -61,11 +61,13 @@ fn key() -> ApiKey {
 /// What a service that repeats the key does, in all the ways that it can.
 fn plays(seen: &Seen) -> Vec<Play> {
     let said = format!("you sent {:?} and {}", seen.headers, &CANARY[..17]);
+    // A model's text that is JSON, so that it is accepted and recorded.
+    let text = value!(said).to_string();
     let inside = value!({"status": "completed",
-        "output": [{"type": "message", "content": [{"type": "output_text", "text": said}]}],
-        "choices": [{"message": {"content": said}, "finish_reason": "stop"}],
-        "candidates": [{"content": {"parts": [{"text": said}]}, "finishReason": "STOP"}],
-        "content": [{"type": "text", "text": said}], "stop_reason": "end_turn",
+        "output": [{"type": "message", "content": [{"type": "output_text", "text": text}]}],
+        "choices": [{"message": {"content": text}, "finish_reason": "stop"}],
+        "candidates": [{"content": {"parts": [{"text": text}]}, "finishReason": "STOP"}],
+        "content": [{"type": "text", "text": text}], "stop_reason": "end_turn",
         "data": [{"b64_json": said, "id": said}], "artifacts": [{"base64": said}]});
     vec![
         json(401, &value!({"error": {"message": said, "code": said}})),
@@ -182,7 +184,6 @@ fn detect() -> DetectRequest {
 }
 
 #[tokio::test]
-#[ignore = "does not end within three minutes: find out which player waits, then take this out"]
 async fn a_planted_key_appears_nowhere() {
     let log = Log::default();
     let writer = log.clone();
@@ -193,6 +194,8 @@ async fn a_planted_key_appears_nowhere() {
         .init();
     let count = plays(&Seen { method: String::new(), path: String::new(), headers: vec![], body: vec![] }).len();
     let mut errors = 0;
+    // Looks for Blender: once is enough.
+    let offline = offline_cast();
     for which in 0..count {
         let server = Loopback::start(move |seen| plays(seen).swap_remove(which)).await;
         let all = everybody(&server);
@@ -223,15 +226,18 @@ async fn a_planted_key_appears_nowhere() {
 
         // The same through the call book: records, raw answers and warnings.
         let folder = tempfile::tempdir().unwrap();
-        let mut cast = offline_cast();
+        let mut cast = offline.clone();
         cast.vision_language = all.language[which % all.language.len()].clone();
         cast.image_editor = all.editors[which % all.editors.len()].clone();
         cast.mesh_generator = all.hunyuan.clone();
         cast.detector = all.locate.clone();
         let secrets = vec![key().secret()];
         let book = CallBook::open(folder.path(), BookOptions { secrets, ..BookOptions::default() }).unwrap();
-        let options = CallOptions { reasks: 1, ..CallOptions::default() };
-        let calls = Calls::new(Arc::new(book), cast, offline_cast(), options);
+        // What is passing is tried again once, and at once: the waits of a run would take minutes here.
+        let retry = RetryPolicy { retries: 1, first_seconds: 0.01, most_seconds: 0.01, ..RetryPolicy::default() };
+        let limits = Limits { retry, ..Limits::default() };
+        let options = CallOptions { reasks: 1, limits, ..CallOptions::default() };
+        let calls = Calls::new(Arc::new(book), cast, offline.clone(), options);
         let _ = calls.ask(&question("3_furniture/list"), |_| Ok(())).await;
         let _ = calls.edit(&edit()).await;
         let _ = calls.generate_mesh(&mesh()).await;

@@ -111,14 +111,16 @@ impl ApiKey {
         out
     }
 
-    /// Overwrites the key wherever it stands in an answer; the length stays, so that binary formats stay readable.
+    /// Overwrites the key, or a longer beginning of it, wherever it stands in an answer; the length stays, so that
+    /// binary formats stay readable.
     pub(super) fn blot_out(&self, bytes: &mut [u8]) {
         let key = self.text.as_bytes();
         let mut at = 0;
-        while at + key.len() <= bytes.len() {
-            if bytes[at..].starts_with(key) {
-                bytes[at..at + key.len()].fill(b'x');
-                at += key.len();
+        while at < bytes.len() {
+            let same = key.iter().zip(&bytes[at..]).take_while(|(a, b)| a == b).count();
+            if same >= PART.min(key.len()) {
+                bytes[at..at + same].fill(b'x');
+                at += same;
             } else {
                 at += 1;
             }
@@ -178,6 +180,9 @@ mod tests {
         key().blot_out(&mut bytes);
         assert_eq!(bytes.len(), length);
         assert!(bytes.starts_with(b"axxx") && !String::from_utf8_lossy(&bytes).contains("canary"));
+        let mut beginning = format!("ssk-canarsk-canary-3f9..., {}", &CANARY[..6]).into_bytes();
+        key().blot_out(&mut beginning);
+        assert_eq!(String::from_utf8_lossy(&beginning), "ssk-canarxxxxxxxxxxxxx..., sk-can");
     }
 
     #[test]
