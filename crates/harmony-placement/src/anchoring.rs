@@ -19,6 +19,11 @@ const BEYOND_LOOSE: f64 = 2.5;
 
 /// How far the front of a window or door stands out from its wall, metres; the rest of a thick one is in the wall.
 const PROUD: f64 = 0.06;
+/// The same where a curtain hangs before it: it must hang free of the frame.
+const PROUD_BEHIND_CURTAIN: f64 = 0.025;
+
+/// Thickness of a rug or mat, at most, metres.
+const THICKEST_RUG: f64 = 0.012;
 
 /// How an object is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -169,7 +174,13 @@ impl Frame<'_> {
             let (_, prior) = prior_scale(self.item, self.item.size);
             stretch.z = stretch.x * prior.z / prior.x;
         }
-        let mut pose = Pose { position: Vec3::new(numbers[0], 0.0, numbers[1]), yaw, scale: numbers[3].exp(), stretch };
+        let scale = numbers[3].exp();
+        if self.item.traits.flat {
+            // A larger rug is no thicker one.
+            let height = self.item.shape.bounds().size().y * scale * stretch.y;
+            stretch.y *= (THICKEST_RUG / height.max(1e-6)).min(1.0);
+        }
+        let mut pose = Pose { position: Vec3::new(numbers[0], 0.0, numbers[1]), yaw, scale, stretch };
         let size = size_of(self.item, &pose);
         match self.anchoring {
             Anchoring::AgainstWall(wall) => {
@@ -179,7 +190,12 @@ impl Frame<'_> {
             Anchoring::OnWall(wall) => {
                 let highest = if self.item.traits.to_floor { 0.0 } else { (e.height - size.y).max(0.0) };
                 let y = numbers[1].clamp(0.0, highest);
-                let away = if self.item.traits.opening { size.z.min(PROUD) - size.z / 2.0 } else { size.z / 2.0 };
+                let away = if self.item.traits.opening {
+                    let proud = if self.is_curtained(wall, numbers[0], size.x) { PROUD_BEHIND_CURTAIN } else { PROUD };
+                    size.z.min(proud) - size.z / 2.0
+                } else {
+                    size.z / 2.0
+                };
                 pose.position = wall.point(&e, numbers[0], y) + wall.normal() * (self.wall_gap + away);
             }
             Anchoring::Ceiling => pose.position.y = e.height - size.y,
@@ -207,6 +223,15 @@ impl Frame<'_> {
             pose.position.y = self.surface(host, level, &pose).map_or(level, |s| s.height);
         }
         pose
+    }
+
+    /// Whether something hangs before a part of a wall, such as a curtain.
+    fn is_curtained(&self, wall: Wall, u: f64, width: f64) -> bool {
+        self.scene.placed.iter().any(|p| {
+            p.item.traits.hangs
+                && p.support == Support::Wall { wall }
+                && (wall.coordinates(p.pose.position).x - u).abs() < (width + p.size().width) / 2.0
+        })
     }
 
     fn surface(&self, host: usize, level: f64, pose: &Pose) -> Option<support::Surface> {

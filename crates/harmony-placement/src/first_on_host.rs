@@ -16,6 +16,9 @@ const DOUBTFUL_OVERLAP: f64 = 0.5;
 /// Yaw error of a decoration that faces where its host faces, radians.
 const HOST_YAW_SIGMA: f64 = 0.3;
 
+/// How far about a mask's lowest row its foot is looked for, share of its height.
+const FOOT: f64 = 0.1;
+
 /// Layers of a host tried, at most.
 const MOST_LAYERS: usize = 6;
 
@@ -30,13 +33,17 @@ pub(crate) fn hypotheses<'a>(starter: &Starter<'a, '_>) -> Vec<Hypothesis<'a>> {
     out
 }
 
-/// Share of a decoration's box that lies on a host: its lower half against the host's seen or projected box.
+/// Share of a decoration's box that lies on a host: its lower half, or what is about its foot (a tall lamp stands on a
+/// little table), against the host's seen or projected box.
 fn overlap(scene: &PartialScene, host: &Placed, mask_box: &PixelBox) -> f64 {
     let lower = PixelBox { y0: f64::midpoint(mask_box.y0, mask_box.y1), ..*mask_box };
-    let seen = host.item.mask.bounds();
-    let projected = projected_box(scene, host);
-    let area = |b: Option<PixelBox>| b.map_or(0.0, |b| lower.covered_by(&b.padded(0.02, scene.camera.size)));
-    area(seen).max(area(projected))
+    let around = FOOT * mask_box.height();
+    let foot = PixelBox { y0: mask_box.y1 - around, y1: mask_box.y1 + around, ..*mask_box };
+    let area = |b: Option<PixelBox>| {
+        let b = b.map(|b| b.padded(0.02, scene.camera.size));
+        b.map_or(0.0, |b| lower.covered_by(&b).max(foot.covered_by(&b)))
+    };
+    area(host.item.mask.bounds()).max(area(projected_box(scene, host)))
 }
 
 fn projected_box(scene: &PartialScene, placed: &Placed) -> Option<PixelBox> {

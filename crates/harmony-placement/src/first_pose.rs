@@ -30,7 +30,7 @@ const WALL_SIGMA: f64 = 0.15;
 const LOOSE_SIGMA: f64 = 0.05;
 
 /// Expected error of a rug's alignment with the room, radians.
-const RUG_SIGMA: f64 = 0.09;
+const RUG_SIGMA: f64 = 0.05;
 
 /// A pose to start from.
 #[derive(Debug, Clone)]

@@ -11,11 +11,12 @@
 
 use harmony_geometry::least_squares::{minimise, robust};
 use harmony_geometry::{room_from_unknowns, room_unknowns};
-use harmony_scene::{Camera, Extents, Level, Mask, PointMapKind, Pose, Support, Vec2, Vec3, Wall};
+use harmony_scene::{Camera, Extents, Level, Mask, PixelBox, PointMapKind, Pose, Support, Vec2, Vec3, Wall};
 
 use crate::anchoring::{Anchoring, USUAL_GAP, prior_scale, size_of};
 use crate::formulas::front_surface_depth;
 use crate::level::{anchoring_of, neighbours};
+use crate::standard::standard_height;
 use crate::view::View;
 use crate::{PartialScene, PlacementSettings, RoomPoints};
 
@@ -53,6 +54,10 @@ const TRUSTED_IOU: f64 = 0.6;
 const LIMIT: f64 = 3.0;
 /// Surface points an object is outlined by, at most.
 const OUTLINE_POINTS: usize = 240;
+/// What is nearer to the camera than this has no image, metres.
+const NEAREST: f64 = 0.05;
+/// Edges of an object that the image's border cuts, at most.
+const MOST_EDGES: usize = 2000;
 /// Least-squares rounds; outlines and depths are read anew before each.
 const ROUNDS: usize = 2;
 const ITERATIONS: usize = 8;
@@ -95,6 +100,10 @@ struct Body {
     anchoring: Anchoring,
     /// Canonical points whose projections make its outline.
     outline: Vec<Vec3>,
+    /// Edges of the mesh, of an object that the image's border cuts: what of them is in the image makes its outline there.
+    edges: Vec<[Vec3; 2]>,
+    /// Where the outline counts: the image where its border cuts the mask.
+    within: PixelBox,
     /// How far the mask reaches in each direction, pixels, and whether it ends there by itself.
     reach: Vec<(f64, bool)>,
     outline_sigma: f64,
@@ -105,6 +114,8 @@ struct Body {
     start_depth: f64,
     size_log: f64,
     size_sigma: f64,
+    /// Logarithm of the scale at which it has its standard height, and one sigma.
+    standard: Option<(f64, f64)>,
     /// Its set's first member, in bodies.
     twin: Option<usize>,
 }
@@ -280,6 +291,12 @@ fn bodies(scene: &PartialScene, settings: &PlacementSettings) -> Vec<Body> {
             out[i].twin = (0..i).find(|j| set(&out[*j]) == own);
         }
     }
+    // How far a room's worktops are from the standard, they are together.
+    let labels: Vec<&str> = out.iter().map(|b| scene.placed[b.object].item.label.as_str()).collect();
+    for (i, b) in out.iter_mut().enumerate() {
+        let alike = labels.iter().filter(|l| **l == labels[i]).count();
+        b.standard = b.standard.map(|(log, sigma)| (log, sigma * (alike as f64).sqrt()));
+    }
     out
 }
 
@@ -317,6 +334,8 @@ fn body(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Op
         object,
         anchoring: anchoring_of(scene, object),
         outline: outline_points(scene, object),
+        edges: if view.is_cut() { edges_of(item.shape.proxy()) } else { Vec::new() },
+        within: view.within,
         reach,
         outline_sigma,
         depth,
@@ -324,6 +343,10 @@ fn body(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Op
         start_depth: scene.camera.depth(placed.pose.position),
         size_log: scale.ln() - stretched,
         size_sigma: size_sigma(settings),
+        standard: standard_height(&item.label, item.size.height).map(|(height, sigma)| {
+            let own = item.shape.bounds().size().y * placed.pose.stretch.y;
+            ((height / own.max(1e-6)).ln(), sigma)
+        }),
         twin: None,
     })
 }
@@ -350,6 +373,33 @@ fn outline_points(scene: &PartialScene, object: usize) -> Vec<Vec3> {
         chosen.extend(best.filter(|b| !chosen.contains(b)));
     }
     chosen.into_iter().map(|i| all[i]).collect()
+}
+
+/// The edges of a mesh, at most [`MOST_EDGES`] of them.
+fn edges_of(mesh: &harmony_mesh::Mesh) -> Vec<[Vec3; 2]> {
+    let at = |i: u32| mesh.positions.get(i as usize).map(|p| p.as_dvec3());
+    let mut edges: Vec<[u32; 2]> =
+        mesh.triangles().flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]).map(|[a, b]| [a.min(b), a.max(b)]).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    let step = edges.len().div_ceil(MOST_EDGES).max(1);
+    edges.into_iter().step_by(step).filter_map(|[a, b]| Some([at(a)?, at(b)?])).collect()
+}
+
+/// The part of a segment that is inside of a box.
+fn clipped(a: Vec2, b: Vec2, within: &PixelBox) -> Option<[Vec2; 2]> {
+    let (mut from, mut to) = (0.0_f64, 1.0_f64);
+    let sides = [(Vec2::X, -within.x0), (Vec2::Y, -within.y0), (Vec2::NEG_X, within.x1), (Vec2::NEG_Y, within.y1)];
+    for (normal, limit) in sides {
+        let (da, db) = (normal.dot(a) + limit, normal.dot(b) + limit);
+        match (da >= 0.0, db >= 0.0) {
+            (true, true) => {}
+            (false, false) => return None,
+            (true, false) => to = to.min(da / (da - db)),
+            (false, true) => from = from.max(da / (da - db)),
+        }
+    }
+    (from <= to).then(|| [a.lerp(b, from), a.lerp(b, to)])
 }
 
 /// How far a mask reaches in a direction (pixels), and whether it ends there by itself: not at the image's border,
@@ -455,18 +505,29 @@ fn residuals(
     let linear = camera.rotation * pose.linear();
     let offset = camera.to_camera(pose.position);
     let k = camera.intrinsics;
-    let mut far = [f64::NEG_INFINITY; DIRECTIONS];
-    for p in &b.outline {
-        let c = linear * *p + offset;
-        if c.z < 0.05 {
-            continue;
-        }
-        let pixel = Vec2::new(k.fx * c.x / c.z + k.cx, k.fy * c.y / c.z + k.cy);
+    let pixel = |c: Vec3| Vec2::new(k.fx * c.x / c.z + k.cx, k.fy * c.y / c.z + k.cy);
+    let reach_to = |far: &mut [f64; DIRECTIONS], p: Vec2| {
         for (i, far) in far.iter_mut().enumerate() {
-            *far = far.max(pixel.dot(direction(i)));
+            *far = far.max(p.dot(direction(i)));
+        }
+    };
+    let mut far = [f64::NEG_INFINITY; DIRECTIONS];
+    for c in b.outline.iter().map(|p| linear * *p + offset).filter(|c| c.z >= NEAREST) {
+        reach_to(&mut far, pixel(c));
+    }
+    // Of an object that the border cuts, what is beyond it says nothing about where the mask should end by itself.
+    let mut far_inside = [f64::NEG_INFINITY; DIRECTIONS];
+    for [p, q] in &b.edges {
+        let (p, q) = (linear * *p + offset, linear * *q + offset);
+        if p.z >= NEAREST
+            && q.z >= NEAREST
+            && let Some(ends) = clipped(pixel(p), pixel(q), &b.within)
+        {
+            ends.into_iter().for_each(|p| reach_to(&mut far_inside, p));
         }
     }
-    for (far, (reach, free)) in far.iter().zip(&b.reach) {
+    for (i, (reach, free)) in b.reach.iter().enumerate() {
+        let far = if *free && !b.edges.is_empty() { far_inside[i] } else { far[i] };
         let off = if reach.is_finite() && far.is_finite() { (far - reach) / b.outline_sigma } else { 0.0 };
         // Where the mask is cut the outline may go on, but must get there.
         let off = if *free { off } else { (off / CUT_SIGMA).min(0.0) };
@@ -481,6 +542,10 @@ fn residuals(
         None => 0.0,
     });
     out.push(robust((pose.scale.ln() + ln_scale - b.size_log - ln_common) / b.size_sigma, LIMIT));
+    out.push(match b.standard {
+        Some((log, sigma)) => robust((pose.scale.ln() + ln_scale - log) / sigma, LIMIT),
+        None => 0.0,
+    });
     let item = &scene.placed[b.object].item;
     out.push(match b.anchoring {
         Anchoring::AgainstWall(wall) => {

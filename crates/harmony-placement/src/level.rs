@@ -136,6 +136,7 @@ pub fn place_level(
             report.global = crate::refine_globally(scene, settings);
             tracing::debug!(?level, report = ?report.global, "refined globally");
         }
+        crate::plausible::fronts_from_walls(scene, settings);
         crate::plausible::between_curtains(scene, settings);
         crate::plausible::back_onto_hosts(scene);
         if settings.collision {

@@ -41,6 +41,7 @@ mod settings;
 mod shape;
 mod solid;
 mod solve;
+mod standard;
 mod steps;
 mod support;
 #[cfg(test)]

@@ -5,7 +5,7 @@ use harmony_scene::Pose;
 use crate::anchoring::{Frame, Parameters};
 use crate::cost::{edge_errors, size_deviations};
 use crate::optimise::nelder_mead;
-use crate::view::{View, outline_of};
+use crate::view::View;
 
 /// Evaluations of one fit; each projects a few hundred hull points.
 const EVALUATIONS: usize = 140;
@@ -37,8 +37,7 @@ pub(crate) fn fit(frame: &Frame, view: &View, pose: &Pose, size_sigma: f64) -> O
     let steps: Vec<f64> = free.iter().map(|(i, s)| if *i < 2 { 4.0 * s } else { 2.0 * s }).collect();
     let cost = |x: &[f64]| {
         let pose = pose_of(x);
-        let points = frame.item.shape.hulls().iter().flatten().copied();
-        let Some(o) = outline_of(&frame.scene.camera, points, &pose) else { return 10.0 };
+        let Some(o) = view.outline_of_shape(&frame.item.shape, &pose) else { return 10.0 };
         let edges: f64 = edge_errors(view, &o).iter().map(|e| e * e).sum();
         // What no edge decides stays where the start was.
         let moved: f64 = (0..x.len().min(2)).map(|i| ((x[i] - start[i]) / steps[i]).powi(2)).sum();

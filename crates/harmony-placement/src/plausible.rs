@@ -13,12 +13,17 @@ const SUPPORTED: f64 = 0.5;
 const SAME_LEVEL: f64 = 0.05;
 /// Steps in which an object is moved towards its host's middle.
 const STEPS: u32 = 40;
+/// What is farther from its host than this does not rest on it, metres: the host is wrong, not the place.
+const FARTHEST_BACK: f64 = 0.4;
 /// How far beyond a window's end its curtains may end, share of the window's width.
 const OVERHANG: f64 = 0.6;
 /// Pixels beyond a mask's end in which what hides the rest is looked for.
 const NEXT_TO: i64 = 6;
-/// Agreement with the mask that a better place of a window may cost.
+/// Agreement with the mask that a better place of a window, or a better turn, may cost.
 const WINDOW_SLACK: f64 = 0.1;
+const TURN_SLACK: f64 = 0.05;
+/// Room that somebody needs before a front to use it, metres.
+const BEFORE_FRONT: f64 = 0.3;
 
 /// Moves what hangs in the air beside its host back onto it, no farther than it must.
 ///
@@ -39,12 +44,42 @@ pub(crate) fn back_onto_hosts(scene: &mut PartialScene) {
         let middle = Vec3::new(host.pose.position.x, level, host.pose.position.z);
         let found = (0..=STEPS)
             .map(|k| start.lerp(middle, f64::from(k) / f64::from(STEPS)))
+            .take_while(|p| p.distance(start) <= FARTHEST_BACK)
             .find_map(|p| Some(Vec3::new(p.x, carried(p)?, p.z)));
         if let Some(position) = found {
             let by = position - start;
             for member in crate::collision::body(scene, i) {
                 scene.placed[member].pose.position += by;
             }
+        }
+    }
+}
+
+/// Turns about what shows its front to a wall at which nobody could use it, and has room behind.
+pub(crate) fn fronts_from_walls(scene: &mut PartialScene, settings: &PlacementSettings) {
+    for i in 0..scene.placed.len() {
+        let p = &scene.placed[i];
+        if p.support != Support::Floor || !p.item.traits.has_front || p.item.relations.facing_toward.is_some() {
+            continue;
+        }
+        let front = Vec3::new(p.pose.yaw.sin(), 0.0, p.pose.yaw.cos());
+        let room = |towards: Vec3| {
+            let (low, high) = reach(&p.item, &p.pose);
+            let wall = Wall::ALL.into_iter().min_by(|a, b| a.normal().dot(towards).total_cmp(&b.normal().dot(towards)))?;
+            let half = (high - low).dot(towards.abs()) / 2.0;
+            Some(wall.distance(&scene.room.extents, p.pose.position) - half)
+        };
+        let (Some(before), Some(behind)) = (room(front), room(-front)) else { continue };
+        if before > BEFORE_FRONT || behind < 2.0 * BEFORE_FRONT {
+            continue;
+        }
+        let others = neighbours(scene, &p.item, &[], Some(i));
+        let Some(view) = View::new(scene, Some(i), &p.item.mask, &others, settings.window_px) else { continue };
+        let mut pose = p.pose;
+        pose.yaw += std::f64::consts::PI;
+        let iou = |pose| view.compare(p.item.shape.proxy(), pose).iou;
+        if iou(&pose) >= iou(&p.pose) - TURN_SLACK {
+            scene.placed[i].pose = pose;
         }
     }
 }

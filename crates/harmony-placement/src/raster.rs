@@ -45,7 +45,7 @@ pub(crate) fn rasterise(camera: &Camera, mesh: &Mesh, pose: &Pose, depth: &mut [
 }
 
 /// The part of a triangle before the near plane.
-fn clip(triangle: [DVec3; 3]) -> Vec<DVec3> {
+pub(crate) fn clip(triangle: [DVec3; 3]) -> Vec<DVec3> {
     let mut out = Vec::with_capacity(4);
     for i in 0..3 {
         let (p, q) = (triangle[i], triangle[(i + 1) % 3]);

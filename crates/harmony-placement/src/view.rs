@@ -4,7 +4,7 @@ use harmony_mesh::Mesh;
 use harmony_scene::{Camera, ImageSize, Intrinsics, Mask, PixelBox, Pose, Vec2, Vec3};
 
 use crate::raster::rasterise;
-use crate::{PartialScene, RoomPoints};
+use crate::{PartialScene, RoomPoints, Shape};
 
 /// Two surfaces closer than this along the view hide neither each other, metres.
 const HIDING_TOLERANCE: f32 = 0.03;
@@ -48,6 +48,8 @@ pub(crate) struct View {
     pub(crate) mask_box: PixelBox,
     /// Free edges of the mask: left, top, right, bottom.
     pub(crate) free: [bool; 4],
+    /// Where an outline counts: the image on the sides where its border cuts the mask, no limit on the others.
+    pub(crate) within: PixelBox,
     size: ImageSize,
 }
 
@@ -58,7 +60,7 @@ pub(crate) struct Match {
     pub(crate) iou: f64,
     /// IoU of mask and what would be visible in the partial scene, nothing excused but unplaced neighbours.
     pub(crate) strict_iou: f64,
-    /// Box of the whole (unoccluded) projection, image pixels; `None` when it is not in view.
+    /// See [`View::outline`].
     pub(crate) outline: Option<PixelBox>,
     /// Mean soft depth difference over mask and silhouette, metres; `None` without depth there.
     pub(crate) soft_depth: Option<f64>,
@@ -123,6 +125,7 @@ impl View {
             scene: vec![0.0; n],
             mask_box: cleaned,
             free: free_edges(mask, &cleaned, neighbours),
+            within: within_border(&cleaned, image),
             size,
         };
         for y in 0..size.height {
@@ -161,6 +164,33 @@ impl View {
         let mut depth = vec![0.0; self.size.pixels()];
         rasterise(&self.camera, mesh, pose, &mut depth);
         depth
+    }
+
+    /// Box of the (unoccluded) projection of a mesh in image pixels; `None` when it is not in view.
+    ///
+    /// Where the image's border cuts the mask, only what is inside of the border counts: of a chair of which the back
+    /// is in view, the seat below the border says nothing about where the mask should end.
+    pub(crate) fn outline(&self, mesh: &Mesh, pose: &Pose) -> Option<PixelBox> {
+        let whole = outline_of(&self.full, mesh.positions.iter().map(|p| p.as_dvec3()), pose);
+        self.cut_outline(whole, mesh, pose)
+    }
+
+    /// The same from the hulls of a shape, which is quicker.
+    pub(crate) fn outline_of_shape(&self, shape: &Shape, pose: &Pose) -> Option<PixelBox> {
+        let whole = outline_of(&self.full, shape.hulls().iter().flatten().copied(), pose);
+        self.cut_outline(whole, shape.proxy(), pose)
+    }
+
+    fn cut_outline(&self, whole: Option<PixelBox>, mesh: &Mesh, pose: &Pose) -> Option<PixelBox> {
+        let w = &self.within;
+        let inside = |o: &PixelBox| o.x0 >= w.x0 && o.y0 >= w.y0 && o.x1 <= w.x1 && o.y1 <= w.y1;
+        whole.and_then(|o| if inside(&o) { Some(o) } else { clipped_outline(&self.full, mesh, pose, w) })
+    }
+
+    /// Whether the image's border cuts the mask.
+    pub(crate) fn is_cut(&self) -> bool {
+        let (w, size) = (&self.within, self.full.size);
+        w.x0 >= 0.0 || w.y0 >= 0.0 || w.x1 <= f64::from(size.width) || w.y1 <= f64::from(size.height)
     }
 
     /// Compares a pose with mask and point map.
@@ -202,7 +232,7 @@ impl View {
         let mut out = Match {
             iou: both / union,
             strict_iou: strict_both / strict_union,
-            outline: outline_of(&self.full, mesh.positions.iter().map(|p| p.as_dvec3()), pose),
+            outline: self.outline(mesh, pose),
             depth_share: differences.len() as f64 / self.mask_count,
             ..Match::default()
         };
@@ -270,18 +300,62 @@ impl View {
 pub(crate) fn outline_of(camera: &Camera, points: impl Iterator<Item = Vec3>, pose: &Pose) -> Option<PixelBox> {
     let linear = camera.rotation * pose.linear();
     let offset = camera.to_camera(pose.position);
-    let k = camera.intrinsics;
     let (mut low, mut high) = (Vec2::MAX, Vec2::MIN);
     for p in points {
         let c = linear * p + offset;
         if c.z < crate::raster::NEAR {
             continue;
         }
-        let pixel = Vec2::new(k.fx * c.x / c.z + k.cx, k.fy * c.y / c.z + k.cy);
+        let pixel = pixel_of(camera, c);
         low = low.min(pixel);
         high = high.max(pixel);
     }
     (low.x <= high.x).then_some(PixelBox { x0: low.x, y0: low.y, x1: high.x, y1: high.y })
+}
+
+/// Box of the part of a mesh's projection that is inside of `within`, image pixels; `None` when none is.
+fn clipped_outline(camera: &Camera, mesh: &Mesh, pose: &Pose, within: &PixelBox) -> Option<PixelBox> {
+    let linear = camera.rotation * pose.linear();
+    let offset = camera.to_camera(pose.position);
+    let points: Vec<Vec3> = mesh.positions.iter().map(|p| linear * p.as_dvec3() + offset).collect();
+    let (mut low, mut high) = (Vec2::MAX, Vec2::MIN);
+    let (mut polygon, mut spare) = (Vec::with_capacity(8), Vec::with_capacity(8));
+    for t in mesh.triangles() {
+        let [Some(a), Some(b), Some(c)] = t.map(|i| points.get(i as usize).copied()) else { continue };
+        polygon.clear();
+        if a.z.min(b.z).min(c.z) > crate::raster::NEAR {
+            polygon.extend([a, b, c].map(|p| pixel_of(camera, p)));
+        } else {
+            polygon.extend(crate::raster::clip([a, b, c]).into_iter().map(|p| pixel_of(camera, p)));
+        }
+        // Sutherland and Hodgman, one side of the box after the other.
+        for (normal, limit) in
+            [(Vec2::X, -within.x0), (Vec2::Y, -within.y0), (Vec2::NEG_X, within.x1), (Vec2::NEG_Y, within.y1)]
+        {
+            spare.clear();
+            for i in 0..polygon.len() {
+                let (p, q) = (polygon[i], polygon[(i + 1) % polygon.len()]);
+                let (dp, dq) = (normal.dot(p) + limit, normal.dot(q) + limit);
+                if dp >= 0.0 {
+                    spare.push(p);
+                }
+                if (dp >= 0.0) != (dq >= 0.0) {
+                    spare.push(p + (q - p) * (dp / (dp - dq)));
+                }
+            }
+            std::mem::swap(&mut polygon, &mut spare);
+        }
+        for p in &polygon {
+            low = low.min(*p);
+            high = high.max(*p);
+        }
+    }
+    (low.x <= high.x).then_some(PixelBox { x0: low.x, y0: low.y, x1: high.x, y1: high.y })
+}
+
+fn pixel_of(camera: &Camera, c: Vec3) -> Vec2 {
+    let k = camera.intrinsics;
+    Vec2::new(k.fx * c.x / c.z + k.cx, k.fy * c.y / c.z + k.cy)
 }
 
 /// Planar depth of the point map at an image position, NaN where it has none.
@@ -341,9 +415,23 @@ fn padded(b: &PixelBox, image: ImageSize) -> PixelBox {
     g.clamped(image)
 }
 
+/// Distance from the image's border at which it cuts a mask, pixels.
+const BORDER: f64 = 2.0;
+
+/// The image's own sides where they cut a box, sides far outside where not.
+fn within_border(b: &PixelBox, image: ImageSize) -> PixelBox {
+    let (w, h) = (f64::from(image.width), f64::from(image.height));
+    let far = 1e6;
+    PixelBox {
+        x0: if b.x0 > BORDER { -far } else { 0.0 },
+        y0: if b.y0 > BORDER { -far } else { 0.0 },
+        x1: if b.x1 < w - BORDER { far } else { w },
+        y1: if b.y1 < h - BORDER { far } else { h },
+    }
+}
+
 /// Which edges of the mask's box are the object's own: not cut by the image border, nor by what may hide it.
 fn free_edges(mask: &Mask, b: &PixelBox, neighbours: &[Neighbour]) -> [bool; 4] {
-    const BORDER: f64 = 2.0;
     let image = mask.size();
     let mut free =
         [b.x0 > BORDER, b.y0 > BORDER, b.x1 < f64::from(image.width) - BORDER, b.y1 < f64::from(image.height) - BORDER];
