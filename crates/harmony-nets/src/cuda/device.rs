@@ -12,6 +12,7 @@ use cudarc::driver::sys::{self, CUdevice_attribute_enum as A};
 use cudarc::nvrtc;
 
 use super::product::Products;
+use super::profile::Profile;
 use crate::NetError;
 
 /// Locks, whatever happened to a thread that held it before.
@@ -28,6 +29,10 @@ pub(super) enum Source {
     Attention,
     /// Attention on the matrix units for heads of at most so many numbers (a multiple of 16).
     Flash(usize),
+    /// The same for heads of 64 numbers with the warp-group instructions of compute capability 9.0.
+    GroupAttention,
+    /// Convolution with these instructions: so many channels a block, so many stages, of this type.
+    GroupConvolution(usize, usize, bool),
 }
 
 impl Source {
@@ -37,9 +42,15 @@ impl Source {
             Self::Rows => include_str!("rows.cu"),
             Self::Images => include_str!("images.cu"),
             Self::Attention | Self::Flash(_) => include_str!("attention.cu"),
+            Self::GroupAttention | Self::GroupConvolution(..) => include_str!("hopper.cu"),
         };
         let defines = match self {
             Self::Flash(head) => format!("#define FLASH\n#define HEAD {head}\n"),
+            Self::GroupAttention => "#define ATTENTION\n".into(),
+            Self::GroupConvolution(wide, stages, bf16) => {
+                let kind = if bf16 { "#define BF16\n" } else { "" };
+                format!("#define CONVOLUTION\n{kind}#define WIDE {wide}\n#define STAGES {stages}\n")
+            }
             _ => String::new(),
         };
         defines + include_str!("prelude.cu") + body
@@ -112,7 +123,9 @@ pub(super) struct Device {
     pub(super) name: String,
     /// Compute capability, such as 90.
     pub(super) arch: i32,
-    processors: u32,
+    /// Whether there are warp-group products: compute capability 9.0 alone has them in this form.
+    pub(super) groups: bool,
+    pub(super) processors: u32,
     kernels: Mutex<HashMap<(Source, &'static str), Kernel>>,
     modules: Mutex<HashMap<Source, usize>>,
     /// Where tensors are made now: the common pool, or the one of a recording.
@@ -122,6 +135,8 @@ pub(super) struct Device {
     /// Bytes taken from the driver and not given back, now and at most.
     taken: AtomicUsize,
     most: AtomicUsize,
+    /// What ran and how long, while somebody wants to know.
+    pub(super) profile: Mutex<Option<Profile>>,
 }
 
 // SAFETY: handles of the driver may be used from any thread whose context is bound; every use binds it first.
@@ -190,7 +205,10 @@ impl Device {
             stream,
             name,
             arch,
+            // For tests: the kernels of other GPUs on this one.
+            groups: arch == 90 && std::env::var_os("HARMONY_CUDA").is_none_or(|v| v != "plain"),
             processors,
+            profile: Mutex::default(),
             kernels: Mutex::default(),
             modules: Mutex::default(),
             pool: Mutex::new(Arc::clone(&common)),
@@ -208,6 +226,9 @@ impl Device {
         let mut sources = vec![Source::Pointwise, Source::Rows, Source::Images, Source::Attention];
         if self.arch >= 80 {
             sources.push(Source::Flash(64));
+        }
+        if self.groups {
+            sources.push(Source::GroupAttention);
         }
         std::thread::scope(|scope| {
             let threads: Vec<_> = sources.into_iter().map(|s| scope.spawn(move || self.module(s))).collect();
@@ -344,7 +365,7 @@ impl Device {
         let (mut major, mut minor) = (0, 0);
         // SAFETY: two numbers are written.
         unsafe { nvrtc::sys::nvrtcVersion(&raw mut major, &raw mut minor) }.result().ok()?;
-        let tag = format!("{major}.{minor} {} ", self.arch);
+        let tag = format!("{major}.{minor} {} {} ", self.arch, self.groups);
         let hash = tag
             .bytes()
             .chain(text.bytes())
@@ -355,7 +376,7 @@ impl Device {
     fn compile(&self, text: &str) -> Result<Vec<u8>, NetError> {
         let text = CString::new(text).map_err(|e| self.refuse(e))?;
         let program = nvrtc::result::create_program(&text, None).map_err(|e| self.refuse(e))?;
-        let options = [format!("--gpu-architecture=sm_{}", self.arch), "--std=c++17".into()];
+        let options = [format!("--gpu-architecture=sm_{}{}", self.arch, if self.groups { "a" } else { "" }), "--std=c++17".into()];
         // SAFETY: the program was just made and is destroyed below.
         let code = unsafe {
             let compiled = nvrtc::result::compile_program(program, &options);
@@ -406,7 +427,8 @@ impl Device {
                 let set = driver::function::set_function_attribute(kernel.0, attribute, shared as i32);
                 self.driver(name, set)?;
             }
-            driver::launch_kernel(kernel.0, grid, (threads, 1, 1), shared as u32, self.stream, &mut pointers)
+            let run = || driver::launch_kernel(kernel.0, grid, (threads, 1, 1), shared as u32, self.stream, &mut pointers);
+            self.watched(|| format!("{name} {source:?}"), run)
         };
         self.driver(name, launched)
     }

@@ -11,6 +11,7 @@
 
 mod device;
 mod product;
+mod profile;
 mod record;
 
 use std::collections::HashMap;
@@ -37,6 +38,8 @@ const WORTH_TRYING: usize = 100_000_000;
 pub struct Cuda {
     device: Arc<Device>,
     preferred: DType,
+    /// f32 products (not attention) are multiplied as TF32.
+    tf32: bool,
     records: Arc<Mutex<HashMap<String, Recording>>>,
 }
 
@@ -144,13 +147,22 @@ impl Cuda {
         let device = Device::open(ordinal)?;
         // Matrix units do bf16 from compute capability 8.0 on.
         let preferred = if device.arch >= 80 { DType::BF16 } else { DType::F32 };
-        Ok(Self { device, preferred, records: Arc::default() })
+        Ok(Self { device, preferred, tf32: preferred == DType::BF16, records: Arc::default() })
     }
 
-    /// The same GPU with networks in another type: f32 to compare with, bf16 to be quick.
+    /// The same GPU with networks in another type: f32 to compare with, bf16 to be quick. Beside bf16, products of the
+    /// parts that stay f32 are multiplied as TF32, as PyTorch does by default in convolutions.
     #[must_use]
     pub fn computing_in(&self, dtype: DType) -> Self {
-        Self { preferred: kind(dtype), records: Arc::default(), ..self.clone() }
+        let preferred = kind(dtype);
+        let tf32 = preferred == DType::BF16 && self.device.arch >= 80;
+        Self { preferred, tf32, records: Arc::default(), ..self.clone() }
+    }
+
+    /// The same GPU without TF32: whatever is f32 is computed in f32.
+    #[must_use]
+    pub fn without_tf32(&self) -> Self {
+        Self { tf32: false, records: Arc::default(), ..self.clone() }
     }
 
     /// Bytes of device memory held by tensors and kept for the next ones: now, and at most so far. The libraries'
@@ -272,6 +284,7 @@ impl Cuda {
         };
         let shape = Shape {
             dtype: y.dtype,
+            tf32: self.tf32 && y.dtype == DType::F32,
             m,
             n,
             k,
@@ -385,6 +398,10 @@ impl Backend for Cuda {
 
     fn preferred(&self) -> DType {
         self.preferred
+    }
+
+    fn room(&self) -> usize {
+        2 << 30
     }
 
     fn load(&self, host: &HostTensor, dtype: DType) -> Result<Tensor, NetError> {
@@ -639,6 +656,8 @@ impl Backend for Cuda {
         if kh * kw == 1 && window.stride == 1 && window.padding == 0 && w.pitch == w.inner {
             let (at, r) = (w.weight.at(), residual.as_ref());
             self.multiply([rows, w.out, w.inner], true, 1, x.at(), at, &y, bias, act, r)?;
+        } else if self.convolve(&x, w, (d, window), &y, act, residual.as_ref())? {
+            // Windows were gathered on the way to the matrix units.
         } else {
             countable("conv2d", rows)?;
             let row_bytes = w.pitch * dtype.size();
@@ -804,6 +823,44 @@ impl Backend for Cuda {
     }
 }
 
+impl Cuda {
+    /// A convolution on warp-group products into `y`; `false` where it has to be done otherwise.
+    fn convolve(
+        &self,
+        x: &Tensor,
+        w: &Conv,
+        (d, window): (Dims4, Window),
+        y: &Tensor,
+        act: Act,
+        residual: Option<&Tensor>,
+    ) -> Result<bool, NetError> {
+        let bf16 = y.dtype == DType::BF16;
+        let whole = w.inner.is_multiple_of(128 / y.dtype.size()) && w.out.is_multiple_of(2);
+        if !self.device.groups || !(bf16 || self.tf32) || !whole || !matches!(act, Act::None | Act::Relu) {
+            return Ok(false);
+        }
+        let pixels = y.count() / w.out;
+        countable("conv2d", pixels)?;
+        let blocks = pixels.div_ceil(128);
+        // Wide blocks read pixels once; narrow ones where there would be too few blocks for the GPU.
+        let processors = self.device.processors as usize;
+        let (wide, stages) = match w.out {
+            n if n > 128 && blocks * n.div_ceil(256) >= processors => (256, 4),
+            n if n > 32 && blocks * n.div_ceil(128) * 2 >= processors => (128, 3),
+            _ => (32, 4),
+        };
+        let shared = stages * (16384 + wide * 128) + 1024;
+        let geometry = [d.h, d.w, w.inner, w.kernel[0], w.kernel[1], window.stride, window.padding, y.shape[1], y.shape[2]];
+        let address = |t: Option<&Tensor>| t.map_or(0u64, Tensor::at);
+        let args = Args::new().with(x.at()).with(w.weight.at()).with(y.at()).with(address(w.bias.as_ref()));
+        let args = args.with(address(residual)).with(i32::from(act == Act::Relu)).with(geometry.map(|v| v as i32));
+        let args = args.with(w.out as i32).with(pixels as i64);
+        let source = Source::GroupConvolution(wide, stages, bf16);
+        self.device.launch((source, "convolution"), [blocks, w.out.div_ceil(wide), 1], 256, shared, args)?;
+        Ok(true)
+    }
+}
+
 /// Queries, keys or values where they lie: start, batch step, token step.
 fn part(p: Strided<'_, Tensor>) -> [i64; 3] {
     [p.start as i64, p.batch as i64, p.token as i64]
@@ -855,7 +912,17 @@ impl Cuda {
         let args = args.with(bias.as_ref().map_or(0, Tensor::at)).with(y.at()).with(sizes(spec.causal));
         let aligned = [q.1, k.1, v.1].iter().flatten().all(|n| n % 8 == 0);
         let quick = self.device.arch >= 80 && dtype == DType::BF16 && aligned && p.dim.is_multiple_of(8);
-        if quick && p.dim == p.value_dim && p.dim <= 128 {
+        // Blocks of 192 queries: worth it where there are enough of them for the whole GPU.
+        let blocks = p.queries.div_ceil(192) * p.heads * p.batch;
+        let plain = bias.is_none() && !spec.causal && p.dim == 64 && p.value_dim == 64 && p.scale > 0.0 && p.keys > 0;
+        if quick && plain && self.device.groups && blocks >= 2 * self.device.processors as usize {
+            let args = Args::new().with(q.0).with(k.0).with(v.0).with(q.1).with(k.1).with(v.1).with(y.at());
+            // Queries, three stages of keys and values, and room to start at a multiple of 1024 bytes.
+            let shared = 3 * 8192 + 3 * 32768 + 1024;
+            let grid = [p.queries.div_ceil(192), p.heads, p.batch];
+            let args = args.with(sizes(false));
+            self.device.launch((Source::GroupAttention, "attention_64"), grid, 384, shared, args)?;
+        } else if quick && p.dim == p.value_dim && p.dim <= 128 {
             let head = p.dim.next_multiple_of(16);
             // Queries, and two stages of keys and values, rows filled up by eight numbers.
             let shared = 5 * 64 * (head + 8) * 2;

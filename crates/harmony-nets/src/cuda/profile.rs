@@ -1,0 +1,72 @@
+//! How long kernels take, one by one: for finding out where the time goes.
+
+use std::collections::BTreeMap;
+
+use cudarc::driver::result as driver;
+use cudarc::driver::sys::{CUevent, CUevent_flags};
+
+use super::Cuda;
+use super::device::{Device, lock};
+use crate::NetError;
+
+/// Launches since a profile was begun: name, event before, event after.
+#[derive(Debug, Default)]
+pub(super) struct Profile(Vec<(String, CUevent, CUevent)>);
+
+// SAFETY: events of the driver may be used from any thread.
+unsafe impl Send for Profile {}
+
+impl Device {
+    /// Runs a launch, between two events when a profile is being made.
+    pub(super) fn watched<T>(&self, name: impl FnOnce() -> String, launch: impl FnOnce() -> T) -> T {
+        let mut profile = lock(&self.profile);
+        let Some(profile) = profile.as_mut() else {
+            drop(profile);
+            return launch();
+        };
+        let event = || {
+            let event = driver::event::create(CUevent_flags::CU_EVENT_DEFAULT).ok()?;
+            // SAFETY: event and stream live.
+            unsafe { driver::event::record(event, self.stream) }.ok().map(|()| event)
+        };
+        let before = event();
+        let outcome = launch();
+        if let (Some(before), Some(after)) = (before, event()) {
+            profile.0.push((name(), before, after));
+        }
+        outcome
+    }
+}
+
+impl Cuda {
+    /// Runs something operation by operation and says what was launched: name, how often, milliseconds in all; the
+    /// longest first. Events between launches add about a microsecond to each.
+    ///
+    /// # Errors
+    /// What `body` says, and what the device says of work that failed.
+    pub fn profiled<T>(
+        &self,
+        body: impl FnOnce() -> Result<T, NetError>,
+    ) -> Result<(T, Vec<(String, usize, f64)>), NetError> {
+        self.synchronize()?;
+        *lock(&self.device.profile) = Some(Profile::default());
+        let outcome = body();
+        let profile = lock(&self.device.profile).take().unwrap_or_default();
+        self.synchronize()?;
+        let mut sums = BTreeMap::<String, (usize, f64)>::new();
+        for (name, before, after) in profile.0 {
+            // SAFETY: all work has ended; the events are not used any more.
+            unsafe {
+                if let Ok(ms) = driver::event::elapsed(before, after) {
+                    let sum = sums.entry(name).or_default();
+                    *sum = (sum.0 + 1, sum.1 + f64::from(ms));
+                }
+                let _ = driver::event::destroy(before);
+                let _ = driver::event::destroy(after);
+            }
+        }
+        let mut all: Vec<_> = sums.into_iter().map(|(name, (count, ms))| (name, count, ms)).collect();
+        all.sort_by(|a, b| b.2.total_cmp(&a.2));
+        Ok((outcome?, all))
+    }
+}
