@@ -367,9 +367,9 @@ fn profile(cuda: &Cuda, weights: &Path, expected: &Path, count: usize) -> Outcom
     let network = Vggt::load_with(cuda, &file.at(""), DType::F32)?;
     network.timed(cuda, &frames, ALL, false)?;
     let (_, kernels) = cuda.profiled(|| network.timed(cuda, &frames, ALL, false))?;
-    println!("{count} photos, {:.2} ms in kernels:", kernels.iter().map(|k| k.2).sum::<f64>());
+    println!("{count} photos, {:.2} ms in kernels:", kernels.iter().map(|k| k.1 as f64 * k.2).sum::<f64>());
     for (name, launches, ms) in kernels.iter().take(30) {
-        println!("{ms:9.3} ms {launches:5} x {name}");
+        println!("{:9.3} ms = {launches:5} x {ms:7.4}  {name}", *launches as f64 * ms);
     }
     Ok(())
 }

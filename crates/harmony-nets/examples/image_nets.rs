@@ -73,10 +73,10 @@ fn run(args: &[String]) -> Outcome<bool> {
                     // The first pass compiles kernels and chooses algorithms: the second is looked at.
                     time(net, &folder, &cuda, 1).map_err(|e| NetError::Device { device: net.into(), reason: e.to_string() })
                 })?;
-                let sum: f64 = kernels.iter().map(|k| k.2).sum();
+                let sum: f64 = kernels.iter().map(|k| k.1 as f64 * k.2).sum();
                 println!("{sum:.2} ms in kernels, loading included");
                 for (name, count, ms) in kernels.iter().take(25) {
-                    println!("{ms:9.3} ms {count:5} x {name}");
+                    println!("{:9.3} ms = {count:5} x {ms:7.4}  {name}", *count as f64 * ms);
                 }
                 return Ok(true);
             }

@@ -17,6 +17,15 @@ DEV void copies_seen() { asm volatile("fence.proxy.async.shared::cta;" ::: "memo
 DEV void products_begin() { asm volatile("wgmma.fence.sync.aligned;" ::: "memory"); }
 DEV void products_end() { asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory"); }
 template <int LEFT> DEV void products_wait() { asm volatile("wgmma.wait_group.sync.aligned %0;" ::"n"(LEFT) : "memory"); }
+// A barrier in two halves: what a thread did before it arrives is seen by those that wait for the phase.
+DEV void barrier_init(u32 at, int threads) { asm volatile("mbarrier.init.shared.b64 [%0], %1;" ::"r"(at), "r"(threads) : "memory"); }
+DEV void barrier_arrive(u32 at) {
+    asm volatile("{.reg .b64 phase; mbarrier.arrive.shared.b64 phase, [%0];}" ::"r"(at) : "memory");
+}
+DEV void barrier_wait(u32 at, int parity) {
+    asm volatile("{.reg .pred p; again_%=: mbarrier.try_wait.parity.shared.b64 p, [%0], %1; @!p bra again_%=;}" ::"r"(at), "r"(parity)
+                 : "memory");
+}
 // Keeps the compiler from moving uses of results over a wait.
 template <int N> DEV void hold(float* d) {
 #pragma unroll
@@ -105,10 +114,13 @@ DEV void product_turned(float* d, const u32* a, u64 b, int add) {
 struct Part { i64 start, batch, token; };
 struct Sizes { int batch, queries, keys, heads, dim, value_dim, causal; float scale; i64 bias_batch, bias_query; };
 
-// Heads of 64 numbers in bf16: 192 queries of one head a block, 64 a warp group, 128 keys at a time, three stages of keys
-// and values. While the product of weights and values runs, the next scores are exponentiated (Shah et al. 2024).
+// Heads of 64 numbers in bf16: 192 queries of one head a block, 64 a warp group, 128 keys at a time, four stages of keys
+// and values. While the product of weights and values runs, the next scores are exponentiated (Shah et al. 2024). Between
+// telling that a stage is ready and needing it lies a softmax, so that warp groups need not keep in step: one multiplies
+// while another exponentiates.
 #define GROUPS 3
 #define STAGE 32768
+#define STAGES 4
 DEV float exp_two(float x) {
     float r;
     asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(x));
@@ -132,7 +144,8 @@ DEV void fetch(u32 tile, const u16* from, i64 token, int first, int rows, int co
 KERNEL __launch_bounds__(GROUPS * 128, 1) attention_64(const u16* q, const u16* k, const u16* v, Part qp, Part kp, Part vp,
                                                        u16* out, Sizes z) {
     extern __shared__ __align__(1024) unsigned char memory[];
-    const u32 sq = (place(memory) + 1023) & ~1023u, stages = sq + GROUPS * 8192;
+    const u32 sq = (place(memory) + 1023) & ~1023u, stages = sq + GROUPS * 8192, barrier = stages + STAGES * STAGE;
+    if (threadIdx.x == 0) barrier_init(barrier, GROUPS * 128);
     const int lane = threadIdx.x % 32, warp = threadIdx.x % 128 / 32, group = threadIdx.x / 128;
     const int head = blockIdx.y, batch = blockIdx.z, first = blockIdx.x * (GROUPS * 64);
     q += qp.start + batch * qp.batch + head * 64;
@@ -202,22 +215,24 @@ KERNEL __launch_bounds__(GROUPS * 128, 1) attention_64(const u16* q, const u16* 
         }
     };
     for (int t = 0; t + 1 < tiles; t++) {
+        // This thread's part of tile t + 1 has come, and its product of tile t - 2 has ended.
+        copies_wait<0>();
+        copies_seen();
+        barrier_arrive(barrier);
         float keep[2];
         weigh(keep);
-        // The product of the tile before has ended: its weights and, after the barrier, its stage are free.
+        // The product of the tile before has ended: its weights are free.
         products_wait<0>();
         hold<32>(o);
         pack(keep);
-        copies_wait<0>();
-        copies_seen();
-        __syncthreads();
+        barrier_wait(barrier, t & 1);
         if (t + 2 < tiles) {
-            const u32 later = stages + (t + 2) % 3 * STAGE;
+            const u32 later = stages + (t + 2) % STAGES * STAGE;
             fetch(later, k, kp.token, (t + 2) * 128, z.keys, 128);
             fetch(later + 16384, v, vp.token, (t + 2) * 128, z.keys, 128);
         }
         copies_end();
-        const u32 here = stages + t % 3 * STAGE + 16384, next = stages + (t + 1) % 3 * STAGE;
+        const u32 here = stages + t % STAGES * STAGE + 16384, next = stages + (t + 1) % STAGES * STAGE;
         hold<64>(s);
         hold<32>(o);
         products_begin();
@@ -244,7 +259,7 @@ KERNEL __launch_bounds__(GROUPS * 128, 1) attention_64(const u16* q, const u16* 
     products_begin();
 #pragma unroll
     for (int i = 0; i < 8; i++)
-        product_turned(o, p[i], tile_at(stages + (tiles - 1) % 3 * STAGE + 16384 + i * 2048), 1);
+        product_turned(o, p[i], tile_at(stages + (tiles - 1) % STAGES * STAGE + 16384 + i * 2048), 1);
     products_end();
     products_wait<0>();
     hold<32>(o);

@@ -31,14 +31,16 @@ use record::Recording;
 /// Bytes of gathered windows at a time in a convolution.
 const GATHERED: usize = 768 << 20;
 /// Products with more arithmetic than this have their algorithm chosen by a measurement.
-const WORTH_TRYING: usize = 100_000_000;
+const WORTH_TRYING: usize = 10_000_000;
+/// Queries times keys times channels from which f32 attention beside bf16 is narrowed.
+const WORTH_NARROWING: usize = 1 << 24;
 
 /// An NVIDIA GPU as a backend. Clones share everything.
 #[derive(Debug, Clone)]
 pub struct Cuda {
     device: Arc<Device>,
     preferred: DType,
-    /// f32 products (not attention) are multiplied as TF32.
+    /// f32 products are multiplied as TF32, and large cross attention in bf16.
     tf32: bool,
     records: Arc<Mutex<HashMap<String, Recording>>>,
 }
@@ -151,7 +153,8 @@ impl Cuda {
     }
 
     /// The same GPU with networks in another type: f32 to compare with, bf16 to be quick. Beside bf16, products of the
-    /// parts that stay f32 are multiplied as TF32, as PyTorch does by default in convolutions.
+    /// parts that stay f32 are multiplied as TF32, as PyTorch does by default in convolutions, and large cross attention
+    /// in bf16.
     #[must_use]
     pub fn computing_in(&self, dtype: DType) -> Self {
         let preferred = kind(dtype);
@@ -382,6 +385,15 @@ impl Cuda {
 
 type Checked<T> = Result<T, NetError>;
 
+/// How many channels are copied as one, and which of three kernels does it: sixteen bytes, or one f32 or bf16.
+fn by_unit(dtype: DType, channels: usize, names: [&'static str; 3]) -> (usize, &'static str) {
+    if (channels * dtype.size()).is_multiple_of(16) {
+        (16 / dtype.size(), names[0])
+    } else {
+        (1, names[if dtype == DType::BF16 { 2 } else { 1 }])
+    }
+}
+
 fn image_args(d: Dims4) -> [i32; 4] {
     [d.n as i32, d.h as i32, d.w as i32, d.c as i32]
 }
@@ -585,6 +597,14 @@ impl Backend for Cuda {
         let full = |t: Option<&Tensor>| t.map(|t| self.as_type(t, DType::F32)).transpose();
         let (w, b) = (full(w)?, full(b)?);
         let address = |t: &Option<Tensor>| t.as_ref().map_or(0u64, Tensor::at);
+        if c.is_multiple_of(8) && c <= 1024 {
+            let y = self.make(&x.shape, x.dtype)?;
+            let rows = x.count() / c;
+            let args = Args::new().with(x.at()).with(y.at()).with(address(&w)).with(address(&b)).with(eps);
+            let args = args.with(c as i32).with(rows as i64).with(c.div_ceil(256).next_power_of_two() as i32);
+            self.device.launch(kernel!(Rows, "short_norm", x.dtype), [rows.div_ceil(4), 1, 1], 128, 0, args)?;
+            return Ok(y);
+        }
         let wide = match c.div_ceil(1024) {
             n @ 1..=4 if c.is_multiple_of(8) => n.next_power_of_two() as i32,
             _ => 0,
@@ -598,8 +618,12 @@ impl Backend for Cuda {
         match qkv {
             Qkv::Packed(_) => self.attend(&qkv, spec),
             Qkv::Separate { q, k, v } => {
-                let (k, v) = (self.as_type(k, q.dtype)?, self.as_type(v, q.dtype)?);
-                self.attend(&Qkv::Separate { q, k: &k, v: &v }, spec)
+                // Where f32 is multiplied as TF32, large attention goes through the matrix units in bf16.
+                let work = q.dim(0) * q.dim(1) * k.dim(1) * q.dim(2);
+                let narrow = self.tf32 && self.device.arch >= 80 && q.dtype == DType::F32 && work >= WORTH_NARROWING;
+                let dtype = if narrow { DType::BF16 } else { q.dtype };
+                let (q_here, k, v) = (self.as_type(q, dtype)?, self.as_type(k, dtype)?, self.as_type(v, dtype)?);
+                self.owned_as(self.attend(&Qkv::Separate { q: &q_here, k: &k, v: &v }, spec)?, q.dtype)
             }
         }
     }
@@ -612,9 +636,12 @@ impl Backend for Cuda {
         let (rows, columns) = (d.h.div_ceil(side), d.w.div_ceil(side));
         let y = self.make(&[d.n * rows * columns, side * side, d.c], x.dtype)?;
         countable("window_partition", y.count())?;
-        let args = Args::new().with(x.at()).with(y.at()).with(image_args(d)).with(side as i32);
-        let args = args.with(rows as i32).with(columns as i32).with(y.count() as i64);
-        self.device.launch_over(kernel!(Images, "window_partition", x.dtype), y.count(), args)?;
+        let names = ["window_partition_16", "window_partition_4", "window_partition_2"];
+        let (unit, name) = by_unit(x.dtype, d.c, names);
+        let (c, n) = (d.c / unit, y.count() / unit);
+        let args = Args::new().with(x.at()).with(y.at()).with(image_args(Dims4 { c, ..d })).with(side as i32);
+        let args = args.with(rows as i32).with(columns as i32).with(n as i64);
+        self.device.launch_over((Source::Images, name), n, args)?;
         Ok(y)
     }
 
@@ -634,9 +661,12 @@ impl Backend for Cuda {
         let d = Dims4 { n: windows / (rows * columns), h: height, w: width, c };
         let y = self.make(&[d.n, height, width, c], x.dtype)?;
         countable("window_merge", y.count())?;
-        let args = Args::new().with(x.at()).with(y.at()).with(image_args(d)).with(side as i32);
-        let args = args.with(rows as i32).with(columns as i32).with(y.count() as i64);
-        self.device.launch_over(kernel!(Images, "window_merge", x.dtype), y.count(), args)?;
+        let names = ["window_merge_16", "window_merge_4", "window_merge_2"];
+        let (unit, name) = by_unit(x.dtype, d.c, names);
+        let (c, n) = (d.c / unit, y.count() / unit);
+        let args = Args::new().with(x.at()).with(y.at()).with(image_args(Dims4 { c, ..d })).with(side as i32);
+        let args = args.with(rows as i32).with(columns as i32).with(n as i64);
+        self.device.launch_over((Source::Images, name), n, args)?;
         Ok(y)
     }
 
@@ -900,8 +930,14 @@ impl Cuda {
             let args = norm_at.iter().fold(args, |args, at| args.with(*at)).with(eps);
             let args = args.with(rope_at[0]).with(rope_at[1]).with(sizes(false));
             let heads = p.batch * p.queries.max(p.keys) * p.heads;
-            let grid = [heads.div_ceil(8), 2, 1];
-            self.device.launch(kernel!(Attention, "prepare", dtype), grid, 256, 0, args)?;
+            let aligned = [part(p.q), part(p.k)].iter().flatten().all(|n| n % 8 == 0);
+            if aligned && [32, 64, 128, 256].contains(&p.dim) {
+                let grid = [heads.div_ceil(256 / (p.dim / 8)), 2, 1];
+                self.device.launch(kernel!(Attention, "prepare_wide", dtype), grid, 256, 0, args)?;
+            } else {
+                let grid = [heads.div_ceil(8), 2, 1];
+                self.device.launch(kernel!(Attention, "prepare", dtype), grid, 256, 0, args)?;
+            }
             q = (q_new.at(), [0, (p.queries * c) as i64, c as i64]);
             k = (k_new.at(), [0, (p.keys * c) as i64, c as i64]);
             prepared = Some((q_new, k_new));
@@ -912,13 +948,13 @@ impl Cuda {
         let args = args.with(bias.as_ref().map_or(0, Tensor::at)).with(y.at()).with(sizes(spec.causal));
         let aligned = [q.1, k.1, v.1].iter().flatten().all(|n| n % 8 == 0);
         let quick = self.device.arch >= 80 && dtype == DType::BF16 && aligned && p.dim.is_multiple_of(8);
-        // Blocks of 192 queries: worth it where there are enough of them for the whole GPU.
+        // Blocks of 192 queries: worth it where there are enough of them for two thirds of the GPU.
         let blocks = p.queries.div_ceil(192) * p.heads * p.batch;
         let plain = bias.is_none() && !spec.causal && p.dim == 64 && p.value_dim == 64 && p.scale > 0.0 && p.keys > 0;
-        if quick && plain && self.device.groups && blocks >= 2 * self.device.processors as usize {
+        if quick && plain && self.device.groups && blocks * 3 >= 2 * self.device.processors as usize {
             let args = Args::new().with(q.0).with(k.0).with(v.0).with(q.1).with(k.1).with(v.1).with(y.at());
-            // Queries, three stages of keys and values, and room to start at a multiple of 1024 bytes.
-            let shared = 3 * 8192 + 3 * 32768 + 1024;
+            // Queries, four stages of keys and values, a barrier, and room to start at a multiple of 1024 bytes.
+            let shared = 3 * 8192 + 4 * 32768 + 16 + 1024;
             let grid = [p.queries.div_ceil(192), p.heads, p.batch];
             let args = args.with(sizes(false));
             self.device.launch((Source::GroupAttention, "attention_64"), grid, 384, shared, args)?;

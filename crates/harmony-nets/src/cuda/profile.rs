@@ -39,8 +39,9 @@ impl Device {
 }
 
 impl Cuda {
-    /// Runs something operation by operation and says what was launched: name, how often, milliseconds in all; the
-    /// longest first. Events between launches add about a microsecond to each.
+    /// Runs something operation by operation and says what was launched: name, how often, median milliseconds; what took
+    /// longest in all first. The first launch of a kernel loads it, which the median leaves out. Events between launches
+    /// add about a microsecond to each.
     ///
     /// # Errors
     /// What `body` says, and what the device says of work that failed.
@@ -53,20 +54,23 @@ impl Cuda {
         let outcome = body();
         let profile = lock(&self.device.profile).take().unwrap_or_default();
         self.synchronize()?;
-        let mut sums = BTreeMap::<String, (usize, f64)>::new();
+        let mut times = BTreeMap::<String, Vec<f64>>::new();
         for (name, before, after) in profile.0 {
             // SAFETY: all work has ended; the events are not used any more.
             unsafe {
                 if let Ok(ms) = driver::event::elapsed(before, after) {
-                    let sum = sums.entry(name).or_default();
-                    *sum = (sum.0 + 1, sum.1 + f64::from(ms));
+                    times.entry(name).or_default().push(f64::from(ms));
                 }
                 let _ = driver::event::destroy(before);
                 let _ = driver::event::destroy(after);
             }
         }
-        let mut all: Vec<_> = sums.into_iter().map(|(name, (count, ms))| (name, count, ms)).collect();
-        all.sort_by(|a, b| b.2.total_cmp(&a.2));
+        let middle = |(name, mut ms): (String, Vec<f64>)| {
+            ms.sort_by(f64::total_cmp);
+            (name, ms.len(), ms[ms.len() / 2])
+        };
+        let mut all: Vec<_> = times.into_iter().map(middle).collect();
+        all.sort_by(|a, b| (b.1 as f64 * b.2).total_cmp(&(a.1 as f64 * a.2)));
         Ok((outcome?, all))
     }
 }
