@@ -85,17 +85,18 @@ impl<B: Backend> VisionTower<B> {
     ///
     /// # Errors
     /// [`NetError::Input`] for an image of another size, and what the device says.
-    pub fn forward(&self, b: &B, images: &[Pixels]) -> Result<B::Tensor, NetError> {
+    pub fn forward(&self, b: &B, mut images: Vec<Pixels>) -> Result<B::Tensor, NetError> {
         let side = self.config.image_size;
-        let mut pixels = Vec::with_capacity(images.len() * side * side * 3);
-        for image in images {
-            if (image.width, image.height) != (side, side) {
-                let reason = format!("an image of {}x{}, wanted {side}x{side}", image.width, image.height);
-                return Err(NetError::Input { network: "vision transformer", reason });
-            }
-            pixels.extend_from_slice(&image.data);
+        if let Some(image) = images.iter().find(|image| (image.width, image.height) != (side, side)) {
+            let reason = format!("an image of {}x{}, wanted {side}x{side}", image.width, image.height);
+            return Err(NetError::Input { network: "vision transformer", reason });
         }
         let (count, cells) = (images.len(), self.config.grid() * self.config.grid());
+        // One image, the common case, is not copied.
+        let pixels = match images.as_mut_slice() {
+            [one] => std::mem::take(&mut one.data),
+            many => many.iter().flat_map(|image| image.data.iter().copied()).collect(),
+        };
         let host = HostTensor::from_f32(&[count, side, side, 3], pixels);
         let x = b.conv2d(&b.load(&host, b.preferred())?, &self.patches, Act::None, None)?;
         let x = b.reshape(&x, &[count, cells, self.config.width])?;

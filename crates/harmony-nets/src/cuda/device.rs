@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use cudarc::driver::result::{self as driver, DriverError};
 use cudarc::driver::sys::{self, CUdevice_attribute_enum as A};
 use cudarc::nvrtc;
+use rayon::prelude::*;
 
 use super::product::Products;
 use super::profile::Profile;
@@ -87,6 +88,11 @@ impl Args {
     }
 }
 
+/// Bytes that are copied at a time by way of page-locked memory.
+const STAGED: usize = 32 << 20;
+/// Fewer bytes than this are copied by the driver alone.
+const WORTH_STAGING: usize = 1 << 20;
+
 /// Memory of the device that was used before and may be used again: all work is on one stream, so what is given back
 /// here is free for whatever is launched next.
 #[derive(Debug, Default)]
@@ -137,6 +143,21 @@ pub(super) struct Device {
     most: AtomicUsize,
     /// What ran and how long, while somebody wants to know.
     pub(super) profile: Mutex<Option<Profile>>,
+    /// Memory of the host that the GPU copies from and to by itself; made when it is first needed.
+    staging: Mutex<Option<Staging>>,
+}
+
+/// Page-locked memory of the host, [`STAGED`] bytes.
+struct Staging(*mut c_void);
+
+// SAFETY: plain memory, used under a lock.
+unsafe impl Send for Staging {}
+
+impl Staging {
+    fn bytes(&mut self) -> &mut [u8] {
+        // SAFETY: it is that long, was filled with zeros, and is borrowed as this is.
+        unsafe { std::slice::from_raw_parts_mut(self.0.cast(), STAGED) }
+    }
 }
 
 // SAFETY: handles of the driver may be used from any thread whose context is bound; every use binds it first.
@@ -209,6 +230,7 @@ impl Device {
             groups: arch == 90 && std::env::var_os("HARMONY_CUDA").is_none_or(|v| v != "plain"),
             processors,
             profile: Mutex::default(),
+            staging: Mutex::default(),
             kernels: Mutex::default(),
             modules: Mutex::default(),
             pool: Mutex::new(Arc::clone(&common)),
@@ -261,6 +283,64 @@ impl Device {
     /// Bytes of device memory that this holds now and has held at most.
     pub(super) fn memory(&self) -> (usize, usize) {
         (self.taken.load(Ordering::Relaxed), self.most.load(Ordering::Relaxed))
+    }
+
+    /// Copies to the device. The bytes have been read when this returns.
+    pub(super) fn upload(&self, to: u64, bytes: &[u8]) -> Result<(), NetError> {
+        self.bind()?;
+        let copy = |to: u64, bytes: &[u8]| {
+            // SAFETY: the callers' buffer is that large; pageable memory has been read when the call returns, and
+            // page-locked memory is only written again after a wait.
+            let copied = unsafe { driver::memcpy_htod_async(to, bytes, self.stream) };
+            self.driver("copying to the device", copied)
+        };
+        // In use by another thread, or by this one further up (a thread of rayon's that waits takes other work): plainly.
+        let mut staging = self.staging.try_lock().ok();
+        let staged = staging.as_deref_mut().and_then(|s| self.staging_for(s, bytes.len()));
+        let Some(staging) = staged else { return copy(to, bytes) };
+        for (i, part) in bytes.chunks(STAGED).enumerate() {
+            let here = &mut staging.bytes()[..part.len()];
+            here.par_chunks_mut(1 << 20).zip(part.par_chunks(1 << 20)).for_each(|(to, from)| to.copy_from_slice(from));
+            copy(to + (i * STAGED) as u64, here)?;
+            self.synchronize()?;
+        }
+        Ok(())
+    }
+
+    /// Copies from the device and waits for it.
+    pub(super) fn download(&self, to: &mut [u8], from: u64) -> Result<(), NetError> {
+        self.bind()?;
+        let copy = |to: &mut [u8], from: u64| {
+            // SAFETY: the callers' buffer is that large; waited for at once.
+            let copied = unsafe { driver::memcpy_dtoh_async(to, from, self.stream) };
+            self.driver("copying from the device", copied)?;
+            self.synchronize()
+        };
+        // In use by another thread, or by this one further up (a thread of rayon's that waits takes other work): plainly.
+        let mut staging = self.staging.try_lock().ok();
+        let staged = staging.as_deref_mut().and_then(|s| self.staging_for(s, to.len()));
+        let Some(staging) = staged else { return copy(to, from) };
+        for (i, part) in to.chunks_mut(STAGED).enumerate() {
+            let here = &mut staging.bytes()[..part.len()];
+            copy(here, from + (i * STAGED) as u64)?;
+            part.par_chunks_mut(1 << 20).zip(here.par_chunks(1 << 20)).for_each(|(to, from)| to.copy_from_slice(from));
+        }
+        Ok(())
+    }
+
+    /// Page-locked memory, where it is worth it and there is some to be had.
+    fn staging_for<'a>(&self, staging: &'a mut Option<Staging>, bytes: usize) -> Option<&'a mut Staging> {
+        if bytes < WORTH_STAGING {
+            return None;
+        }
+        if staging.is_none() {
+            // SAFETY: freed when the device is dropped; zeros are written before anything reads it.
+            let memory = unsafe { driver::malloc_host(STAGED, 0) }.ok()?;
+            // SAFETY: just got, that long.
+            unsafe { memory.cast::<u8>().write_bytes(0, STAGED) };
+            *staging = Some(Staging(memory));
+        }
+        staging.as_mut()
     }
 
     /// A piece of memory with anything in it.
@@ -446,6 +526,10 @@ impl Drop for Device {
             return;
         }
         self.empty(&Arc::clone(&self.common));
+        if let Some(Staging(memory)) = lock(&self.staging).take() {
+            // SAFETY: nothing is copied any more.
+            let _ = unsafe { driver::free_host(memory) };
+        }
         self.products.close();
         // SAFETY: nothing of this is used any more.
         unsafe {

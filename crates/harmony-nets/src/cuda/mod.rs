@@ -17,8 +17,6 @@ mod record;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
-use cudarc::driver::result as driver;
-
 use crate::backend::{
     Act, AttentionSpec, Backend, Binary, ConvWeights, LinearWeights, Pool, Qkv, Reduce, Resize, TensorHandle, Window,
 };
@@ -197,9 +195,7 @@ impl Cuda {
 
     fn upload(&self, bytes: &[u8], shape: &[usize], dtype: DType) -> Result<Tensor, NetError> {
         let tensor = self.make(shape, dtype)?;
-        // SAFETY: the buffer is that large; pageable memory has been read when the call returns.
-        let copied = unsafe { driver::memcpy_htod_async(tensor.at(), bytes, self.device.stream) };
-        self.device.driver("copying to the device", copied)?;
+        self.device.upload(tensor.at(), bytes)?;
         Ok(tensor)
     }
 
@@ -472,11 +468,7 @@ impl Backend for Cuda {
     fn read(&self, x: &Tensor) -> Result<Vec<f32>, NetError> {
         let x = self.as_type(x, DType::F32)?;
         let mut values = vec![0f32; x.count()];
-        self.device.bind()?;
-        // SAFETY: the buffer is that large; waited for below.
-        let copied = unsafe { driver::memcpy_dtoh_async(&mut values, x.at(), self.device.stream) };
-        self.device.driver("copying from the device", copied)?;
-        self.device.synchronize()?;
+        self.device.download(bytemuck::cast_slice_mut(&mut values), x.at())?;
         Ok(values)
     }
 

@@ -1,5 +1,7 @@
 //! The mask decoder.
 
+use rayon::prelude::*;
+
 use super::attention::TwoWay;
 use super::{Encoded, LOGIT_LIMIT, MaskLogits, MaskPrediction, Masks, RawPrediction, Sam2Config};
 use crate::backend::{Act, Backend, Binary, TensorHandle};
@@ -131,7 +133,7 @@ impl<B: Backend> Decoded<B> {
         let mut answers = self.predictions(b, &first)?;
         let ious = |i: usize| &self.ious[i * MASKS..(i + 1) * MASKS];
         let best = |(i, mask): (usize, &MaskPrediction)| (i, best(&mask.logits.values, ious(i)));
-        let others = answers.iter().enumerate().map(best).filter(|(_, at)| *at > 0).collect::<Vec<_>>();
+        let others = answers.par_iter().enumerate().map(best).filter(|(_, at)| *at > 0).collect::<Vec<_>>();
         let rows = others.iter().map(|(i, at)| (i * MASKS + at) as u32).collect::<Vec<_>>();
         for ((i, _), mask) in others.into_iter().zip(self.predictions(b, &rows)?) {
             answers[i] = mask;
@@ -148,7 +150,7 @@ impl<B: Backend> Decoded<B> {
             logits: MaskLogits { side: self.side, values: values.to_vec() },
             iou: self.ious[*row as usize],
         };
-        Ok(values.chunks_exact(self.side * self.side).zip(rows).map(mask).collect())
+        Ok(values.par_chunks_exact(self.side * self.side).zip(rows).map(mask).collect())
     }
 }
 
