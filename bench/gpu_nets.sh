@@ -35,7 +35,11 @@ nvidia-smi --query-gpu=name,driver_version,memory.total --format=csv,noheader
 # Weights and expected outputs, all at once.
 made vggt make_vggt.py full "$VGGT" & made sam2_large sam2.py full large & made clip clip.py full &
 made owlv2_base owlv2.py full base & made owlv2_large owlv2.py full large & made lpips lpips_nets.py full &
-if step ops; then try "$BIN/cuda_check" ops; fi
+if step ops; then
+  try "$BIN/cuda_check" ops
+  # The kernels of other GPUs, on this one.
+  HARMONY_CUDA=plain try "$BIN/cuda_check" ops
+fi
 wait
 for net in vggt $nets; do [ -e "$DATA/$net/done" ] || { failed="$failed; outputs of $net"; tail -3 "$DATA/$net/log"; }; done
 vggt=("$DATA/vggt/vggt_full_weights.safetensors" "$DATA/vggt/vggt_full_expected.safetensors")

@@ -37,7 +37,9 @@ fn main() -> Outcome {
         ("ops", []) => operations(&cuda),
         ("vggt", [weights, expected]) => parity(&cuda, Path::new(weights), Path::new(expected)),
         ("time", [weights, expected, counts @ ..]) => times(&cuda, Path::new(weights), Path::new(expected), counts),
-        ("profile", [weights, expected, count]) => profile(&cuda, Path::new(weights), Path::new(expected), count.parse()?),
+        ("profile", [weights, expected, count]) => {
+            profile(&cuda, Path::new(weights), Path::new(expected), count.parse()?)
+        }
         ("first", [weights, expected]) => {
             let frames = frames(&WeightFile::open(Path::new(expected))?)?;
             let file = WeightFile::open(Path::new(weights))?;

@@ -18,6 +18,8 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
+#[cfg(feature = "cuda")]
+use harmony_nets::NetError;
 use harmony_nets::clip::{ClipConfig, ClipImageEncoder, TextTower};
 use harmony_nets::cpu::Cpu;
 use harmony_nets::detector::{Owlv2, Owlv2Config, Owlv2Size};
@@ -25,8 +27,6 @@ use harmony_nets::lpips::{Lpips, LpipsNet};
 use harmony_nets::resample::Pixels;
 use harmony_nets::sam2::{Label, MaskLogits, Masks, Prompt, Sam2, Sam2Config, Sam2Size, logits_at, preprocess};
 use harmony_nets::{Backend, DType, WeightFile};
-#[cfg(feature = "cuda")]
-use harmony_nets::NetError;
 use image::RgbImage;
 use rayon::prelude::*;
 
@@ -69,9 +69,10 @@ fn run(args: &[String]) -> Outcome<bool> {
             let kind = if device == "cuda" { DType::BF16 } else { DType::F32 };
             let cuda = Arc::new(harmony_nets::cuda::Cuda::open(0)?.computing_in(kind));
             if mode == "profile" {
-                let (_, kernels) = cuda.profiled(|| {
+                let ((), kernels) = cuda.profiled(|| {
                     // The first pass compiles kernels and chooses algorithms: the second is looked at.
-                    time(net, &folder, &cuda, 1).map_err(|e| NetError::Device { device: net.into(), reason: e.to_string() })
+                    time(net, &folder, &cuda, 1)
+                        .map_err(|e| NetError::Device { device: net.into(), reason: e.to_string() })
                 })?;
                 let sum: f64 = kernels.iter().map(|k| k.1 as f64 * k.2).sum();
                 println!("{sum:.2} ms in kernels, loading included");
@@ -98,7 +99,8 @@ fn work<B: Backend>(
 ) -> Outcome<bool> {
     match mode {
         "parity" => {
-            let mut report = Report { net: format!("{net} {device}"), good: true, bf16: backend.preferred() == DType::BF16 };
+            let mut report =
+                Report { net: format!("{net} {device}"), good: true, bf16: backend.preferred() == DType::BF16 };
             compare(net, folder, backend, &mut report)?;
             Ok(report.good)
         }

@@ -296,7 +296,7 @@ impl Device {
         };
         // In use by another thread, or by this one further up (a thread of rayon's that waits takes other work): plainly.
         let mut staging = self.staging.try_lock().ok();
-        let staged = staging.as_deref_mut().and_then(|s| self.staging_for(s, bytes.len()));
+        let staged = staging.as_deref_mut().and_then(|s| Self::staging_for(s, bytes.len()));
         let Some(staging) = staged else { return copy(to, bytes) };
         for (i, part) in bytes.chunks(STAGED).enumerate() {
             let here = &mut staging.bytes()[..part.len()];
@@ -318,7 +318,7 @@ impl Device {
         };
         // In use by another thread, or by this one further up (a thread of rayon's that waits takes other work): plainly.
         let mut staging = self.staging.try_lock().ok();
-        let staged = staging.as_deref_mut().and_then(|s| self.staging_for(s, to.len()));
+        let staged = staging.as_deref_mut().and_then(|s| Self::staging_for(s, to.len()));
         let Some(staging) = staged else { return copy(to, from) };
         for (i, part) in to.chunks_mut(STAGED).enumerate() {
             let here = &mut staging.bytes()[..part.len()];
@@ -329,7 +329,7 @@ impl Device {
     }
 
     /// Page-locked memory, where it is worth it and there is some to be had.
-    fn staging_for<'a>(&self, staging: &'a mut Option<Staging>, bytes: usize) -> Option<&'a mut Staging> {
+    fn staging_for(staging: &mut Option<Staging>, bytes: usize) -> Option<&mut Staging> {
         if bytes < WORTH_STAGING {
             return None;
         }
@@ -456,7 +456,10 @@ impl Device {
     fn compile(&self, text: &str) -> Result<Vec<u8>, NetError> {
         let text = CString::new(text).map_err(|e| self.refuse(e))?;
         let program = nvrtc::result::create_program(&text, None).map_err(|e| self.refuse(e))?;
-        let options = [format!("--gpu-architecture=sm_{}{}", self.arch, if self.groups { "a" } else { "" }), "--std=c++17".into()];
+        let options = [
+            format!("--gpu-architecture=sm_{}{}", self.arch, if self.groups { "a" } else { "" }),
+            "--std=c++17".into(),
+        ];
         // SAFETY: the program was just made and is destroyed below.
         let code = unsafe {
             let compiled = nvrtc::result::compile_program(program, &options);
@@ -507,7 +510,8 @@ impl Device {
                 let set = driver::function::set_function_attribute(kernel.0, attribute, shared as i32);
                 self.driver(name, set)?;
             }
-            let run = || driver::launch_kernel(kernel.0, grid, (threads, 1, 1), shared as u32, self.stream, &mut pointers);
+            let run =
+                || driver::launch_kernel(kernel.0, grid, (threads, 1, 1), shared as u32, self.stream, &mut pointers);
             self.watched(|| format!("{name} {source:?}"), run)
         };
         self.driver(name, launched)

@@ -26,6 +26,8 @@ use device::{Args, Buffer, Device, Source, lock};
 use product::{Epilogue, Operands, Shape};
 use record::Recording;
 
+pub use profile::Launches;
+
 /// Bytes of gathered windows at a time in a convolution.
 const GATHERED: usize = 768 << 20;
 /// Products with more arithmetic than this have their algorithm chosen by a measurement.
@@ -872,7 +874,8 @@ impl Cuda {
             _ => (32, 4),
         };
         let shared = stages * (16384 + wide * 128) + 1024;
-        let geometry = [d.h, d.w, w.inner, w.kernel[0], w.kernel[1], window.stride, window.padding, y.shape[1], y.shape[2]];
+        let geometry =
+            [d.h, d.w, w.inner, w.kernel[0], w.kernel[1], window.stride, window.padding, y.shape[1], y.shape[2]];
         let address = |t: Option<&Tensor>| t.map_or(0u64, Tensor::at);
         let args = Args::new().with(x.at()).with(w.weight.at()).with(y.at()).with(address(w.bias.as_ref()));
         let args = args.with(address(residual)).with(i32::from(act == Act::Relu)).with(geometry.map(|v| v as i32));

@@ -32,6 +32,7 @@ pub(super) enum Epilogue {
 
 /// The shape of `y [m, n] = epilogue(x [m, k] w + bias) + y0`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[expect(clippy::struct_excessive_bools, reason = "what a product may have or not")]
 pub(super) struct Shape {
     pub(super) dtype: DType,
     /// f32 is multiplied as TF32: ten bits of each factor's fraction count.

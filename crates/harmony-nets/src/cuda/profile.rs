@@ -13,6 +13,9 @@ use crate::NetError;
 #[derive(Debug, Default)]
 pub(super) struct Profile(Vec<(String, CUevent, CUevent)>);
 
+/// Launches of one kernel, or of one shape of product: name, how often, milliseconds of one.
+pub type Launches = (String, usize, f64);
+
 // SAFETY: events of the driver may be used from any thread.
 unsafe impl Send for Profile {}
 
@@ -45,10 +48,7 @@ impl Cuda {
     ///
     /// # Errors
     /// What `body` says, and what the device says of work that failed.
-    pub fn profiled<T>(
-        &self,
-        body: impl FnOnce() -> Result<T, NetError>,
-    ) -> Result<(T, Vec<(String, usize, f64)>), NetError> {
+    pub fn profiled<T>(&self, body: impl FnOnce() -> Result<T, NetError>) -> Result<(T, Vec<Launches>), NetError> {
         self.synchronize()?;
         *lock(&self.device.profile) = Some(Profile::default());
         let outcome = body();

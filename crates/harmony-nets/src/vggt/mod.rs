@@ -169,7 +169,8 @@ impl<B: Backend> Vggt<B> {
         if width == 0 || height == 0 || !width.is_multiple_of(patch) || !height.is_multiple_of(patch) {
             return Err(wrong(format!("{width}x{height} pixels, wanted multiples of {patch}")));
         }
-        let of_frame = |f: &Frame| f.rgb.par_iter().enumerate().map(|(i, v)| (v - MEAN[i % 3]) / DEVIATION[i % 3]).collect();
+        let of_frame =
+            |f: &Frame| f.rgb.par_iter().enumerate().map(|(i, v)| (v - MEAN[i % 3]) / DEVIATION[i % 3]).collect();
         let pixels = frames.par_iter().map(of_frame).collect::<Vec<Vec<f32>>>().concat();
         let images = backend.load(&HostTensor::from_f32(&[frames.len(), height, width, 3], pixels), DType::F32)?;
         Ok((images, (height / patch, width / patch)))
