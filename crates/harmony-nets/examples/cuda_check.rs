@@ -1,9 +1,10 @@
 //! The CUDA backend against the reference backend, and VGGT on it: correctness, time and memory. See
 //! `docs/performance.md`.
 //!
-//!     cuda_check ops                            every operation on random inputs, f32 and bf16
+//!     cuda_check ops                            every operation on random inputs, f32, bf16 and f32 multiplied as TF32
 //!     cuda_check vggt WEIGHTS EXPECTED          every output of VGGT against the reference's, f32 and bf16
 //!     cuda_check time WEIGHTS EXPECTED COUNT..  VGGT on so many photos, eager and recorded, with memory
+//!     cuda_check profile WEIGHTS EXPECTED COUNT  kernels of one pass on so many photos, the longest first
 //!     cuda_check first WEIGHTS EXPECTED         from the start of the program to the first result
 
 #![expect(clippy::print_stdout, reason = "a program")]
@@ -15,6 +16,7 @@ use harmony_nets::backend::{
     Act, AttentionSpec, Binary, ConvWeights, LinearWeights, Pool, QkNorm, Qkv, Reduce, Resize, Rope2d, TensorHandle,
     Window,
 };
+use harmony_nets::cpu::Cpu;
 use harmony_nets::cuda::Cuda;
 use harmony_nets::reference::Reference;
 use harmony_nets::vggt::{Frame, FrameGeometry, Heads, Vggt};
@@ -28,13 +30,16 @@ fn main() -> Outcome {
     let start = Instant::now();
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let (mode, rest) = words.split_first().ok_or("cuda_check ops|vggt|time|first ..")?;
+    let (mode, rest) = words.split_first().ok_or("cuda_check ops|vggt|time|profile|first ..")?;
     let cuda = Cuda::open(0)?;
     println!("{}, ready after {:.2} s", cuda.device(), start.elapsed().as_secs_f64());
     match (*mode, rest) {
         ("ops", []) => operations(&cuda),
         ("vggt", [weights, expected]) => parity(&cuda, Path::new(weights), Path::new(expected)),
         ("time", [weights, expected, counts @ ..]) => times(&cuda, Path::new(weights), Path::new(expected), counts),
+        ("profile", [weights, expected, count]) => {
+            profile(&cuda, Path::new(weights), Path::new(expected), count.parse()?)
+        }
         ("first", [weights, expected]) => {
             let frames = frames(&WeightFile::open(Path::new(expected))?)?;
             let file = WeightFile::open(Path::new(weights))?;
@@ -44,7 +49,7 @@ fn main() -> Outcome {
             println!("first result after {:.2} s", start.elapsed().as_secs_f64());
             Ok(())
         }
-        _ => Err("cuda_check ops|vggt|time|first ..".into()),
+        _ => Err("cuda_check ops|vggt|time|profile|first ..".into()),
     }
 }
 
@@ -77,13 +82,14 @@ fn error(wanted: &[f32], found: &[f32]) -> f64 {
 
 struct Tally {
     good: bool,
-    worst: [(f64, String); 2],
+    worst: [(f64, String); 3],
 }
 
 impl Tally {
     fn add(&mut self, name: &str, which: usize, outcome: Result<f64, NetError>) {
-        let limit = [1e-5, 2e-2][which];
-        let kind = ["f32", "bf16"][which];
+        // Beside bf16, f32 is multiplied as TF32 and large attention in bf16.
+        let limit = [1e-5, 2e-2, 5e-3][which];
+        let kind = ["f32", "bf16", "tf32"][which];
         match outcome {
             Ok(e) => {
                 if e > limit {
@@ -103,14 +109,21 @@ impl Tally {
 }
 
 macro_rules! both {
-    ($tally:expr, $cuda:expr, $name:expr, |$b:ident, $t:ident| $body:expr) => {{
+    ($tally:expr, $cuda:expr, $name:expr, |$b:ident, $t:ident| $body:expr) => {
+        against!(&Reference, $tally, $cuda, $name, |$b, $t| $body)
+    };
+}
+
+macro_rules! against {
+    ($oracle:expr, $tally:expr, $cuda:expr, $name:expr, |$b:ident, $t:ident| $body:expr) => {{
         let wanted = {
-            let ($b, $t) = (&Reference, DType::F32);
+            let ($b, $t) = ($oracle, DType::F32);
             let y = $body?;
             (y.shape().to_vec(), $b.read(&y)?)
         };
-        for (which, $t) in [DType::F32, DType::BF16].into_iter().enumerate() {
-            let $b = $cuda;
+        let exact = $cuda.without_tf32();
+        let kinds = [(&exact, DType::F32), ($cuda, DType::BF16), ($cuda, DType::F32)];
+        for (which, ($b, $t)) in kinds.into_iter().enumerate() {
             let outcome = (|| {
                 let y = $body?;
                 let values = $b.read(&y)?;
@@ -124,7 +137,7 @@ macro_rules! both {
 fn operations(cuda: &Cuda) -> Outcome {
     let mut r = Random(1);
     let none = || (0.0, String::from("none"));
-    let mut tally = Tally { good: true, worst: [none(), none()] };
+    let mut tally = Tally { good: true, worst: [none(), none(), none()] };
     let acts = [Act::None, Act::Relu, Act::Gelu, Act::GeluTanh, Act::QuickGelu, Act::Silu, Act::Sigmoid];
     for (m, k, n) in [(1, 3, 5), (7, 64, 33), (13, 300, 72), (50, 513, 1100), (130, 256, 31), (300, 40, 40), (9, 9, 64)]
     {
@@ -279,10 +292,11 @@ fn operations(cuda: &Cuda) -> Outcome {
             b.gather_rows(&table, &(0..600).map(|i| i * 7 % 234).collect::<Vec<_>>())
         });
     }
-    recording(cuda, &mut tally)?;
+    recording(&cuda.without_tf32(), &mut tally)?;
     let wrong = cuda.slice(&cuda.load(&r.tensor(&[2, 3]), DType::F32)?, 1, 2, 2);
     tally.good &= matches!(wrong, Err(NetError::Shape { .. }));
-    for (kind, (e, name)) in ["f32", "bf16"].iter().zip(&tally.worst) {
+    large(cuda, &mut r, &mut tally)?;
+    for (kind, (e, name)) in ["f32", "bf16", "tf32"].iter().zip(&tally.worst) {
         println!("worst {kind}: {e:.2e} ({name})");
     }
     if tally.good { Ok(()) } else { Err("an operation is wrong".into()) }
@@ -314,6 +328,55 @@ fn recording(cuda: &Cuda, tally: &mut Tally) -> Outcome {
     Ok(())
 }
 
+/// Sizes for which the GPU has kernels of their own; the quick CPU backend is the oracle.
+fn large(cuda: &Cuda, r: &mut Random, tally: &mut Tally) -> Outcome {
+    let oracle = Cpu::new();
+    for (n, h, w, c, o, k, stride, padding) in [
+        (1, 131, 128, 64, 256, 3, 1, 1),
+        (2, 97, 131, 128, 300, 3, 1, 1),
+        (1, 131, 128, 128, 128, 3, 1, 1),
+        (3, 90, 91, 64, 32, 3, 1, 1),
+        (1, 19, 14, 256, 256, 3, 1, 1),
+        (2, 28, 37, 192, 194, 3, 2, 1),
+        (1, 200, 201, 64, 140, 2, 2, 0),
+    ] {
+        let x = r.tensor(&[n, h, w, c]);
+        let weights = ConvWeights { weight: r.tensor(&[o, c, k, k]), bias: Some(r.tensor(&[o])) };
+        against!(&oracle, tally, cuda, format!("large conv {n}x{h}x{w} {c} {o} {k}"), |b, t| {
+            let w = b.load_conv(&weights, Window::conv(stride, padding), t)?;
+            let x = b.load(&x, t)?;
+            let y = b.conv2d(&x, &w, Act::Relu, None)?;
+            b.conv2d(&x, &w, Act::None, Some(y))
+        });
+    }
+    for (batch, n, heads) in [(5, 700, 16), (1, 2111, 24), (40, 65, 8), (3, 128, 100), (2, 1041, 16)] {
+        let qkv = r.tensor(&[batch, n, 3 * heads * 64]);
+        against!(&oracle, tally, cuda, format!("large attention {batch} {n} {heads}"), |b, t| {
+            b.attention(Qkv::Packed(&b.load(&qkv, t)?), &AttentionSpec::heads(heads))
+        });
+    }
+    let (q, k, v) = (r.tensor(&[7, 900, 512]), r.tensor(&[7, 333, 512]), r.tensor(&[7, 333, 512]));
+    against!(&oracle, tally, cuda, "large cross attention", |b, t| {
+        let (q, k, v) = (b.load(&q, t)?, b.load(&k, t)?, b.load(&v, t)?);
+        b.attention(Qkv::Separate { q: &q, k: &k, v: &v }, &AttentionSpec::heads(8))
+    });
+    Ok(())
+}
+
+fn profile(cuda: &Cuda, weights: &Path, expected: &Path, count: usize) -> Outcome {
+    let photo = frames(&WeightFile::open(expected)?)?.into_iter().next().ok_or("no photo")?;
+    let file = WeightFile::open(weights)?;
+    let frames = vec![photo; count];
+    let network = Vggt::load_with(cuda, &file.at(""), DType::F32)?;
+    network.timed(cuda, &frames, ALL, false)?;
+    let (_, kernels) = cuda.profiled(|| network.timed(cuda, &frames, ALL, false))?;
+    println!("{count} photos, {:.2} ms in kernels:", kernels.iter().map(|k| k.1 as f64 * k.2).sum::<f64>());
+    for (name, launches, ms) in kernels.iter().take(30) {
+        println!("{:9.3} ms = {launches:5} x {ms:7.4}  {name}", *launches as f64 * ms);
+    }
+    Ok(())
+}
+
 // ---- VGGT
 
 fn frames(expected: &WeightFile) -> Outcome<Vec<Frame>> {
@@ -337,7 +400,7 @@ fn outputs(found: &[FrameGeometry]) -> [(&'static str, Vec<f32>); 5] {
 /// Trunk type, head type, name.
 const KINDS: [(DType, DType, &str); 3] = [
     (DType::F32, DType::F32, "f32"),
-    (DType::BF16, DType::F32, "bf16, heads f32"),
+    (DType::BF16, DType::F32, "bf16, heads tf32"),
     (DType::BF16, DType::BF16, "bf16, heads bf16"),
 ];
 

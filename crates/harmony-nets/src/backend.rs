@@ -239,6 +239,12 @@ pub trait Backend: Send + Sync {
     /// Parts that need f32 (heads) ask for it by name.
     fn preferred(&self) -> DType;
 
+    /// Bytes of activations that a network may well hold at once here: by this, work that can be cut (frames of a head,
+    /// prompts of one photo) is cut.
+    fn room(&self) -> usize {
+        256 << 20
+    }
+
     // ---- moving values
 
     /// Puts a tensor on the device as `dtype`. A backend without that type keeps f32.

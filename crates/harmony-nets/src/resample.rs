@@ -231,22 +231,6 @@ impl Pixels {
         }
         Self { width, height, data }
     }
-
-    /// Square patches, row-major, each as `[3, side, side]`: the order of a convolution's weight, so that patch
-    /// embedding is a linear layer. What does not fill a patch at the right and bottom is left out.
-    pub fn patches(&self, side: usize) -> Vec<f32> {
-        let (rows, columns) = (self.height / side, self.width / side);
-        let mut out = Vec::with_capacity(rows * columns * side * side * 3);
-        for (py, px) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
-            for c in 0..3 {
-                for y in py * side..(py + 1) * side {
-                    let start = (y * self.width + px * side) * 3;
-                    out.extend(self.data[start..start + side * 3].iter().skip(c).step_by(3));
-                }
-            }
-        }
-        out
-    }
 }
 
 type Taps = Vec<(usize, f32)>;
@@ -268,14 +252,5 @@ mod tests {
         let step = Pixels { width: 3, height: 1, data: [0f32, 1.0, 0.0].iter().flat_map(|v| [*v; 3]).collect() };
         let w = (-0.5f32).exp();
         assert!((step.blur(1.0, 1).data[0] - 2.0 * w / (1.0 + 2.0 * w)).abs() <= 1e-6);
-    }
-
-    #[test]
-    fn patches_are_in_the_order_of_convolution_weights() {
-        let image = Pixels { width: 5, height: 2, data: (0..30).map(|i| i as f32).collect() };
-        let patches = image.patches(2);
-        assert_eq!(patches.len(), 2 * 12);
-        // Second patch, green, bottom right: pixel (1, 3), channel 1.
-        assert_eq!(patches[12 + 4 + 3], ((5 + 3) * 3 + 1) as f32);
     }
 }

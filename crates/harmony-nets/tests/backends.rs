@@ -210,3 +210,29 @@ fn wrong_shapes_are_errors() {
     assert!(b.slice(&x, 1, 2, 2).is_err());
     assert!(b.gather_rows(&x, &[2]).is_err());
 }
+
+/// The tests of this file with the kernels of lesser processors, in processes of their own: the level is chosen once.
+#[test]
+fn lower_levels_agree() {
+    if std::env::var_os("HARMONY_SIMD").is_some() {
+        return;
+    }
+    for level in ["avx2", "portable"] {
+        let mut tests = std::process::Command::new(std::env::current_exe().unwrap());
+        let run = tests.args(["--skip", "lower_levels", "--nocapture"]).env("HARMONY_SIMD", level).output().unwrap();
+        let said = [run.stdout, run.stderr].map(|s| String::from_utf8_lossy(&s).into_owned()).concat();
+        assert!(run.status.success(), "{level}: {said}");
+        assert!(said.contains("test result: ok.") && !said.contains("ok. 0 passed"), "{level}: {said}");
+    }
+}
+
+#[test]
+fn the_level_asked_for_is_taken() {
+    let device = Cpu::new().device();
+    match std::env::var("HARMONY_SIMD").as_deref() {
+        // What the machine does not have gives way to something lesser still.
+        Ok("avx2") => assert!(device.contains("avx2") || device.contains("portable"), "{device}"),
+        Ok(level) => assert!(device.contains(level), "{device}"),
+        Err(_) => assert!(["avx512", "avx2", "portable"].iter().any(|l| device.contains(l)), "{device}"),
+    }
+}

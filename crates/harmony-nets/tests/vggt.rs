@@ -54,3 +54,18 @@ fn small_networks_on_the_quick_backend_agree_with_pytorch() {
 fn small_networks_on_the_reference_backend_agree_with_pytorch() {
     agrees(&Reference, 1e-4);
 }
+
+/// The tests of this file with the kernels of lesser processors, in processes of their own: the level is chosen once.
+#[test]
+fn lower_levels_agree() {
+    if std::env::var_os("HARMONY_SIMD").is_some() {
+        return;
+    }
+    for level in ["avx2", "portable"] {
+        let mut tests = std::process::Command::new(std::env::current_exe().unwrap());
+        let run = tests.args(["--skip", "lower_levels", "--nocapture"]).env("HARMONY_SIMD", level).output().unwrap();
+        let said = [run.stdout, run.stderr].map(|s| String::from_utf8_lossy(&s).into_owned()).concat();
+        assert!(run.status.success(), "{level}: {said}");
+        assert!(said.contains("test result: ok.") && !said.contains("ok. 0 passed"), "{level}: {said}");
+    }
+}

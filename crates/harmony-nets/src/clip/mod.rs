@@ -101,7 +101,7 @@ impl<B: Backend> ClipImageEncoder<B> {
     /// [`NetError::Input`] for another size than the network's, and what the device says.
     pub fn embed_pixels(&self, images: &[Pixels]) -> Result<Vec<Vec<f32>>, NetError> {
         let b = &*self.backend;
-        let tokens = self.tower.forward(b, images)?;
+        let tokens = self.tower.forward(b, images.to_vec())?;
         let class = self.tower.class_features(b, &tokens)?;
         let features = b.read(&b.linear(&class, &self.projection, Act::None, None)?)?;
         Ok(features.chunks_exact(self.features).map(<[f32]>::to_vec).collect())

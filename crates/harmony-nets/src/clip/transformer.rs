@@ -1,9 +1,9 @@
 //! Pre-norm transformer blocks, the same in both towers.
 
 use super::layout::Layout;
-use crate::NetError;
-use crate::backend::{Act, AttentionSpec, Backend, Qkv};
+use crate::backend::{Act, AttentionSpec, Backend, Binary, Qkv};
 use crate::params::{Mlp, Norm, Params};
+use crate::{DType, NetError};
 
 /// Epsilon of all of CLIP's norms.
 pub(super) const EPS: f32 = 1e-5;
@@ -50,17 +50,25 @@ impl<B: Backend> Transformer<B> {
         Ok(Self { blocks: (0..layers).map(block).collect::<Result<_, _>>()?, heads, causal })
     }
 
-    /// `[N, tokens, width]` to the same.
-    pub(super) fn forward(&self, b: &B, mut x: B::Tensor) -> Result<B::Tensor, NetError> {
+    /// `[N, tokens, width]` to the same. What goes around the layers and is added up is kept in f32, also where layers
+    /// compute in bf16: over 24 blocks its rounding would be the largest error.
+    pub(super) fn forward(&self, b: &B, x: B::Tensor) -> Result<B::Tensor, NetError> {
         let spec = AttentionSpec { causal: self.causal, ..AttentionSpec::heads(self.heads) };
+        let narrow = b.preferred();
+        let added = |x: B::Tensor, layer: &dyn Fn(Option<B::Tensor>) -> Result<B::Tensor, NetError>| {
+            if narrow == DType::F32 { layer(Some(x)) } else { b.binary(x, &layer(None)?, Binary::Add) }
+        };
+        let mut x = if narrow == DType::F32 { x } else { b.cast(&x, DType::F32)? };
         for block in &self.blocks {
-            let qkv = b.linear(&block.norm1.apply(b, &x)?, &block.qkv, Act::None, None)?;
+            let normed = b.cast(&block.norm1.apply(b, &x)?, narrow)?;
+            let qkv = b.linear(&normed, &block.qkv, Act::None, None)?;
+            drop(normed);
             let attended = b.attention(Qkv::Packed(&qkv), &spec)?;
             drop(qkv);
-            x = b.linear(&attended, &block.out, Act::None, Some(x))?;
+            x = added(x, &|residual| b.linear(&attended, &block.out, Act::None, residual))?;
             drop(attended);
-            let normed = block.norm2.apply(b, &x)?;
-            x = block.mlp.apply(b, &normed, Some(x))?;
+            let normed = b.cast(&block.norm2.apply(b, &x)?, narrow)?;
+            x = added(x, &|residual| block.mlp.apply(b, &normed, residual))?;
         }
         Ok(x)
     }

@@ -2,7 +2,7 @@
 
 use super::layout::Layout;
 use super::transformer::{Depth, Transformer};
-use crate::backend::{Act, Backend, Binary, TensorHandle};
+use crate::backend::{Act, Backend, Binary, ConvWeights, TensorHandle, Window};
 use crate::params::{Norm, Params};
 use crate::resample::Pixels;
 use crate::{DType, HostTensor, NetError};
@@ -34,7 +34,7 @@ impl VisionConfig {
 /// The tower on a device.
 pub struct VisionTower<B: Backend> {
     config: VisionConfig,
-    patches: B::Linear,
+    patches: B::Conv,
     class: B::Tensor,
     positions: B::Tensor,
     pre: Norm<B>,
@@ -52,13 +52,13 @@ impl<B: Backend> VisionTower<B> {
         let tokens = config.grid() * config.grid() + 1;
         let embedding = layout.pick("vision_model.embeddings.patch_embedding.weight", "visual.conv1.weight");
         let weight = p.host(embedding, &[width, 3, patch, patch])?;
-        let weight = weight.reshaped(&[width, 3 * patch * patch]).unwrap_or(weight);
+        let patches = ConvWeights { weight, bias: None };
         let tensor = |names: [&str; 2], shape: &[usize]| {
             p.backend.load(&p.host(layout.pick(names[0], names[1]), shape)?, p.backend.preferred())
         };
         let class = tensor(["vision_model.embeddings.class_embedding", "visual.class_embedding"], &[width])?;
         Ok(Self {
-            patches: p.loaded(weight, None)?,
+            patches: p.backend.load_conv(&patches, Window::conv(patch, 0), p.backend.preferred())?,
             class: p.backend.reshape(&class, &[1, 1, width])?,
             positions: tensor(
                 ["vision_model.embeddings.position_embedding.weight", "visual.positional_embedding"],
@@ -85,20 +85,21 @@ impl<B: Backend> VisionTower<B> {
     ///
     /// # Errors
     /// [`NetError::Input`] for an image of another size, and what the device says.
-    pub fn forward(&self, b: &B, images: &[Pixels]) -> Result<B::Tensor, NetError> {
+    pub fn forward(&self, b: &B, mut images: Vec<Pixels>) -> Result<B::Tensor, NetError> {
         let side = self.config.image_size;
-        let mut patches = Vec::new();
-        for image in images {
-            if (image.width, image.height) != (side, side) {
-                let reason = format!("an image of {}x{}, wanted {side}x{side}", image.width, image.height);
-                return Err(NetError::Input { network: "vision transformer", reason });
-            }
-            patches.extend(image.patches(self.config.patch));
+        if let Some(image) = images.iter().find(|image| (image.width, image.height) != (side, side)) {
+            let reason = format!("an image of {}x{}, wanted {side}x{side}", image.width, image.height);
+            return Err(NetError::Input { network: "vision transformer", reason });
         }
-        let (count, patch) = (images.len(), self.config.patch);
-        let cells = self.config.grid() * self.config.grid();
-        let host = HostTensor::from_f32(&[count, cells, 3 * patch * patch], patches);
-        let x = b.linear(&b.load(&host, b.preferred())?, &self.patches, Act::None, None)?;
+        let (count, cells) = (images.len(), self.config.grid() * self.config.grid());
+        // One image, the common case, is not copied.
+        let pixels = match images.as_mut_slice() {
+            [one] => std::mem::take(&mut one.data),
+            many => many.iter().flat_map(|image| image.data.iter().copied()).collect(),
+        };
+        let host = HostTensor::from_f32(&[count, side, side, 3], pixels);
+        let x = b.conv2d(&b.load(&host, b.preferred())?, &self.patches, Act::None, None)?;
+        let x = b.reshape(&x, &[count, cells, self.config.width])?;
         let class = b.concat(&vec![&self.class; count], 0)?;
         let x = b.concat(&[&class, &x], 1)?;
         let x = b.binary(x, &self.positions, Binary::Add)?;

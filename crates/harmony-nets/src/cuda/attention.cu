@@ -60,6 +60,49 @@ DEV void prepare_body(const T* q, const T* k, Part qp, Part kp, T* q_out, T* k_o
     for (int i = 0; i < 8; i++) if (i * 32 + lane < z.dim) store(y + i * 32 + lane, v[i]);
 }
 
+// The same for heads of 32, 64, 128 or 256 numbers at multiples of eight: a thread has eight neighbours.
+template <class T>
+DEV void prepare_wide_body(const T* q, const T* k, Part qp, Part kp, T* q_out, T* k_out, const float* qw, const float* qb,
+                           const float* kw, const float* kb, float eps, const float* cos, const float* sin, Sizes z) {
+    const int lanes = z.dim / 8, u = threadIdx.x % lanes * 8;
+    const bool keys = blockIdx.y == 1;
+    const int tokens = keys ? z.keys : z.queries;
+    const i64 count = (i64)z.batch * tokens * z.heads, item = (i64)blockIdx.x * (256 / lanes) + threadIdx.x / lanes;
+    // Threads beyond the end do the last head again, for the shuffles need whole warps.
+    const i64 at = item < count ? item : count - 1;
+    const int head = (int)(at % z.heads), token = (int)(at / z.heads % tokens), batch = (int)(at / z.heads / tokens);
+    const Part p = keys ? kp : qp;
+    const float *weight = keys ? kw : qw, *bias = keys ? kb : qb;
+    float v[8];
+    load8((keys ? k : q) + p.start + batch * p.batch + token * p.token + head * z.dim + u, v);
+    if (weight) {
+        float sum = 0.0f, square = 0.0f, w[8], b[8];
+#pragma unroll
+        for (int i = 0; i < 8; i++) sum += v[i];
+        for (int m = lanes / 2; m; m >>= 1) sum += __shfl_xor_sync(~0u, sum, m);
+        const float mean = sum / z.dim;
+#pragma unroll
+        for (int i = 0; i < 8; i++) square += (v[i] - mean) * (v[i] - mean);
+        for (int m = lanes / 2; m; m >>= 1) square += __shfl_xor_sync(~0u, square, m);
+        const float inverse = 1.0f / sqrtf(square / z.dim + eps);
+        load8(weight + u, w);
+        load8(bias + u, b);
+#pragma unroll
+        for (int i = 0; i < 8; i++) v[i] = (v[i] - mean) * inverse * w[i] + b[i];
+    }
+    if (cos) {
+        const int quarter = z.dim / 4, within = u % (2 * quarter);
+        const i64 t = (i64)token * 2 * quarter + u / (2 * quarter) * quarter + within % quarter;
+        float c[8], s[8];
+        load8(cos + t, c);
+        load8(sin + t, s);
+        const float sign = within < quarter ? -1.0f : 1.0f;
+#pragma unroll
+        for (int i = 0; i < 8; i++) v[i] = v[i] * c[i] + sign * __shfl_xor_sync(~0u, v[i], quarter / 8) * s[i];
+    }
+    if (item < count) store8((keys ? k_out : q_out) + at * z.dim + u, v);
+}
+
 // Any head size up to 256, f32 arithmetic. A block of 128 threads does 16 queries of one head, 32 keys at a time.
 template <class T>
 DEV void attention_body(const T* q, const T* k, const T* v, Part qp, Part kp, Part vp, const float* bias, T* out,
@@ -153,6 +196,11 @@ DEV void attention_body(const T* q, const T* k, const T* v, Part qp, Part kp, Pa
         const T* q, const T* k, Part qp, Part kp, T* qo, T* ko, const float* qw, const float* qb, const float* kw,     \
         const float* kb, float eps, const float* c, const float* s, Sizes z) {                                         \
         prepare_body(q, k, qp, kp, qo, ko, qw, qb, kw, kb, eps, c, s, z);                                              \
+    }                                                                                                                  \
+    KERNEL __launch_bounds__(256) prepare_wide_##S(                                                                    \
+        const T* q, const T* k, Part qp, Part kp, T* qo, T* ko, const float* qw, const float* qb, const float* kw,     \
+        const float* kb, float eps, const float* c, const float* s, Sizes z) {                                         \
+        prepare_wide_body(q, k, qp, kp, qo, ko, qw, qb, kw, kb, eps, c, s, z);                                         \
     }                                                                                                                  \
     KERNEL __launch_bounds__(128) attention_##S(                                                                       \
         const T* q, const T* k, const T* v, Part qp, Part kp, Part vp, const float* bias, T* out, Sizes z) {           \

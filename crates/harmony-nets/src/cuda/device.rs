@@ -10,8 +10,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use cudarc::driver::result::{self as driver, DriverError};
 use cudarc::driver::sys::{self, CUdevice_attribute_enum as A};
 use cudarc::nvrtc;
+use rayon::prelude::*;
 
 use super::product::Products;
+use super::profile::Profile;
 use crate::NetError;
 
 /// Locks, whatever happened to a thread that held it before.
@@ -28,6 +30,10 @@ pub(super) enum Source {
     Attention,
     /// Attention on the matrix units for heads of at most so many numbers (a multiple of 16).
     Flash(usize),
+    /// The same for heads of 64 numbers with the warp-group instructions of compute capability 9.0.
+    GroupAttention,
+    /// Convolution with these instructions: so many channels a block, so many stages, of this type.
+    GroupConvolution(usize, usize, bool),
 }
 
 impl Source {
@@ -37,9 +43,15 @@ impl Source {
             Self::Rows => include_str!("rows.cu"),
             Self::Images => include_str!("images.cu"),
             Self::Attention | Self::Flash(_) => include_str!("attention.cu"),
+            Self::GroupAttention | Self::GroupConvolution(..) => include_str!("hopper.cu"),
         };
         let defines = match self {
             Self::Flash(head) => format!("#define FLASH\n#define HEAD {head}\n"),
+            Self::GroupAttention => "#define ATTENTION\n".into(),
+            Self::GroupConvolution(wide, stages, bf16) => {
+                let kind = if bf16 { "#define BF16\n" } else { "" };
+                format!("#define CONVOLUTION\n{kind}#define WIDE {wide}\n#define STAGES {stages}\n")
+            }
             _ => String::new(),
         };
         defines + include_str!("prelude.cu") + body
@@ -75,6 +87,11 @@ impl Args {
         self
     }
 }
+
+/// Bytes that are copied at a time by way of page-locked memory.
+const STAGED: usize = 32 << 20;
+/// Fewer bytes than this are copied by the driver alone.
+const WORTH_STAGING: usize = 1 << 20;
 
 /// Memory of the device that was used before and may be used again: all work is on one stream, so what is given back
 /// here is free for whatever is launched next.
@@ -112,7 +129,9 @@ pub(super) struct Device {
     pub(super) name: String,
     /// Compute capability, such as 90.
     pub(super) arch: i32,
-    processors: u32,
+    /// Whether there are warp-group products: compute capability 9.0 alone has them in this form.
+    pub(super) groups: bool,
+    pub(super) processors: u32,
     kernels: Mutex<HashMap<(Source, &'static str), Kernel>>,
     modules: Mutex<HashMap<Source, usize>>,
     /// Where tensors are made now: the common pool, or the one of a recording.
@@ -122,6 +141,23 @@ pub(super) struct Device {
     /// Bytes taken from the driver and not given back, now and at most.
     taken: AtomicUsize,
     most: AtomicUsize,
+    /// What ran and how long, while somebody wants to know.
+    pub(super) profile: Mutex<Option<Profile>>,
+    /// Memory of the host that the GPU copies from and to by itself; made when it is first needed.
+    staging: Mutex<Option<Staging>>,
+}
+
+/// Page-locked memory of the host, [`STAGED`] bytes.
+struct Staging(*mut c_void);
+
+// SAFETY: plain memory, used under a lock.
+unsafe impl Send for Staging {}
+
+impl Staging {
+    fn bytes(&mut self) -> &mut [u8] {
+        // SAFETY: it is that long, was filled with zeros, and is borrowed as this is.
+        unsafe { std::slice::from_raw_parts_mut(self.0.cast(), STAGED) }
+    }
 }
 
 // SAFETY: handles of the driver may be used from any thread whose context is bound; every use binds it first.
@@ -190,7 +226,11 @@ impl Device {
             stream,
             name,
             arch,
+            // For tests: the kernels of other GPUs on this one.
+            groups: arch == 90 && std::env::var_os("HARMONY_CUDA").is_none_or(|v| v != "plain"),
             processors,
+            profile: Mutex::default(),
+            staging: Mutex::default(),
             kernels: Mutex::default(),
             modules: Mutex::default(),
             pool: Mutex::new(Arc::clone(&common)),
@@ -208,6 +248,9 @@ impl Device {
         let mut sources = vec![Source::Pointwise, Source::Rows, Source::Images, Source::Attention];
         if self.arch >= 80 {
             sources.push(Source::Flash(64));
+        }
+        if self.groups {
+            sources.push(Source::GroupAttention);
         }
         std::thread::scope(|scope| {
             let threads: Vec<_> = sources.into_iter().map(|s| scope.spawn(move || self.module(s))).collect();
@@ -240,6 +283,64 @@ impl Device {
     /// Bytes of device memory that this holds now and has held at most.
     pub(super) fn memory(&self) -> (usize, usize) {
         (self.taken.load(Ordering::Relaxed), self.most.load(Ordering::Relaxed))
+    }
+
+    /// Copies to the device. The bytes have been read when this returns.
+    pub(super) fn upload(&self, to: u64, bytes: &[u8]) -> Result<(), NetError> {
+        self.bind()?;
+        let copy = |to: u64, bytes: &[u8]| {
+            // SAFETY: the callers' buffer is that large; pageable memory has been read when the call returns, and
+            // page-locked memory is only written again after a wait.
+            let copied = unsafe { driver::memcpy_htod_async(to, bytes, self.stream) };
+            self.driver("copying to the device", copied)
+        };
+        // In use by another thread, or by this one further up (a thread of rayon's that waits takes other work): plainly.
+        let mut staging = self.staging.try_lock().ok();
+        let staged = staging.as_deref_mut().and_then(|s| Self::staging_for(s, bytes.len()));
+        let Some(staging) = staged else { return copy(to, bytes) };
+        for (i, part) in bytes.chunks(STAGED).enumerate() {
+            let here = &mut staging.bytes()[..part.len()];
+            here.par_chunks_mut(1 << 20).zip(part.par_chunks(1 << 20)).for_each(|(to, from)| to.copy_from_slice(from));
+            copy(to + (i * STAGED) as u64, here)?;
+            self.synchronize()?;
+        }
+        Ok(())
+    }
+
+    /// Copies from the device and waits for it.
+    pub(super) fn download(&self, to: &mut [u8], from: u64) -> Result<(), NetError> {
+        self.bind()?;
+        let copy = |to: &mut [u8], from: u64| {
+            // SAFETY: the callers' buffer is that large; waited for at once.
+            let copied = unsafe { driver::memcpy_dtoh_async(to, from, self.stream) };
+            self.driver("copying from the device", copied)?;
+            self.synchronize()
+        };
+        // In use by another thread, or by this one further up (a thread of rayon's that waits takes other work): plainly.
+        let mut staging = self.staging.try_lock().ok();
+        let staged = staging.as_deref_mut().and_then(|s| Self::staging_for(s, to.len()));
+        let Some(staging) = staged else { return copy(to, from) };
+        for (i, part) in to.chunks_mut(STAGED).enumerate() {
+            let here = &mut staging.bytes()[..part.len()];
+            copy(here, from + (i * STAGED) as u64)?;
+            part.par_chunks_mut(1 << 20).zip(here.par_chunks(1 << 20)).for_each(|(to, from)| to.copy_from_slice(from));
+        }
+        Ok(())
+    }
+
+    /// Page-locked memory, where it is worth it and there is some to be had.
+    fn staging_for(staging: &mut Option<Staging>, bytes: usize) -> Option<&mut Staging> {
+        if bytes < WORTH_STAGING {
+            return None;
+        }
+        if staging.is_none() {
+            // SAFETY: freed when the device is dropped; zeros are written before anything reads it.
+            let memory = unsafe { driver::malloc_host(STAGED, 0) }.ok()?;
+            // SAFETY: just got, that long.
+            unsafe { memory.cast::<u8>().write_bytes(0, STAGED) };
+            *staging = Some(Staging(memory));
+        }
+        staging.as_mut()
     }
 
     /// A piece of memory with anything in it.
@@ -344,7 +445,7 @@ impl Device {
         let (mut major, mut minor) = (0, 0);
         // SAFETY: two numbers are written.
         unsafe { nvrtc::sys::nvrtcVersion(&raw mut major, &raw mut minor) }.result().ok()?;
-        let tag = format!("{major}.{minor} {} ", self.arch);
+        let tag = format!("{major}.{minor} {} {} ", self.arch, self.groups);
         let hash = tag
             .bytes()
             .chain(text.bytes())
@@ -355,7 +456,10 @@ impl Device {
     fn compile(&self, text: &str) -> Result<Vec<u8>, NetError> {
         let text = CString::new(text).map_err(|e| self.refuse(e))?;
         let program = nvrtc::result::create_program(&text, None).map_err(|e| self.refuse(e))?;
-        let options = [format!("--gpu-architecture=sm_{}", self.arch), "--std=c++17".into()];
+        let options = [
+            format!("--gpu-architecture=sm_{}{}", self.arch, if self.groups { "a" } else { "" }),
+            "--std=c++17".into(),
+        ];
         // SAFETY: the program was just made and is destroyed below.
         let code = unsafe {
             let compiled = nvrtc::result::compile_program(program, &options);
@@ -406,7 +510,9 @@ impl Device {
                 let set = driver::function::set_function_attribute(kernel.0, attribute, shared as i32);
                 self.driver(name, set)?;
             }
-            driver::launch_kernel(kernel.0, grid, (threads, 1, 1), shared as u32, self.stream, &mut pointers)
+            let run =
+                || driver::launch_kernel(kernel.0, grid, (threads, 1, 1), shared as u32, self.stream, &mut pointers);
+            self.watched(|| format!("{name} {source:?}"), run)
         };
         self.driver(name, launched)
     }
@@ -424,6 +530,10 @@ impl Drop for Device {
             return;
         }
         self.empty(&Arc::clone(&self.common));
+        if let Some(Staging(memory)) = lock(&self.staging).take() {
+            // SAFETY: nothing is copied any more.
+            let _ = unsafe { driver::free_host(memory) };
+        }
         self.products.close();
         // SAFETY: nothing of this is used any more.
         unsafe {

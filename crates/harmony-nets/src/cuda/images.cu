@@ -16,8 +16,9 @@ static __device__ __noinline__ float act(int code, float x) {
 
 struct Image { int n, h, w, c; };
 
-// [N, H, W, C] to [N * rows * columns, side * side, C]; zeros outside. `n` counts elements of y.
-template <class T> DEV void window_partition_body(const T* x, T* y, Image d, int side, int rows, int columns, i64 n) {
+// [N, H, W, C] to [N * rows * columns, side * side, C]; zeros outside. U is a unit of channels: 16 bytes or one element;
+// C and `n`, the elements of y, count units.
+template <class U> DEV void window_partition_body(const U* x, U* y, Image d, int side, int rows, int columns, i64 n, U zero) {
     FOR_ALL(i, n) {
         u32 r = (u32)i;
         const int c = r % d.c; r /= d.c;
@@ -26,13 +27,12 @@ template <class T> DEV void window_partition_body(const T* x, T* y, Image d, int
         const int wx = r % columns; r /= columns;
         const int wy = r % rows; r /= rows;
         const int iy = wy * side + py, ix = wx * side + px;
-        T zero; store(&zero, 0.0f);
         y[i] = iy < d.h && ix < d.w ? x[(((i64)r * d.h + iy) * d.w + ix) * d.c + c] : zero;
     }
 }
 
 // The inverse; `d` and `n` are those of the image.
-template <class T> DEV void window_merge_body(const T* x, T* y, Image d, int side, int rows, int columns, i64 n) {
+template <class U> DEV void window_merge_body(const U* x, U* y, Image d, int side, int rows, int columns, i64 n) {
     FOR_ALL(i, n) {
         u32 r = (u32)i;
         const int c = r % d.c; r /= d.c;
@@ -42,6 +42,16 @@ template <class T> DEV void window_merge_body(const T* x, T* y, Image d, int sid
         y[i] = x[(window * side * side + iy % side * side + ix % side) * d.c + c];
     }
 }
+#define WINDOWS(U, S, ZERO)                                                                                            \
+    KERNEL window_partition_##S(const U* x, U* y, Image d, int s, int r, int c, i64 n) {                               \
+        window_partition_body<U>(x, y, d, s, r, c, n, ZERO);                                                           \
+    }                                                                                                                  \
+    KERNEL window_merge_##S(const U* x, U* y, Image d, int s, int r, int c, i64 n) {                                   \
+        window_merge_body(x, y, d, s, r, c, n);                                                                        \
+    }
+WINDOWS(uint4, 16, make_uint4(0, 0, 0, 0))
+WINDOWS(u32, 4, 0u)
+WINDOWS(u16, 2, (u16)0)
 
 // kind: 0 max, 1 mean (padding counts as zero).
 template <class T>
@@ -171,12 +181,6 @@ DEV void spread_body(const T* x, T* y, const T* bias, const T* residual, int cod
 }
 
 #define BOTH(T, S)                                                                                                     \
-    KERNEL window_partition_##S(const T* x, T* y, Image d, int s, int r, int c, i64 n) {                               \
-        window_partition_body(x, y, d, s, r, c, n);                                                                    \
-    }                                                                                                                  \
-    KERNEL window_merge_##S(const T* x, T* y, Image d, int s, int r, int c, i64 n) {                                   \
-        window_merge_body(x, y, d, s, r, c, n);                                                                        \
-    }                                                                                                                  \
     KERNEL pool_##S(const T* x, T* y, Image d, int kind, int size, int st, int p, int oh, int ow, i64 n) {             \
         pool_body(x, y, d, kind, size, st, p, oh, ow, n);                                                              \
     }                                                                                                                  \

@@ -11,12 +11,11 @@
 
 mod device;
 mod product;
+mod profile;
 mod record;
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
-
-use cudarc::driver::result as driver;
 
 use crate::backend::{
     Act, AttentionSpec, Backend, Binary, ConvWeights, LinearWeights, Pool, Qkv, Reduce, Resize, TensorHandle, Window,
@@ -27,16 +26,22 @@ use device::{Args, Buffer, Device, Source, lock};
 use product::{Epilogue, Operands, Shape};
 use record::Recording;
 
+pub use profile::Launches;
+
 /// Bytes of gathered windows at a time in a convolution.
 const GATHERED: usize = 768 << 20;
 /// Products with more arithmetic than this have their algorithm chosen by a measurement.
-const WORTH_TRYING: usize = 100_000_000;
+const WORTH_TRYING: usize = 10_000_000;
+/// Queries times keys times channels from which f32 attention beside bf16 is narrowed.
+const WORTH_NARROWING: usize = 1 << 24;
 
 /// An NVIDIA GPU as a backend. Clones share everything.
 #[derive(Debug, Clone)]
 pub struct Cuda {
     device: Arc<Device>,
     preferred: DType,
+    /// f32 products are multiplied as TF32, and large cross attention in bf16.
+    tf32: bool,
     records: Arc<Mutex<HashMap<String, Recording>>>,
 }
 
@@ -144,13 +149,23 @@ impl Cuda {
         let device = Device::open(ordinal)?;
         // Matrix units do bf16 from compute capability 8.0 on.
         let preferred = if device.arch >= 80 { DType::BF16 } else { DType::F32 };
-        Ok(Self { device, preferred, records: Arc::default() })
+        Ok(Self { device, preferred, tf32: preferred == DType::BF16, records: Arc::default() })
     }
 
-    /// The same GPU with networks in another type: f32 to compare with, bf16 to be quick.
+    /// The same GPU with networks in another type: f32 to compare with, bf16 to be quick. Beside bf16, products of the
+    /// parts that stay f32 are multiplied as TF32, as PyTorch does by default in convolutions, and large cross attention
+    /// in bf16.
     #[must_use]
     pub fn computing_in(&self, dtype: DType) -> Self {
-        Self { preferred: kind(dtype), records: Arc::default(), ..self.clone() }
+        let preferred = kind(dtype);
+        let tf32 = preferred == DType::BF16 && self.device.arch >= 80;
+        Self { preferred, tf32, records: Arc::default(), ..self.clone() }
+    }
+
+    /// The same GPU without TF32: whatever is f32 is computed in f32.
+    #[must_use]
+    pub fn without_tf32(&self) -> Self {
+        Self { tf32: false, records: Arc::default(), ..self.clone() }
     }
 
     /// Bytes of device memory held by tensors and kept for the next ones: now, and at most so far. The libraries'
@@ -182,9 +197,7 @@ impl Cuda {
 
     fn upload(&self, bytes: &[u8], shape: &[usize], dtype: DType) -> Result<Tensor, NetError> {
         let tensor = self.make(shape, dtype)?;
-        // SAFETY: the buffer is that large; pageable memory has been read when the call returns.
-        let copied = unsafe { driver::memcpy_htod_async(tensor.at(), bytes, self.device.stream) };
-        self.device.driver("copying to the device", copied)?;
+        self.device.upload(tensor.at(), bytes)?;
         Ok(tensor)
     }
 
@@ -272,6 +285,7 @@ impl Cuda {
         };
         let shape = Shape {
             dtype: y.dtype,
+            tf32: self.tf32 && y.dtype == DType::F32,
             m,
             n,
             k,
@@ -369,6 +383,15 @@ impl Cuda {
 
 type Checked<T> = Result<T, NetError>;
 
+/// How many channels are copied as one, and which of three kernels does it: sixteen bytes, or one f32 or bf16.
+fn by_unit(dtype: DType, channels: usize, names: [&'static str; 3]) -> (usize, &'static str) {
+    if (channels * dtype.size()).is_multiple_of(16) {
+        (16 / dtype.size(), names[0])
+    } else {
+        (1, names[if dtype == DType::BF16 { 2 } else { 1 }])
+    }
+}
+
 fn image_args(d: Dims4) -> [i32; 4] {
     [d.n as i32, d.h as i32, d.w as i32, d.c as i32]
 }
@@ -385,6 +408,10 @@ impl Backend for Cuda {
 
     fn preferred(&self) -> DType {
         self.preferred
+    }
+
+    fn room(&self) -> usize {
+        2 << 30
     }
 
     fn load(&self, host: &HostTensor, dtype: DType) -> Result<Tensor, NetError> {
@@ -443,11 +470,7 @@ impl Backend for Cuda {
     fn read(&self, x: &Tensor) -> Result<Vec<f32>, NetError> {
         let x = self.as_type(x, DType::F32)?;
         let mut values = vec![0f32; x.count()];
-        self.device.bind()?;
-        // SAFETY: the buffer is that large; waited for below.
-        let copied = unsafe { driver::memcpy_dtoh_async(&mut values, x.at(), self.device.stream) };
-        self.device.driver("copying from the device", copied)?;
-        self.device.synchronize()?;
+        self.device.download(bytemuck::cast_slice_mut(&mut values), x.at())?;
         Ok(values)
     }
 
@@ -568,6 +591,14 @@ impl Backend for Cuda {
         let full = |t: Option<&Tensor>| t.map(|t| self.as_type(t, DType::F32)).transpose();
         let (w, b) = (full(w)?, full(b)?);
         let address = |t: &Option<Tensor>| t.as_ref().map_or(0u64, Tensor::at);
+        if c.is_multiple_of(8) && c <= 1024 {
+            let y = self.make(&x.shape, x.dtype)?;
+            let rows = x.count() / c;
+            let args = Args::new().with(x.at()).with(y.at()).with(address(&w)).with(address(&b)).with(eps);
+            let args = args.with(c as i32).with(rows as i64).with(c.div_ceil(256).next_power_of_two() as i32);
+            self.device.launch(kernel!(Rows, "short_norm", x.dtype), [rows.div_ceil(4), 1, 1], 128, 0, args)?;
+            return Ok(y);
+        }
         let wide = match c.div_ceil(1024) {
             n @ 1..=4 if c.is_multiple_of(8) => n.next_power_of_two() as i32,
             _ => 0,
@@ -581,8 +612,12 @@ impl Backend for Cuda {
         match qkv {
             Qkv::Packed(_) => self.attend(&qkv, spec),
             Qkv::Separate { q, k, v } => {
-                let (k, v) = (self.as_type(k, q.dtype)?, self.as_type(v, q.dtype)?);
-                self.attend(&Qkv::Separate { q, k: &k, v: &v }, spec)
+                // Where f32 is multiplied as TF32, large attention goes through the matrix units in bf16.
+                let work = q.dim(0) * q.dim(1) * k.dim(1) * q.dim(2);
+                let narrow = self.tf32 && self.device.arch >= 80 && q.dtype == DType::F32 && work >= WORTH_NARROWING;
+                let dtype = if narrow { DType::BF16 } else { q.dtype };
+                let (q_here, k, v) = (self.as_type(q, dtype)?, self.as_type(k, dtype)?, self.as_type(v, dtype)?);
+                self.owned_as(self.attend(&Qkv::Separate { q: &q_here, k: &k, v: &v }, spec)?, q.dtype)
             }
         }
     }
@@ -595,9 +630,12 @@ impl Backend for Cuda {
         let (rows, columns) = (d.h.div_ceil(side), d.w.div_ceil(side));
         let y = self.make(&[d.n * rows * columns, side * side, d.c], x.dtype)?;
         countable("window_partition", y.count())?;
-        let args = Args::new().with(x.at()).with(y.at()).with(image_args(d)).with(side as i32);
-        let args = args.with(rows as i32).with(columns as i32).with(y.count() as i64);
-        self.device.launch_over(kernel!(Images, "window_partition", x.dtype), y.count(), args)?;
+        let names = ["window_partition_16", "window_partition_4", "window_partition_2"];
+        let (unit, name) = by_unit(x.dtype, d.c, names);
+        let (c, n) = (d.c / unit, y.count() / unit);
+        let args = Args::new().with(x.at()).with(y.at()).with(image_args(Dims4 { c, ..d })).with(side as i32);
+        let args = args.with(rows as i32).with(columns as i32).with(n as i64);
+        self.device.launch_over((Source::Images, name), n, args)?;
         Ok(y)
     }
 
@@ -617,9 +655,12 @@ impl Backend for Cuda {
         let d = Dims4 { n: windows / (rows * columns), h: height, w: width, c };
         let y = self.make(&[d.n, height, width, c], x.dtype)?;
         countable("window_merge", y.count())?;
-        let args = Args::new().with(x.at()).with(y.at()).with(image_args(d)).with(side as i32);
-        let args = args.with(rows as i32).with(columns as i32).with(y.count() as i64);
-        self.device.launch_over(kernel!(Images, "window_merge", x.dtype), y.count(), args)?;
+        let names = ["window_merge_16", "window_merge_4", "window_merge_2"];
+        let (unit, name) = by_unit(x.dtype, d.c, names);
+        let (c, n) = (d.c / unit, y.count() / unit);
+        let args = Args::new().with(x.at()).with(y.at()).with(image_args(Dims4 { c, ..d })).with(side as i32);
+        let args = args.with(rows as i32).with(columns as i32).with(n as i64);
+        self.device.launch_over((Source::Images, name), n, args)?;
         Ok(y)
     }
 
@@ -639,6 +680,8 @@ impl Backend for Cuda {
         if kh * kw == 1 && window.stride == 1 && window.padding == 0 && w.pitch == w.inner {
             let (at, r) = (w.weight.at(), residual.as_ref());
             self.multiply([rows, w.out, w.inner], true, 1, x.at(), at, &y, bias, act, r)?;
+        } else if self.convolve(&x, w, (d, window), &y, act, residual.as_ref())? {
+            // Windows were gathered on the way to the matrix units.
         } else {
             countable("conv2d", rows)?;
             let row_bytes = w.pitch * dtype.size();
@@ -804,6 +847,45 @@ impl Backend for Cuda {
     }
 }
 
+impl Cuda {
+    /// A convolution on warp-group products into `y`; `false` where it has to be done otherwise.
+    fn convolve(
+        &self,
+        x: &Tensor,
+        w: &Conv,
+        (d, window): (Dims4, Window),
+        y: &Tensor,
+        act: Act,
+        residual: Option<&Tensor>,
+    ) -> Result<bool, NetError> {
+        let bf16 = y.dtype == DType::BF16;
+        let whole = w.inner.is_multiple_of(128 / y.dtype.size()) && w.out.is_multiple_of(2);
+        if !self.device.groups || !(bf16 || self.tf32) || !whole || !matches!(act, Act::None | Act::Relu) {
+            return Ok(false);
+        }
+        let pixels = y.count() / w.out;
+        countable("conv2d", pixels)?;
+        let blocks = pixels.div_ceil(128);
+        // Wide blocks read pixels once; narrow ones where there would be too few blocks for the GPU.
+        let processors = self.device.processors as usize;
+        let (wide, stages) = match w.out {
+            n if n > 128 && blocks * n.div_ceil(256) >= processors => (256, 4),
+            n if n > 32 && blocks * n.div_ceil(128) * 2 >= processors => (128, 3),
+            _ => (32, 4),
+        };
+        let shared = stages * (16384 + wide * 128) + 1024;
+        let geometry =
+            [d.h, d.w, w.inner, w.kernel[0], w.kernel[1], window.stride, window.padding, y.shape[1], y.shape[2]];
+        let address = |t: Option<&Tensor>| t.map_or(0u64, Tensor::at);
+        let args = Args::new().with(x.at()).with(w.weight.at()).with(y.at()).with(address(w.bias.as_ref()));
+        let args = args.with(address(residual)).with(i32::from(act == Act::Relu)).with(geometry.map(|v| v as i32));
+        let args = args.with(w.out as i32).with(pixels as i64);
+        let source = Source::GroupConvolution(wide, stages, bf16);
+        self.device.launch((source, "convolution"), [blocks, w.out.div_ceil(wide), 1], 256, shared, args)?;
+        Ok(true)
+    }
+}
+
 /// Queries, keys or values where they lie: start, batch step, token step.
 fn part(p: Strided<'_, Tensor>) -> [i64; 3] {
     [p.start as i64, p.batch as i64, p.token as i64]
@@ -843,8 +925,14 @@ impl Cuda {
             let args = norm_at.iter().fold(args, |args, at| args.with(*at)).with(eps);
             let args = args.with(rope_at[0]).with(rope_at[1]).with(sizes(false));
             let heads = p.batch * p.queries.max(p.keys) * p.heads;
-            let grid = [heads.div_ceil(8), 2, 1];
-            self.device.launch(kernel!(Attention, "prepare", dtype), grid, 256, 0, args)?;
+            let aligned = [part(p.q), part(p.k)].iter().flatten().all(|n| n % 8 == 0);
+            if aligned && [32, 64, 128, 256].contains(&p.dim) {
+                let grid = [heads.div_ceil(256 / (p.dim / 8)), 2, 1];
+                self.device.launch(kernel!(Attention, "prepare_wide", dtype), grid, 256, 0, args)?;
+            } else {
+                let grid = [heads.div_ceil(8), 2, 1];
+                self.device.launch(kernel!(Attention, "prepare", dtype), grid, 256, 0, args)?;
+            }
             q = (q_new.at(), [0, (p.queries * c) as i64, c as i64]);
             k = (k_new.at(), [0, (p.keys * c) as i64, c as i64]);
             prepared = Some((q_new, k_new));
@@ -855,7 +943,17 @@ impl Cuda {
         let args = args.with(bias.as_ref().map_or(0, Tensor::at)).with(y.at()).with(sizes(spec.causal));
         let aligned = [q.1, k.1, v.1].iter().flatten().all(|n| n % 8 == 0);
         let quick = self.device.arch >= 80 && dtype == DType::BF16 && aligned && p.dim.is_multiple_of(8);
-        if quick && p.dim == p.value_dim && p.dim <= 128 {
+        // Blocks of 192 queries: worth it where there are enough of them for two thirds of the GPU.
+        let blocks = p.queries.div_ceil(192) * p.heads * p.batch;
+        let plain = bias.is_none() && !spec.causal && p.dim == 64 && p.value_dim == 64 && p.scale > 0.0 && p.keys > 0;
+        if quick && plain && self.device.groups && blocks * 3 >= 2 * self.device.processors as usize {
+            let args = Args::new().with(q.0).with(k.0).with(v.0).with(q.1).with(k.1).with(v.1).with(y.at());
+            // Queries, four stages of keys and values, a barrier, and room to start at a multiple of 1024 bytes.
+            let shared = 3 * 8192 + 4 * 32768 + 16 + 1024;
+            let grid = [p.queries.div_ceil(192), p.heads, p.batch];
+            let args = args.with(sizes(false));
+            self.device.launch((Source::GroupAttention, "attention_64"), grid, 384, shared, args)?;
+        } else if quick && p.dim == p.value_dim && p.dim <= 128 {
             let head = p.dim.next_multiple_of(16);
             // Queries, and two stages of keys and values, rows filled up by eight numbers.
             let shared = 5 * 64 * (head + 8) * 2;

@@ -32,8 +32,11 @@ pub(super) enum Epilogue {
 
 /// The shape of `y [m, n] = epilogue(x [m, k] w + bias) + y0`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[expect(clippy::struct_excessive_bools, reason = "what a product may have or not")]
 pub(super) struct Shape {
     pub(super) dtype: DType,
+    /// f32 is multiplied as TF32: ten bits of each factor's fraction count.
+    pub(super) tf32: bool,
     pub(super) m: usize,
     pub(super) n: usize,
     pub(super) k: usize,
@@ -121,7 +124,10 @@ impl Products {
             }
         };
         let Some(plan) = plan else { return Ok(false) };
-        self.launch(device, plan, &plan.algorithm, shape, operands)
+        let launch = || self.launch(device, plan, &plan.algorithm, shape, operands);
+        let Shape { m, n, k, batch, dtype, tf32, .. } = shape;
+        device
+            .watched(|| format!("product {dtype:?}{} {batch}x{m}x{n}x{k}", if tf32 { " tf32" } else { "" }), launch)
             .map_err(|e| device.refuse(format!("product {shape:?}: {e}")))?;
         Ok(true)
     }
@@ -178,8 +184,12 @@ impl Products {
         let kind =
             if s.dtype == DType::BF16 { sys::cudaDataType_t::CUDA_R_16BF } else { sys::cudaDataType_t::CUDA_R_32F };
         let (m, n, k) = (s.m as u64, s.n as u64, s.k as u64);
-        let description =
-            lt::create_matmul_desc(sys::cublasComputeType_t::CUBLAS_COMPUTE_32F, sys::cudaDataType_t::CUDA_R_32F)?;
+        let compute = if s.tf32 && s.dtype == DType::F32 {
+            sys::cublasComputeType_t::CUBLAS_COMPUTE_32F_FAST_TF32
+        } else {
+            sys::cublasComputeType_t::CUBLAS_COMPUTE_32F
+        };
+        let description = lt::create_matmul_desc(compute, sys::cudaDataType_t::CUDA_R_32F)?;
         let (rows, columns) = if s.transposed { (k, n) } else { (n, k) };
         let plan = Plan {
             description,

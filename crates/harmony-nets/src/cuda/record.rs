@@ -74,8 +74,15 @@ impl Cuda {
                 // What the first run kept is given back, for the recording takes as much again.
                 device.synchronize()?;
                 device.empty(&device.common);
-                let graph = self.record(inputs, body)?;
-                records.insert(key.into(), Recording::Ready(graph));
+                match self.record(inputs, body) {
+                    Ok(graph) => drop(records.insert(key.into(), Recording::Ready(graph))),
+                    // A recording keeps all its memory to itself; where that is too much, it goes on without.
+                    Err(NetError::OutOfMemory { .. }) => {
+                        drop(records);
+                        return plain(body);
+                    }
+                    Err(e) => return Err(e),
+                }
             }
             _ => {
                 records.insert(key.into(), Recording::Seen(shapes));

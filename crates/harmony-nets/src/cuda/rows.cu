@@ -81,6 +81,52 @@ DEV void layer_norm_body(const T* x, T* y, const float* weight, const float* bia
     }
 }
 
+// A warp a row, four rows a block: up to 256 * WIDE columns, a multiple of 8, held in registers.
+template <class T, int WIDE>
+DEV void short_norm_body(const T* x, T* y, const float* weight, const float* bias, float eps, int columns, i64 rows) {
+    const i64 row = (i64)blockIdx.x * 4 + threadIdx.x / 32;
+    if (row >= rows) return;
+    const int lane = threadIdx.x % 32;
+    x += row * columns;
+    y += row * columns;
+    float v[WIDE][8], sum = 0.0f, square = 0.0f;
+#pragma unroll
+    for (int c = 0; c < WIDE; c++) {
+        const int at = (c * 32 + lane) * 8;
+        if (at < columns) {
+            load8(x + at, v[c]);
+#pragma unroll
+            for (int k = 0; k < 8; k++) sum += v[c][k];
+        }
+    }
+    const float mean = sum_of_warp(sum) / columns;
+#pragma unroll
+    for (int c = 0; c < WIDE; c++) {
+        if ((c * 32 + lane) * 8 < columns) {
+#pragma unroll
+            for (int k = 0; k < 8; k++) square += (v[c][k] - mean) * (v[c][k] - mean);
+        }
+    }
+    const float inverse = 1.0f / sqrtf(sum_of_warp(square) / columns + eps);
+#pragma unroll
+    for (int c = 0; c < WIDE; c++) {
+        const int at = (c * 32 + lane) * 8;
+        if (at < columns) {
+            float w[8], b[8];
+            if (weight) load8(weight + at, w);
+            if (bias) load8(bias + at, b);
+#pragma unroll
+            for (int k = 0; k < 8; k++) {
+                float z = (v[c][k] - mean) * inverse;
+                if (weight) z *= w[k];
+                if (bias) z += b[k];
+                v[c][k] = z;
+            }
+            store8(y + at, v[c]);
+        }
+    }
+}
+
 template <class T> DEV void softmax_body(const T* x, T* y, int columns) {
     __shared__ float part[4];
     x += (i64)blockIdx.x * columns;
@@ -121,6 +167,12 @@ template <class T> DEV void reduce_body(const T* x, T* y, int how, int columns) 
         else if (wide == 2) layer_norm_body<T, 2>(x, y, w, b, eps, columns);                                           \
         else if (wide == 4) layer_norm_body<T, 4>(x, y, w, b, eps, columns);                                           \
         else layer_norm_body<T, 0>(x, y, w, b, eps, columns);                                                          \
+    }                                                                                                                  \
+    KERNEL __launch_bounds__(128) short_norm_##S(                                                                      \
+        const T* x, T* y, const float* w, const float* b, float eps, int columns, i64 rows, int wide) {                \
+        if (wide == 1) short_norm_body<T, 1>(x, y, w, b, eps, columns, rows);                                          \
+        else if (wide == 2) short_norm_body<T, 2>(x, y, w, b, eps, columns, rows);                                     \
+        else short_norm_body<T, 4>(x, y, w, b, eps, columns, rows);                                                    \
     }                                                                                                                  \
     KERNEL softmax_##S(const T* x, T* y, int columns) { softmax_body(x, y, columns); }                                 \
     KERNEL l2_normalize_##S(const T* x, T* y, float eps, int columns) { l2_normalize_body(x, y, eps, columns); }       \

@@ -157,7 +157,7 @@ impl<B: Backend> Owlv2<B> {
     /// Features of the patches `[patches, width]`, f32: each patch times the class token.
     fn features(&self, pixels: Pixels) -> Result<B::Tensor, NetError> {
         let b = &*self.backend;
-        let tokens = self.vision.forward(b, &[pixels])?;
+        let tokens = self.vision.forward(b, vec![pixels])?;
         let tokens = self.vision.normed(b, &tokens)?;
         let (count, width) = (tokens.dim(1) - 1, tokens.dim(2));
         let class = b.reshape(&b.slice(&tokens, 1, 0, 1)?, &[width])?;

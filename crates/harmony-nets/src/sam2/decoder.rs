@@ -1,5 +1,7 @@
 //! The mask decoder.
 
+use rayon::prelude::*;
+
 use super::attention::TwoWay;
 use super::{Encoded, LOGIT_LIMIT, MaskLogits, MaskPrediction, Masks, RawPrediction, Sam2Config};
 use crate::backend::{Act, Backend, Binary, TensorHandle};
@@ -61,7 +63,7 @@ impl<B: Backend> Decoder<B> {
         prompt_tokens: &[f32],
         prompts: usize,
         features: &Encoded<B>,
-    ) -> Result<Vec<RawPrediction>, NetError> {
+    ) -> Result<Decoded<B>, NetError> {
         let w = self.width;
         let mut tokens = Vec::new();
         for own in prompt_tokens.chunks_exact(prompt_tokens.len() / prompts) {
@@ -91,40 +93,80 @@ impl<B: Backend> Decoder<B> {
             weights.push(hyper.apply(b, &token(2 + i)?, None)?);
         }
         let weights = b.concat(&weights.iter().collect::<Vec<_>>(), 1)?;
-        let masks = b.read(&b.matmul(&weights, &x, true)?)?;
-        let ious = b.read(&b.activation(&self.iou.apply(b, &token(1)?, None)?, Act::Sigmoid)?)?;
-        let scores = b.read(&self.score.apply(b, &token(0)?, None)?)?;
-
-        let mask = |(values, iou): (&[f32], &f32)| MaskPrediction {
-            logits: MaskLogits { side, values: values.to_vec() },
-            iou: *iou,
-        };
-        let all = masks.chunks_exact(MASKS * side * side).zip(ious.chunks_exact(MASKS)).zip(scores);
-        let raw = all.map(|((masks, ious), object_score)| RawPrediction {
-            masks: masks.chunks_exact(side * side).zip(ious).map(mask).collect(),
-            object_score,
-        });
-        Ok(raw.collect())
+        let masks = b.matmul(&weights, &x, true)?;
+        Ok(Decoded {
+            masks: b.reshape(&masks, &[prompts * MASKS, side * side])?,
+            ious: b.read(&b.activation(&self.iou.apply(b, &token(1)?, None)?, Act::Sigmoid)?)?,
+            scores: b.read(&self.score.apply(b, &token(0)?, None)?)?,
+            side,
+        })
     }
 }
 
-/// The masks that are wanted, best single one or the three.
-pub(super) fn choose(raw: RawPrediction, wanted: Masks) -> Vec<MaskPrediction> {
-    let mut masks = raw.masks;
-    if wanted == Masks::Three || masks.len() < 2 {
-        return masks.split_off(masks.len().min(1));
+/// What the decoder gives for several prompts; masks stay on the device until they are asked for, for they are large.
+pub(super) struct Decoded<B: Backend> {
+    /// Logits `[prompts * MASKS, side * side]`.
+    masks: B::Tensor,
+    ious: Vec<f32>,
+    scores: Vec<f32>,
+    side: usize,
+}
+
+impl<B: Backend> Decoded<B> {
+    /// Everything.
+    pub(super) fn raw(&self, b: &B) -> Result<Vec<RawPrediction>, NetError> {
+        let all = (0..self.ious.len() as u32).collect::<Vec<_>>();
+        let mut masks = self.predictions(b, &all)?.into_iter();
+        let raw = |score: &f32| RawPrediction { masks: masks.by_ref().take(MASKS).collect(), object_score: *score };
+        Ok(self.scores.iter().map(raw).collect())
     }
+
+    /// The masks that are wanted of each prompt, best single one or the three.
+    pub(super) fn chosen(&self, b: &B, wanted: Masks) -> Result<Vec<Vec<MaskPrediction>>, NetError> {
+        let prompts = self.scores.len();
+        if wanted == Masks::Three {
+            let three = (0..self.ious.len()).filter(|i| i % MASKS != 0).map(|i| i as u32).collect::<Vec<_>>();
+            let mut masks = self.predictions(b, &three)?.into_iter();
+            return Ok((0..prompts).map(|_| masks.by_ref().take(MASKS - 1).collect()).collect());
+        }
+        let first = (0..prompts).map(|i| (i * MASKS) as u32).collect::<Vec<_>>();
+        let mut answers = self.predictions(b, &first)?;
+        let ious = |i: usize| &self.ious[i * MASKS..(i + 1) * MASKS];
+        let best = |(i, mask): (usize, &MaskPrediction)| (i, best(&mask.logits.values, ious(i)));
+        let others = answers.par_iter().enumerate().map(best).filter(|(_, at)| *at > 0).collect::<Vec<_>>();
+        let rows = others.iter().map(|(i, at)| (i * MASKS + at) as u32).collect::<Vec<_>>();
+        for ((i, _), mask) in others.into_iter().zip(self.predictions(b, &rows)?) {
+            answers[i] = mask;
+        }
+        Ok(answers.into_iter().map(|mask| vec![mask]).collect())
+    }
+
+    fn predictions(&self, b: &B, rows: &[u32]) -> Result<Vec<MaskPrediction>, NetError> {
+        if rows.is_empty() {
+            return Ok(Vec::new());
+        }
+        let values = b.read(&b.gather_rows(&self.masks, rows)?)?;
+        let mask = |(values, row): (&[f32], &u32)| MaskPrediction {
+            logits: MaskLogits { side: self.side, values: values.to_vec() },
+            iou: self.ious[*row as usize],
+        };
+        Ok(values.par_chunks_exact(self.side * self.side).zip(rows).map(mask).collect())
+    }
+}
+
+/// Which of a prompt's masks is the best single one, by the logits of the first and the qualities of all.
+fn best(first: &[f32], ious: &[f32]) -> usize {
     let mut at = 0;
-    if stability(&masks[0].logits.values) < STABILITY_LIMIT {
+    if stability(first) < STABILITY_LIMIT {
         // The first of equals, as upstream's argmax.
         at = 1;
-        for i in 2..masks.len() {
-            if masks[i].iou > masks[at].iou {
+        for i in 2..ious.len() {
+            if ious[i] > ious[at] {
                 at = i;
             }
         }
     }
-    vec![masks.swap_remove(at)]
+    at
 }
 
 impl MaskLogits {
@@ -147,21 +189,11 @@ fn stability(logits: &[f32]) -> f32 {
 mod tests {
     use super::*;
 
-    fn mask(values: [f32; 4], iou: f32) -> MaskPrediction {
-        MaskPrediction { logits: MaskLogits { side: 2, values: values.to_vec() }, iou }
-    }
-
     #[test]
     fn a_stable_single_mask_is_taken_and_an_unstable_one_gives_way_to_the_best_of_three() {
-        let three = [mask([1.0; 4], 0.2), mask([2.0; 4], 0.9), mask([3.0; 4], 0.9)];
-        let raw = |first| RawPrediction { masks: [vec![first], three.to_vec()].concat(), object_score: 0.0 };
-        let stable = mask([5.0, 5.0, -5.0, -5.0], 0.1);
-        assert_eq!(choose(raw(stable.clone()), Masks::Best), std::slice::from_ref(&stable));
-        let unstable = mask([5.0, 0.01, -5.0, -5.0], 0.99);
-        assert_eq!(choose(raw(unstable), Masks::Best), [three[1].clone()]);
-        assert_eq!(choose(raw(stable), Masks::Three), three);
+        assert_eq!(best(&[5.0, 5.0, -5.0, -5.0], &[0.1, 0.2, 0.9, 0.9]), 0);
+        assert_eq!(best(&[5.0, 0.01, -5.0, -5.0], &[0.99, 0.2, 0.9, 0.9]), 2);
         // Nothing inside at all counts as stable.
-        let empty = mask([-5.0; 4], 0.1);
-        assert_eq!(choose(raw(empty.clone()), Masks::Best), [empty]);
+        assert_eq!(best(&[-5.0; 4], &[0.1, 0.2, 0.9, 0.9]), 0);
     }
 }

@@ -32,7 +32,7 @@ pub use upscale::logits_at;
 #[cfg(feature = "players")]
 pub use upscale::mask_at;
 
-use decoder::Decoder;
+use decoder::{Decoded, Decoder};
 use hiera::Hiera;
 use neck::Neck;
 use prompt::PromptEncoder;
@@ -42,8 +42,8 @@ const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 /// Standard deviation of the same.
 const STD: [f32; 3] = [0.229, 0.224, 0.225];
 
-/// Prompts that are decoded at once unless told otherwise; each takes about 50 MB of activations.
-const PROMPTS_AT_ONCE: usize = 4;
+/// Activations of a prompt that is decoded: as many prompts are decoded at once as there is room for.
+const PROMPT_BYTES: usize = 60 << 20;
 
 /// Logits of reused masks are kept within this, as upstream does.
 const LOGIT_LIMIT: f32 = 32.0;
@@ -114,7 +114,7 @@ impl<B: Backend> Sam2<B> {
             prompts: PromptEncoder::load(&precise.at("sam_prompt_encoder"), &config)?,
             decoder: Decoder::load(&precise.at("sam_mask_decoder"), &config)?,
             config,
-            at_once: PROMPTS_AT_ONCE,
+            at_once: (b.room() / PROMPT_BYTES).max(1),
             backend,
         })
     }
@@ -138,11 +138,18 @@ impl<B: Backend> Sam2<B> {
         if photo.width() == 0 || photo.height() == 0 {
             return Err(NetError::Input { network: "SAM 2", reason: "the photo has no pixels".to_owned() });
         }
-        let pixels = preprocess(photo, self.config.image_size);
+        self.encode_pixels(preprocess(photo, self.config.image_size), photo.dimensions())
+    }
+
+    /// Encodes what [`preprocess`] made of a photo of that width and height.
+    ///
+    /// # Errors
+    /// What the device says.
+    pub fn encode_pixels(&self, pixels: Pixels, size: (u32, u32)) -> Result<Encoded<B>, NetError> {
         let stages = self.stages(pixels)?;
         let [embedding, fine, finest] = self.neck.forward(&self.backend, stages)?;
         let f32 = |x| self.backend.cast(&x, DType::F32);
-        Ok(Encoded { embedding: f32(embedding)?, fine: f32(fine)?, finest: f32(finest)?, size: photo.dimensions() })
+        Ok(Encoded { embedding: f32(embedding)?, fine: f32(fine)?, finest: f32(finest)?, size })
     }
 
     /// Features at the ends of the four stages, finest first: taps for tests.
@@ -165,8 +172,11 @@ impl<B: Backend> Sam2<B> {
         prompts: &[Prompt],
         masks: Masks,
     ) -> Result<Vec<Vec<MaskPrediction>>, NetError> {
-        let raw = self.predict_raw(image, prompts)?;
-        Ok(raw.into_iter().map(|raw| decoder::choose(raw, masks)).collect())
+        let mut answers = Vec::with_capacity(prompts.len());
+        for now in self.batches(prompts) {
+            answers.extend(self.decoded(image, now)?.chosen(&self.backend, masks)?);
+        }
+        Ok(answers)
     }
 
     /// All four masks and the object score of each prompt.
@@ -175,19 +185,27 @@ impl<B: Backend> Sam2<B> {
     /// As [`Self::predict`].
     pub fn predict_raw(&self, image: &Encoded<B>, prompts: &[Prompt]) -> Result<Vec<RawPrediction>, NetError> {
         let mut answers = Vec::with_capacity(prompts.len());
-        let mut rest = prompts;
-        while let Some(first) = rest.first() {
-            // What is decoded together has the same number of tokens and no mask of its own.
-            let alike = |p: &&Prompt| p.tokens() == first.tokens() && p.mask.is_none();
-            let count = rest.iter().take_while(alike).count().clamp(1, self.at_once);
-            let (now, later) = rest.split_at(count);
-            answers.extend(self.predict_together(image, now)?);
-            rest = later;
+        for now in self.batches(prompts) {
+            answers.extend(self.decoded(image, now)?.raw(&self.backend)?);
         }
         Ok(answers)
     }
 
-    fn predict_together(&self, image: &Encoded<B>, prompts: &[Prompt]) -> Result<Vec<RawPrediction>, NetError> {
+    /// Prompts that are decoded together: they have the same number of tokens and no mask of their own.
+    fn batches<'a>(&self, prompts: &'a [Prompt]) -> Vec<&'a [Prompt]> {
+        let mut batches = Vec::new();
+        let mut rest = prompts;
+        while let Some(first) = rest.first() {
+            let alike = |p: &&Prompt| p.tokens() == first.tokens() && p.mask.is_none();
+            let count = rest.iter().take_while(alike).count().clamp(1, self.at_once);
+            let (now, later) = rest.split_at(count);
+            batches.push(now);
+            rest = later;
+        }
+        batches
+    }
+
+    fn decoded(&self, image: &Encoded<B>, prompts: &[Prompt]) -> Result<Decoded<B>, NetError> {
         let b = &*self.backend;
         let tokens = self.prompts.tokens(prompts, image.size)?;
         let dense = match prompts.iter().find_map(|p| p.mask.as_ref()) {

@@ -7,6 +7,7 @@ use async_trait::async_trait;
 use harmony_roles::{PlayerCard, RoleError, SegmentPrompt, SegmentRequest, SegmentedMask, Segmenter};
 use harmony_scene::{ImageSize, Mask};
 use image::RgbImage;
+use rayon::prelude::*;
 
 use super::{Encoded, Masks, Prompt, Sam2, Sam2Config, Sam2Size, mask_at};
 use crate::backend::Backend;
@@ -84,10 +85,16 @@ fn segment<B: Backend>(
         return Ok(answers);
     }
     let encoded = seen.last.of(image, |image| seen.network.encode(image))?;
-    for (place, masks) in places.into_iter().zip(seen.network.predict(&encoded, &boxes, Masks::Best)?) {
-        let Some(best) = masks.into_iter().next() else { continue };
+    let predicted = seen.network.predict(&encoded, &boxes, Masks::Best)?;
+    let whole = predicted.par_iter().map(|masks| {
+        let best = masks.first()?;
         let score = Some(f64::from(best.iou).clamp(0.0, 1.0)).filter(|s| s.is_finite());
-        answers[place] = SegmentedMask { mask: mask_at(&best.logits, size), score };
+        Some(SegmentedMask { mask: mask_at(&best.logits, size), score })
+    });
+    for (place, answer) in places.into_iter().zip(whole.collect::<Vec<_>>()) {
+        if let Some(answer) = answer {
+            answers[place] = answer;
+        }
     }
     Ok(answers)
 }

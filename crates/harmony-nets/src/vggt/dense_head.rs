@@ -138,8 +138,8 @@ impl<B: Backend> DenseHead<B> {
 
     /// Raw maps `[S, 14 rows, 14 columns, channels]` of all frames, before their activations.
     ///
-    /// `levels` are `[S, P, 2 dim]` with `special` tokens in front. Frames are done one after the other, for a frame's
-    /// maps are large and nothing is shared between frames here.
+    /// `levels` are `[S, P, 2 dim]` with `special` tokens in front. Nothing is shared between frames here, and their maps
+    /// are large: so many are done at once as the backend has room for.
     pub fn run(
         &self,
         backend: &B,
@@ -149,23 +149,37 @@ impl<B: Backend> DenseHead<B> {
         tables: &HeadTables<B>,
     ) -> Result<Vec<B::Tensor>, NetError> {
         let frames = levels.first().map_or(0, |l| l.dim(0));
-        (0..frames).map(|frame| self.frame(backend, levels, (frame, special), (rows, columns), tables)).collect()
+        // The last map before it is narrowed, three times over.
+        let pixels = rows * columns * self.config.patch * self.config.patch;
+        let bytes = 3 * pixels * self.config.features / 2 * self.dtype.size();
+        let parts = frames.div_ceil((backend.room() / bytes.max(1)).max(1)).max(1);
+        let each = frames.div_ceil(parts).max(1);
+        let mut maps = Vec::with_capacity(frames);
+        for first in (0..frames).step_by(each) {
+            let count = each.min(frames - first);
+            let map = self.frames(backend, levels, (first, count, special), (rows, columns), tables)?;
+            for i in 0..count {
+                maps.push(backend.slice(&map, 0, i, 1)?);
+            }
+        }
+        Ok(maps)
     }
 
-    fn frame(
+    /// `count` frames from `first` on.
+    fn frames(
         &self,
         backend: &B,
         tokens: &[B::Tensor],
-        (frame, special): (usize, usize),
+        (first, count, special): (usize, usize, usize),
         (rows, columns): (usize, usize),
         tables: &HeadTables<B>,
     ) -> Result<B::Tensor, NetError> {
         let mut maps = Vec::with_capacity(4);
         for ((level, tokens), table) in self.levels.iter().zip(tokens).zip(&tables.levels) {
-            let own = backend.slice(tokens, 0, frame, 1)?;
+            let own = backend.slice(tokens, 0, first, count)?;
             let patches = backend.slice(&own, 1, special, rows * columns)?;
             let normed = self.norm.run(backend, &backend.cast(&patches, self.dtype)?)?;
-            let map = backend.reshape(&normed, &[1, rows, columns, 2 * self.config.dim])?;
+            let map = backend.reshape(&normed, &[count, rows, columns, 2 * self.config.dim])?;
             let map = backend.conv2d(&map, &level.project, Act::None, None)?;
             let map = backend.binary(map, table, Binary::Add)?;
             let map = match &level.rescale {

@@ -61,6 +61,38 @@ impl<B: Backend> Estimate for On<B> {
     }
 }
 
+/// A network on a device with little memory, and how to get it onto one with more.
+#[cfg(any(feature = "cuda", test))]
+struct OrCpu {
+    first: Arc<dyn Estimate>,
+    other: Box<dyn Fn() -> Result<Arc<dyn Estimate>, NetError> + Send + Sync>,
+    /// The other one, and why.
+    gone: Mutex<Option<(Arc<dyn Estimate>, String)>>,
+}
+
+#[cfg(any(feature = "cuda", test))]
+impl Estimate for OrCpu {
+    fn device(&self) -> String {
+        match &*self.gone.lock().unwrap_or_else(PoisonError::into_inner) {
+            Some((other, why)) => format!("{}; no longer on a GPU: {why}", other.device()),
+            None => self.first.device(),
+        }
+    }
+
+    fn run(&self, frames: &[Frame]) -> Result<Vec<FrameGeometry>, NetError> {
+        let mut gone = self.gone.lock().unwrap_or_else(PoisonError::into_inner);
+        if gone.is_none() {
+            match self.first.run(frames) {
+                Err(why @ NetError::OutOfMemory { .. }) => *gone = Some(((self.other)()?, why.to_string())),
+                answer => return answer,
+            }
+        }
+        let other = gone.as_ref().map(|(other, _)| Arc::clone(other));
+        drop(gone);
+        other.unwrap_or_else(|| Arc::clone(&self.first)).run(frames)
+    }
+}
+
 /// VGGT as a player.
 #[derive(Clone)]
 pub struct VggtEstimator {
@@ -87,9 +119,17 @@ impl VggtEstimator {
                 Err(reason @ (NetError::Device { .. } | NetError::OutOfMemory { .. })) => {
                     Ok(Self { note: Some(reason.to_string()), ..Self::on(Cpu::new(), &file)? })
                 }
-                other => other,
+                Ok(gpu) => Ok(gpu.or_cpu(move || Self::on(Cpu::new(), &file).map(|cpu| cpu.network))),
+                Err(other) => Err(other),
             },
         }
+    }
+
+    /// The same, going over to another device for good when this one runs out of memory: more photos take more.
+    #[cfg(any(feature = "cuda", test))]
+    fn or_cpu(self, other: impl Fn() -> Result<Arc<dyn Estimate>, NetError> + Send + Sync + 'static) -> Self {
+        let network = OrCpu { first: self.network, other: Box::new(other), gone: Mutex::default() };
+        Self { network: Arc::new(network), ..self }
     }
 
     /// Loads onto a backend of one's own.
@@ -238,6 +278,43 @@ mod tests {
     }
 
     const TURNED: [f32; 9] = [0.1, -0.2, 0.3, 0.1, 0.2, -0.1, 0.9, 0.8, 1.1];
+
+    /// A device that has room for so many photos, and counts how often it was asked.
+    struct Room {
+        name: &'static str,
+        photos: usize,
+        asked: Mutex<usize>,
+    }
+
+    impl Estimate for Room {
+        fn device(&self) -> String {
+            self.name.into()
+        }
+
+        fn run(&self, frames: &[Frame]) -> Result<Vec<FrameGeometry>, NetError> {
+            *self.asked.lock().unwrap() += 1;
+            if frames.len() > self.photos {
+                return Err(NetError::OutOfMemory { device: self.name.into(), needed: 7, free: 5 });
+            }
+            Ok(frames.iter().map(|_| geometry(4, [0.0; 9])).collect())
+        }
+    }
+
+    #[test]
+    fn too_little_memory_while_running_means_the_other_device_from_then_on() {
+        let room = |name, photos| Arc::new(Room { name, photos, asked: Mutex::default() });
+        let (gpu, cpu) = (room("gpu", 1), room("cpu", 9));
+        let plain = VggtEstimator { network: gpu.clone(), model: String::new(), patch: 14, note: None };
+        let other: Arc<dyn Estimate> = cpu.clone();
+        let either = plain.or_cpu(move || Ok(Arc::clone(&other)));
+        let frames = |n| vec![frame(2, 2, [0, 0, 2, 2]); n];
+        assert_eq!(either.network.run(&frames(1)).unwrap().len(), 1);
+        assert_eq!((either.device().as_str(), *cpu.asked.lock().unwrap()), ("gpu", 0));
+        assert_eq!(either.network.run(&frames(2)).unwrap().len(), 2);
+        assert!(either.device().starts_with("cpu; no longer on a GPU: gpu has too little memory: 7 bytes"));
+        assert_eq!(either.network.run(&frames(1)).unwrap().len(), 1);
+        assert_eq!((*gpu.asked.lock().unwrap(), *cpu.asked.lock().unwrap()), (2, 2));
+    }
 
     #[test]
     fn half_a_pixel_lies_between_their_indices_and_our_centres() {

@@ -26,6 +26,8 @@ use aggregator::{Aggregator, TrunkTables};
 use camera_head::{CameraHead, POSE};
 use dense_head::{DenseHead, HeadTables};
 
+use rayon::prelude::*;
+
 use crate::{Backend, DType, HostTensor, NetError, Weights};
 
 /// Mean of the pixels that the network was trained on, RGB in 0..1.
@@ -136,19 +138,19 @@ impl<B: Backend> Vggt<B> {
                 FrameGeometry { pose, depth, depth_confidence, points: Vec::new(), point_confidence: Vec::new() }
             })
             .collect();
-        for (frame, map) in out.iter_mut().zip(depth) {
-            let map = backend.read(map)?;
+        let read = |maps: &[B::Tensor]| maps.iter().map(|map| backend.read(map)).collect::<Result<Vec<_>, _>>();
+        let (depth, points) = (read(depth)?, read(points)?);
+        out.par_iter_mut().zip(&depth).for_each(|(frame, map)| {
             let cells = map.as_chunks::<2>().0;
-            frame.depth = cells.iter().map(|[v, _]| v.exp()).collect();
-            frame.depth_confidence = cells.iter().map(|[_, c]| 1.0 + c.exp()).collect();
-        }
-        for (frame, map) in out.iter_mut().zip(points) {
-            let map = backend.read(map)?;
+            frame.depth = cells.par_iter().map(|[v, _]| v.exp()).collect();
+            frame.depth_confidence = cells.par_iter().map(|[_, c]| 1.0 + c.exp()).collect();
+        });
+        out.par_iter_mut().zip(&points).for_each(|(frame, map)| {
             let cells = map.as_chunks::<4>().0;
             let unlog = |v: f32| v.signum() * v.abs().exp_m1();
-            frame.points = cells.iter().map(|[x, y, z, _]| [unlog(*x), unlog(*y), unlog(*z)]).collect();
-            frame.point_confidence = cells.iter().map(|[_, _, _, c]| 1.0 + c.exp()).collect();
-        }
+            frame.points = cells.par_iter().map(|[x, y, z, _]| [unlog(*x), unlog(*y), unlog(*z)]).collect();
+            frame.point_confidence = cells.par_iter().map(|[_, _, _, c]| 1.0 + c.exp()).collect();
+        });
         Ok(out)
     }
 
@@ -167,10 +169,9 @@ impl<B: Backend> Vggt<B> {
         if width == 0 || height == 0 || !width.is_multiple_of(patch) || !height.is_multiple_of(patch) {
             return Err(wrong(format!("{width}x{height} pixels, wanted multiples of {patch}")));
         }
-        let mut pixels = Vec::with_capacity(frames.len() * width * height * 3);
-        for frame in frames {
-            pixels.extend(frame.rgb.iter().enumerate().map(|(i, v)| (v - MEAN[i % 3]) / DEVIATION[i % 3]));
-        }
+        let of_frame =
+            |f: &Frame| f.rgb.par_iter().enumerate().map(|(i, v)| (v - MEAN[i % 3]) / DEVIATION[i % 3]).collect();
+        let pixels = frames.par_iter().map(of_frame).collect::<Vec<Vec<f32>>>().concat();
         let images = backend.load(&HostTensor::from_f32(&[frames.len(), height, width, 3], pixels), DType::F32)?;
         Ok((images, (height / patch, width / patch)))
     }
