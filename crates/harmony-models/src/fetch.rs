@@ -9,11 +9,11 @@ use reqwest::header::{CONTENT_RANGE, ETAG, HeaderMap, IF_RANGE, RANGE};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use crate::ModelError;
 use crate::hub::{Answer, Hub, Linked, causes};
 use crate::ledger::Checksum;
 use crate::store::{FileState, Lock, Store, Verified, hash_into, hex, key, part};
 use crate::table::{Model, ModelFile, Source};
-use crate::ModelError;
 
 /// What happens while a model is fetched.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -252,7 +252,8 @@ impl Hub {
             let changed = coming.begun.etag.is_some() && etag.is_some() && etag != coming.begun.etag;
             let other_size = coming.begun.total.is_some() && total.is_some() && coming.begun.total != total;
             if start == 0 {
-                let reason = if changed { "the file has changed at the server" } else { "the server sends only whole files" };
+                let reason =
+                    if changed { "the file has changed at the server" } else { "the server sends only whole files" };
                 coming.anew(reason, tell)?;
             } else if start != coming.have || changed || other_size {
                 coming.anew("the server sent a part that does not fit", tell)?;

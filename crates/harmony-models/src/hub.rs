@@ -258,7 +258,7 @@ impl Hub {
             if matches!(status, 200 | 206 | 416) {
                 return Ok(Answer { response, linked, place });
             }
-            return Err(self.refusal(name, file, response, place, token.is_some()).await);
+            return Err(self.refusal(name, file, &response, place, token.is_some()));
         }
         Err(ModelError::Answer {
             name: name.to_owned(),
@@ -293,11 +293,11 @@ impl Hub {
         Some(value)
     }
 
-    async fn refusal(
+    fn refusal(
         &self,
         name: &str,
         file: &ModelFile,
-        response: Response,
+        response: &Response,
         place: String,
         with_token: bool,
     ) -> ModelError {
@@ -305,9 +305,9 @@ impl Hub {
         let header = |key: &str| response.headers().get(key).and_then(|v| v.to_str().ok()).map(str::to_owned);
         let (code, message) = (header("x-error-code"), header("x-error-message"));
         let after = header("retry-after").and_then(|text| text.parse().ok());
-        let mut words = message.or(code).unwrap_or_else(|| {
-            status.canonical_reason().unwrap_or("an answer that is no file").to_lowercase()
-        });
+        let mut words = message
+            .or(code)
+            .unwrap_or_else(|| status.canonical_reason().unwrap_or("an answer that is no file").to_lowercase());
         if let Some(token) = &self.options.token {
             words = words.replace(&token.0, "(token)");
         }
@@ -375,7 +375,8 @@ mod tests {
 
     #[test]
     fn addresses_are_those_of_hub_and_mirrors() {
-        let endpoints = Endpoints::new("https://mirror.example/hub/", Endpoints::USUAL[1], Endpoints::USUAL[2]).unwrap();
+        let endpoints =
+            Endpoints::new("https://mirror.example/hub/", Endpoints::USUAL[1], Endpoints::USUAL[2]).unwrap();
         assert_eq!(
             endpoints.address(&FILE, None).as_str(),
             "https://mirror.example/hub/owner/name/resolve/main/model.safetensors"

@@ -141,7 +141,8 @@ impl Store {
         if let Some(wanted) = wanted.filter(|w| *w != found) {
             return Ok(FileState::WrongSize { wanted, found });
         }
-        let unchanged = |k: &Known| k.size == found && k.modified == modified(&about) && file.sha256.is_none_or(|s| s == k.sha256);
+        let unchanged =
+            |k: &Known| k.size == found && k.modified == modified(&about) && file.sha256.is_none_or(|s| s == k.sha256);
         Ok(known.filter(unchanged).map_or(FileState::Unchecked, FileState::Verified))
     }
 

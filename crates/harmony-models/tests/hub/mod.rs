@@ -96,7 +96,8 @@ impl FakeHub {
         let storage_port = storage.local_addr().unwrap().port();
         let hub = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
         let port = hub.local_addr().unwrap().port();
-        let tasks = vec![accept(storage, Arc::clone(&state), None), accept(hub, Arc::clone(&state), Some(storage_port))];
+        let tasks =
+            vec![accept(storage, Arc::clone(&state), None), accept(hub, Arc::clone(&state), Some(storage_port))];
         Self { state, port, tasks }
     }
 

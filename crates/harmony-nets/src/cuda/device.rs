@@ -242,6 +242,12 @@ impl Device {
         (self.taken.load(Ordering::Relaxed), self.most.load(Ordering::Relaxed))
     }
 
+    /// Bytes of the device's memory that are free, and all of them.
+    pub(super) fn device_memory(&self) -> Option<(usize, usize)> {
+        self.bind().ok()?;
+        driver::mem_get_info().ok()
+    }
+
     /// A piece of memory with anything in it.
     pub(super) fn take(self: &Arc<Self>, bytes: usize) -> Result<Buffer, NetError> {
         self.bind()?;
