@@ -99,9 +99,9 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
         no_masks: request.masks.is_some(),
         tell: &*request.tell,
     };
-    let played = networks::cast(&mut cast, &wanted, &mut known);
+    let own = networks::cast(&mut cast, &wanted, &mut known);
     let mut players = request.players.clone();
-    if played.detector {
+    if own.detector {
         // No server is needed, so none is asked.
         players.detector.player = Some(Boxes::Owlv2);
     }
@@ -110,7 +110,7 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
         cast.vision_language = Arc::new(FilesPlayer::new(files_options(request)));
         (request.tell)(format!("questions will appear in {}", request.questions.display()));
     }
-    let mut failures = played.failures;
+    let mut failures = own.failures;
     failures.extend(cast_services(&mut cast, players, &mut known));
     if !failures.is_empty() {
         // Everything that is missing at once: nobody likes to be told of the next thing after each.
@@ -153,7 +153,7 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
     let path_tracer = request.path_tracer && CyclesRenderer::find().is_some();
     let inputs = inputs.finalize().to_hex().to_string();
     let Known { checks, secrets } = known;
-    let absent = played.notes;
+    let absent = own.notes;
     Ok(Casting { cast, offline, boxes_from_vlm, path_tracer, inputs, notes, absent, checks, secrets })
 }
 

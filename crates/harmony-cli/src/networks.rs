@@ -125,7 +125,7 @@ pub fn cast(cast: &mut Cast, wanted: &Wanted<'_>, known: &mut Known) -> Played {
 
 /// Casts one role; whether a network plays it.
 fn one(cast: &mut Cast, wanted: &Wanted<'_>, ask: &Ask<'_>, known: &mut Known, played: &mut Played) -> bool {
-    let outcome = choose(wanted, ask).and_then(|weights| play(cast, ask, weights, known));
+    let outcome = choose(wanted, ask).and_then(|weights| play(cast, ask, &weights, known));
     match outcome {
         Ok(()) => true,
         Err(error) if ask.named || is_grave(&error) => {
@@ -168,7 +168,7 @@ fn choose(_: &Wanted<'_>, ask: &Ask<'_>) -> Result<Weights, RoleError> {
 }
 
 #[cfg(not(feature = "nets"))]
-fn play(_: &mut Cast, _: &Ask<'_>, _: Weights, _: &mut Known) -> Result<(), RoleError> {
+fn play(_: &mut Cast, _: &Ask<'_>, _: &Weights, _: &mut Known) -> Result<(), RoleError> {
     Err(not_set_up(ABSENT, WITHOUT, ""))
 }
 
@@ -262,6 +262,7 @@ fn state(store: &Store, model: &Model) -> Result<Here, ModelError> {
 
 /// Whether a model's files have the keys and shapes that its network needs; `None` without networks.
 #[cfg(feature = "nets")]
+#[expect(clippy::unnecessary_wraps, reason = "as in a build without networks")]
 pub fn layout(model: &Model, store: &Store) -> Option<Result<(), String>> {
     let weights = |model: &Model| store.folder().join(model.id);
     Some(native::layout(model, &weights(model)))

@@ -51,7 +51,7 @@ impl Case {
 
 /// `u` in -1..1 by a hash of key and index.
 fn uniform(key: &str, i: u64) -> f32 {
-    let mut x = key.bytes().fold(i ^ 2026, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
+    let mut x = key.bytes().fold(i ^ 0x7ea, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
     x ^= x >> 33;
     x = x.wrapping_mul(0xff51_afd7_ed55_8ccd);
     x ^= x >> 33;

@@ -99,14 +99,14 @@ pub fn run(args: &Args) -> Result<u8> {
     }
 }
 
-fn models_named(names: &[String]) -> Result<Vec<&'static Model>> {
-    let named = |name: &String| {
+fn models_of(ids: &[String]) -> Result<Vec<&'static Model>> {
+    let of = |name: &String| {
         table::find(name).ok_or_else(|| {
             let known: Vec<&str> = table::MODELS.iter().map(|m| m.id).collect();
             hinted(format!("there is no model {name}"), Some(format!("models are {}", known.join(", "))))
         })
     };
-    names.iter().map(named).collect()
+    ids.iter().map(of).collect()
 }
 
 fn list(args: &ListArgs) -> Result<u8> {
@@ -269,7 +269,7 @@ fn asked(model: &Model) -> Result<bool> {
 fn pull(args: &PullArgs) -> Result<u8> {
     let config = config::load(args.common.config.as_deref())?;
     let store = store(&config.models, args.common.dir.as_deref());
-    let models = models_named(&args.names)?;
+    let models = models_of(&args.names)?;
     let lock = store.lock().map_err(|e| told(&e))?;
     licences(&store, &lock, &models, &args.accept)?;
     let progress = Progress::default();
@@ -314,8 +314,15 @@ fn about(verified: &Verified) -> String {
 
 /// Bars on a terminal, lines elsewhere.
 #[derive(Default)]
-struct Progress {
-    bars: Mutex<(Option<MultiProgress>, BTreeMap<String, ProgressBar>, BTreeMap<String, u64>)>,
+struct Progress(Mutex<Shown>);
+
+/// What is shown now.
+#[derive(Default)]
+struct Shown {
+    all: Option<MultiProgress>,
+    bars: BTreeMap<String, ProgressBar>,
+    /// Tenths of each file that were told.
+    tenths: BTreeMap<String, u64>,
 }
 
 impl Progress {
@@ -333,10 +340,10 @@ impl Progress {
     }
 
     fn bytes(&self, name: &str, have: u64, total: Option<u64>) {
-        let mut shown = self.bars.lock().unwrap_or_else(PoisonError::into_inner);
-        let (multi, bars, tenths) = &mut *shown;
+        let mut shown = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let Shown { all, bars, tenths } = &mut *shown;
         if std::io::stderr().is_terminal() {
-            let multi = multi.get_or_insert_with(MultiProgress::new);
+            let multi = all.get_or_insert_with(MultiProgress::new);
             let bar = bars.entry(name.to_owned()).or_insert_with(|| {
                 let bar = multi.add(ProgressBar::new(total.unwrap_or(0)));
                 let style = "{msg} {bar:30} {bytes}/{total_bytes} {bytes_per_sec} {eta}";
@@ -357,17 +364,17 @@ impl Progress {
     }
 
     fn line(&self, text: &str) {
-        let shown = self.bars.lock().unwrap_or_else(PoisonError::into_inner);
-        match &shown.0 {
+        let shown = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match &shown.all {
             Some(multi) => drop(multi.println(text)),
             None => tell!("{text}"),
         }
     }
 
     fn clear(&self) {
-        let mut shown = self.bars.lock().unwrap_or_else(PoisonError::into_inner);
-        shown.1.values().for_each(ProgressBar::finish_and_clear);
-        *shown = (None, BTreeMap::new(), BTreeMap::new());
+        let mut shown = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        shown.bars.values().for_each(ProgressBar::finish_and_clear);
+        *shown = Shown::default();
     }
 }
 
@@ -381,7 +388,7 @@ fn verify(args: &VerifyArgs) -> Result<u8> {
         }
         Ok(all)
     };
-    let mut models = models_named(&args.names)?;
+    let mut models = models_of(&args.names)?;
     if args.names.is_empty() {
         for model in table::MODELS {
             if !missing(model)? {

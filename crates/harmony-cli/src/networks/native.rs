@@ -101,7 +101,7 @@ impl Detector for Lazy<dyn Detector> {
 }
 
 /// Casts a network for a role.
-pub(super) fn play(cast: &mut Cast, ask: &Ask<'_>, weights: Weights, known: &mut Known) -> Result<(), RoleError> {
+pub(super) fn play(cast: &mut Cast, ask: &Ask<'_>, weights: &Weights, known: &mut Known) -> Result<(), RoleError> {
     let device = ask.device;
     if device == Device::Cuda && !cfg!(feature = "cuda") {
         return Err(not_set_up(
@@ -115,7 +115,7 @@ pub(super) fn play(cast: &mut Cast, ask: &Ask<'_>, weights: Weights, known: &mut
     let check: Arc<dyn Check> = match ask.role {
         Role::GeometryEstimator => {
             let load = move || load_vggt(&path, device).map_err(|e| e.to_string());
-            let player = Lazy::<dyn GeometryEstimator>::new("vggt", &weights, Arc::new(load));
+            let player = Lazy::<dyn GeometryEstimator>::new("vggt", weights, Arc::new(load));
             cast.geometry_estimator = player.clone();
             player
         }
@@ -125,7 +125,7 @@ pub(super) fn play(cast: &mut Cast, ask: &Ask<'_>, weights: Weights, known: &mut
                 not_set_up("sam2", format!("of which size are these weights: {}", path.display()), hint)
             })?;
             let load = move || load_sam2(&path, size, device).map_err(|e| e.to_string());
-            let player = Lazy::<dyn Segmenter>::new("sam2", &weights, Arc::new(load));
+            let player = Lazy::<dyn Segmenter>::new("sam2", weights, Arc::new(load));
             cast.segmenter = player.clone();
             player
         }
@@ -133,7 +133,7 @@ pub(super) fn play(cast: &mut Cast, ask: &Ask<'_>, weights: Weights, known: &mut
             let large = weights.name.contains("large") || weights.version.contains("large");
             let size = if large { Owlv2Size::Large } else { Owlv2Size::Base };
             let load = move || load_owlv2(&path, size, device).map_err(|e| e.to_string());
-            let player = Lazy::<dyn Detector>::new("owlv2", &weights, Arc::new(load));
+            let player = Lazy::<dyn Detector>::new("owlv2", weights, Arc::new(load));
             cast.detector = player.clone();
             player
         }

@@ -121,7 +121,7 @@ fn sam2(size: Sam2Size) -> f64 {
     let mut sum = 0.0;
     let mut done = 0;
     for (stage, (count, width)) in c.stages.iter().zip(c.channels()).enumerate() {
-        let tokens = (c.image_size / 4 >> stage).pow(2);
+        let tokens = ((c.image_size / 4) >> stage).pow(2);
         for block in done..done + count {
             let seen = if c.global_blocks.contains(&block) { tokens } else { c.windows[stage].pow(2) };
             sum += transformer(1, tokens, width, seen);
