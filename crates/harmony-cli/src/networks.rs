@@ -157,13 +157,14 @@ fn not_set_up(player: &str, reason: impl Into<String>, hint: impl Into<String>) 
     RoleError::NotSetUp { player: player.to_owned(), reason: reason.into(), hint: hint.into() }
 }
 
+#[cfg(feature = "nets")]
 fn wrong(model: &str, error: &ModelError) -> RoleError {
     not_set_up(model, error.to_string(), error.hint().unwrap_or_else(|| "look at `harmony models verify`".to_owned()))
 }
 
 #[cfg(not(feature = "nets"))]
-fn choose(_: &Wanted<'_>, ask: &Ask<'_>) -> Result<Weights, RoleError> {
-    let _ = (ask.ids, ask.model, ask.weights, ask.device);
+fn choose(wanted: &Wanted<'_>, ask: &Ask<'_>) -> Result<Weights, RoleError> {
+    let _ = (wanted.store, &wanted.tell, ask.ids, ask.model, ask.weights, ask.device);
     Err(not_set_up(ABSENT, WITHOUT, "build with `--features nets` (or `cuda`)"))
 }
 
