@@ -29,6 +29,7 @@ use harmony_nets::{HostTensor, WeightError};
 use serde_json::{Map, Value, json};
 
 #[path = "../tests/image_nets/seeded.rs"]
+#[expect(dead_code, reason = "its picture is for others")]
 mod seeded;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
@@ -47,7 +48,9 @@ fn values(key: &str, shape: &[usize]) -> Vec<f32> {
         _ if key.ends_with(".weight") => (1.0, 0.1),
         _ => (0.0, 0.1),
     };
-    values.iter_mut().for_each(|v| *v = offset + factor * *v);
+    for v in &mut values {
+        *v = offset + factor * *v;
+    }
     values
 }
 
