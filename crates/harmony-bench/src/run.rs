@@ -8,8 +8,9 @@ use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, Cast};
 use harmony_pipeline::{RunRequest, Settings, Warnings};
 use serde::{Deserialize, Serialize};
 
+use crate::metrics::similarity::Looking;
 use crate::oracle::{Noise, NoiseLevel, Oracle};
-use crate::score::{Prediction, RoomScore, ScoreOptions, score};
+use crate::score::{Prediction, RoomScore, ScoreOptions, pictures, score};
 use crate::truth::{TruthError, TruthRoom};
 
 /// Index of the last phase that the benchmark needs: decorations. Lighting asks questions that the truth can't answer.
@@ -40,6 +41,8 @@ pub struct BenchRequest {
     pub jobs: usize,
     /// Run folders stay; else they go once judged.
     pub keep: bool,
+    /// Networks that compare pictures.
+    pub looking: Looking,
 }
 
 /// Scores of a benchmark, as measured and after scale alignment.
@@ -54,6 +57,9 @@ pub struct BenchResult {
     /// Changes to the settings, `key=value`.
     #[serde(default)]
     pub changes: Vec<String>,
+    /// What was not measured, and why.
+    #[serde(default)]
+    pub absent: Vec<String>,
     /// One a room and seed, metres as delivered.
     pub raw: Vec<RoomScore>,
     /// The same after scaling each run by its median depth ratio.
@@ -148,6 +154,7 @@ pub async fn run(
         level: Some(request.level),
         exact_height: request.exact_height,
         changes: request.changes.clone(),
+        absent: request.looking.absent.clone(),
         raw,
         aligned,
     })
@@ -161,7 +168,7 @@ async fn case(request: &BenchRequest, job: &Job, offline: &Cast) -> Result<[Room
     let begun = Instant::now();
     let failure = Box::pin(one(request, &truth, job.seed, &out, offline)).await?;
     let seconds = begun.elapsed().as_secs_f64();
-    let mut scores = judged(&truth, &out, request.points, seconds, failure.as_deref());
+    let mut scores = judged(&truth, &out, request.points, seconds, failure.as_deref(), &request.looking);
     for s in &mut scores {
         s.seed = Some(job.seed);
     }
@@ -183,12 +190,23 @@ fn write_picture(out: &Path, case: &str, truth: &TruthRoom, folder: &Path) -> Re
 }
 
 /// Judges a run folder raw and scale-aligned; `points` as in [`ScoreOptions`].
-pub fn judged(truth: &TruthRoom, folder: &Path, points: usize, seconds: f64, failure: Option<&str>) -> [RoomScore; 2] {
+pub fn judged(
+    truth: &TruthRoom,
+    folder: &Path,
+    points: usize,
+    seconds: f64,
+    failure: Option<&str>,
+    looking: &Looking,
+) -> [RoomScore; 2] {
     let run = Prediction::load(folder);
+    // Pictures are the same whatever the scale.
+    let pair = run.as_ref().ok().and_then(|run| pictures(truth, run));
+    let alike = pair.map(|(render, photo)| looking.compare(&render, &photo)).unwrap_or_default();
     [false, true].map(|align_scale| match &run {
         Ok(run) => {
             let s = score(truth, run, ScoreOptions { align_scale, points });
-            RoomScore { seconds, failure: failure.map(str::to_owned), ..s }
+            let (n_clip, lpips) = (alike.n_clip, alike.lpips);
+            RoomScore { seconds, failure: failure.map(str::to_owned), n_clip, lpips, ..s }
         }
         Err(error) => RoomScore::failed(truth, seconds, failure.map_or_else(|| error.to_string(), str::to_owned)),
     })
@@ -204,13 +222,14 @@ pub fn judge_finished(
     rooms: &[PathBuf],
     points: usize,
     out: Option<&Path>,
+    looking: &Looking,
     tell: &dyn Fn(String),
 ) -> Result<BenchResult, BenchError> {
     let pairs = pairs(runs, rooms)?;
     let (mut raw, mut aligned) = (Vec::new(), Vec::new());
     for (folder, room, seed) in &pairs {
         let truth = TruthRoom::load(room)?;
-        let [mut a, mut b] = judged(&truth, folder, points, 0.0, None);
+        let [mut a, mut b] = judged(&truth, folder, points, 0.0, None, looking);
         (a.seed, b.seed) = (*seed, *seed);
         if let Some(out) = out {
             write_picture(out, &a.case(), &truth, folder)?;
@@ -224,6 +243,7 @@ pub fn judge_finished(
         level: None,
         exact_height: false,
         changes: Vec::new(),
+        absent: looking.absent.clone(),
         raw,
         aligned,
     })

@@ -64,6 +64,10 @@ pub const F_OBJECTS: &str = "gen3dsr F@0.1, objects (mean)";
 pub const CHAMFER_OBJECTS: &str = "gen3dsr CD, objects (mean)";
 /// Name of a main figure.
 pub const PIXEL_LOSS: &str = "pixel loss PL (mean)";
+/// N-CLIP.
+pub const N_CLIP: &str = "N-CLIP (mean)";
+/// LPIPS.
+pub const LPIPS: &str = "LPIPS, AlexNet (mean)";
 
 /// A figure by its name.
 pub fn find<'a>(figures: &'a [Figure], name: &str) -> Option<&'a Figure> {
@@ -179,6 +183,10 @@ fn surfaces(rooms: &[RoomScore]) -> Vec<Figure> {
     figures.push(mean_of("midi CD, normalised, squared (mean)", "", &midi(|m| m.chamfer_squared), false, None));
     let losses: Vec<f64> = rooms.iter().filter_map(|r| r.pixel_loss).collect();
     figures.push(mean_of(PIXEL_LOSS, "", &losses, false, None));
+    let clip: Vec<f64> = rooms.iter().filter_map(|r| r.n_clip).collect();
+    figures.push(mean_of(N_CLIP, "", &clip, false, None));
+    let lpips: Vec<f64> = rooms.iter().filter_map(|r| r.lpips).collect();
+    figures.push(mean_of(LPIPS, "", &lpips, false, None));
     figures
 }
 

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use harmony_bench::compare::{Verdict, compare, text};
 use harmony_bench::generate::{GeneratorSettings, generate, write};
+use harmony_bench::metrics::similarity::Looking;
 use harmony_bench::report::{csv, page, write_tables};
 use harmony_bench::run::{BenchResult, judge_finished, read_result};
 use harmony_bench::score::{GeometryScore, ObjectScore, RoomScore, SurfaceScore, ThresholdFigures};
@@ -60,6 +61,7 @@ fn scored(truth: &TruthRoom, seed: u64, far: &[f64], f: f64) -> RoomScore {
         missed: Vec::new(),
         geometry: Some(geometry),
         pixel_loss: Some(0.05),
+        n_clip: Some(0.125),
         failure: None,
         ..RoomScore::failed(truth, 3.0, String::new())
     }
@@ -71,6 +73,7 @@ fn result(raw: Vec<RoomScore>) -> BenchResult {
         level: None,
         exact_height: true,
         changes: vec!["review_rounds=0".to_owned()],
+        absent: vec!["LPIPS is not measured: <no weights>".to_owned()],
         aligned: raw.clone(),
         raw,
     }
@@ -97,6 +100,9 @@ fn a_result_survives_its_file_and_the_tables_hold_all_of_it() {
     assert_eq!(known(&back), known(&before));
 
     let table = csv::figures(&before);
+    let line = |name: &str| table.lines().find(|l| l.contains(name)).map(str::to_owned).unwrap();
+    assert!(line("N-CLIP (mean)").contains(",2,0.125,"), "{table}");
+    assert!(line("\"LPIPS, AlexNet (mean)\"").contains(",0,,"), "{table}");
     assert!(table.lines().all(|l| l.replace('"', "").split(',').count() >= 14), "{table}");
     assert_eq!(table.lines().count(), 1 + 2 * figures.len());
     let objects = csv::objects(&before.raw);
@@ -104,6 +110,7 @@ fn a_result_survives_its_file_and_the_tables_hold_all_of_it() {
     assert!(objects.contains("\"bed_01, found\"") && !objects.contains("NaN"), "{objects}");
     let html = page(&before, &out);
     assert!(html.contains("review_rounds=0") && html.contains("not met") && html.contains("<svg"));
+    assert!(html.contains("<td>0.125") && html.contains("LPIPS is not measured: &lt;no weights&gt;"));
     assert!(!html.contains("http:") && !html.contains("https:") && !html.contains("<script"));
 }
 
@@ -138,7 +145,7 @@ fn runs_that_go_with_no_room_are_refused_and_empty_ones_count_as_failed() {
     let run = runs.join("other_room_1");
     std::fs::create_dir_all(&run).unwrap();
     std::fs::write(run.join("run.json"), "{}").unwrap();
-    let judge = |folder: &Path| judge_finished(folder, &rooms, 1000, None, &|_| {});
+    let judge = |folder: &Path| judge_finished(folder, &rooms, 1000, None, &Looking::default(), &|_| {});
     assert!(judge(&runs).is_err(), "no run of this room");
     std::fs::rename(&run, runs.join(format!("{}_4", truth.name))).unwrap();
     let judged = judge(&runs).unwrap();

@@ -8,6 +8,7 @@ use anyhow::Result;
 use harmony_calls::{Cast, Secret};
 use harmony_io::{PointMapOptions, load_masks, load_point_map, points::parse_intrinsics};
 use harmony_lighting::CyclesRenderer;
+use harmony_models::Store;
 use harmony_players::check::{Check, Checked};
 use harmony_players::{FilesEvent, FilesOptions, FilesPlayer, MaskFiles, PointMapFile, offline_cast};
 use harmony_roles::{Role, RoleError};
@@ -16,6 +17,7 @@ use harmony_scene::ImageSize;
 use crate::config::Profile;
 use crate::config::players::{Boxes, Language, PlayersConfig};
 use crate::display::hinted;
+use crate::networks::{self, Wanted};
 pub use services::Known;
 use services::Services;
 
@@ -33,6 +35,8 @@ pub struct CastRequest<'a> {
     pub profile: Profile,
     /// Hosted and local players, resolved for the profile.
     pub players: PlayersConfig,
+    /// Weights of networks.
+    pub models: Store,
     /// Size of the photo as loaded.
     pub photo_size: ImageSize,
     /// Point map.
@@ -69,6 +73,8 @@ pub struct Casting {
     pub inputs: String,
     /// What was unusual about them.
     pub notes: Vec<String>,
+    /// Networks that were wanted and are not there.
+    pub absent: Vec<String>,
     /// Hosted and local players that can be asked whether they are there.
     pub checks: Vec<(Role, String, Arc<dyn Check>)>,
     /// Keys, to be kept out of everything that is written.
@@ -85,13 +91,27 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
     let mut notes = Vec::new();
     let mut inputs = blake3::Hasher::new();
     let working = request.photo_size.fit_within(request.working_px);
-    let players = &request.players;
+    let mut known = Known::default();
+    let wanted = Wanted {
+        players: &request.players,
+        store: &request.models,
+        no_geometry: request.points.is_some(),
+        no_masks: request.masks.is_some(),
+        tell: &*request.tell,
+    };
+    let own = networks::cast(&mut cast, &wanted, &mut known);
+    let mut players = request.players.clone();
+    if own.detector {
+        // No server is needed, so none is asked.
+        players.detector.player = Some(Boxes::Owlv2);
+    }
+    let players = &players;
     if players.vision_language.player == Some(Language::Files) {
         cast.vision_language = Arc::new(FilesPlayer::new(files_options(request)));
         (request.tell)(format!("questions will appear in {}", request.questions.display()));
     }
-    let mut known = Known::default();
-    let failures = cast_services(&mut cast, players, &mut known);
+    let mut failures = own.failures;
+    failures.extend(cast_services(&mut cast, players, &mut known));
     if !failures.is_empty() {
         // Everything that is missing at once: nobody likes to be told of the next thing after each.
         let each = |(role, failure): &(Role, RoleError)| format!("{}: {failure}", role.folder());
@@ -133,7 +153,8 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
     let path_tracer = request.path_tracer && CyclesRenderer::find().is_some();
     let inputs = inputs.finalize().to_hex().to_string();
     let Known { checks, secrets } = known;
-    Ok(Casting { cast, offline, boxes_from_vlm, path_tracer, inputs, notes, checks, secrets })
+    let absent = own.notes;
+    Ok(Casting { cast, offline, boxes_from_vlm, path_tracer, inputs, notes, absent, checks, secrets })
 }
 
 /// Casts hosted and local players for the roles that have one; the roles for which that failed, and why.

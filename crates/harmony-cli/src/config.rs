@@ -9,8 +9,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::display::hinted;
 
+pub mod networks;
 pub mod players;
 
+pub use networks::ModelsConfig;
 pub use players::PlayersConfig;
 
 /// Longest patience with whoever answers: a year.
@@ -56,6 +58,8 @@ pub struct ConfigFile {
     pub files: FilesConfig,
     /// Hosted and local players, for the profiles `paper` and `local`.
     pub players: PlayersConfig,
+    /// Weights of the networks inside this program.
+    pub models: ModelsConfig,
     /// What may be spent.
     pub budget: Budget,
     /// What players can take, and when they are tried again.

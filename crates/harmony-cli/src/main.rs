@@ -4,6 +4,8 @@ mod cast;
 mod commands;
 mod config;
 mod display;
+mod models;
+mod networks;
 mod stopping;
 
 use std::process::ExitCode;
@@ -58,6 +60,8 @@ enum Command {
     Render(commands::render::Args),
     /// Keep the answers of a run as a recording that can be replayed (answers only, no photo).
     Record(commands::record::Args),
+    /// Weights of the networks inside this program: what there is, fetch, check.
+    Models(commands::models::Args),
     /// Measure the program on rooms with known truth.
     Bench(commands::bench::Args),
     /// Print the JSON Schema of scene.json or of the configuration.
@@ -75,6 +79,7 @@ fn main() -> ExitCode {
         Command::Show(args) => commands::show::run(&args),
         Command::Render(args) => commands::render::run(&args),
         Command::Record(args) => commands::record::run(&args),
+        Command::Models(args) => commands::models::run(&args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Schema(args) => commands::schema::run(&args),
     };

@@ -72,8 +72,9 @@ pub fn resize_8bit(image: &RgbImage, width: u32, height: u32, filter: Filter) ->
         let taps = filter.taps(input as usize, output as usize);
         taps.into_iter().map(|(first, weights)| (first, weights.into_iter().map(round).collect())).collect()
     };
-    // What shrinks more goes first, across where they are equal: Pillow's order since 13 (before: always across). It
-    // matters, for values are cut to 8 bits in between.
+    // The order matters, for values are cut to 8 bits in between. Up to Pillow 12 it is always across first (seen with
+    // 12.0.0 on 391 sizes at which the two orders differ). Pillow 13 goes down first in some cases; what shrinks more
+    // first is right for three in four of the same sizes with 13.0.0, its rule is not known here.
     let down_first = u64::from(height) * u64::from(w0) < u64::from(width) * u64::from(h0);
     let mut rows = image.as_raw().clone();
     if down_first {

@@ -7,10 +7,10 @@ mod common;
 
 use std::path::Path;
 
-use common::{compare, hashed_weights};
+use common::{compare, crc32, hashed_weights, uniform};
 use harmony_nets::cpu::Cpu;
 use harmony_nets::reference::Reference;
-use harmony_nets::vggt::{Frame, Heads, Vggt};
+use harmony_nets::vggt::{Frame, Heads, Photo, Vggt, WIDTH, preprocess};
 use harmony_nets::{Backend, WeightFile};
 
 fn frames(expected: &WeightFile, name: &str) -> Vec<Frame> {
@@ -67,5 +67,32 @@ fn lower_levels_agree() {
         let said = [run.stdout, run.stderr].map(|s| String::from_utf8_lossy(&s).into_owned()).concat();
         assert!(run.status.success(), "{level}: {said}");
         assert!(said.contains("test result: ok.") && !said.contains("ok. 0 passed"), "{level}: {said}");
+    }
+}
+
+/// What `tests/parity/vggt_preprocess.py` feeds.
+fn picture(width: usize, height: usize) -> Vec<u8> {
+    let values = uniform(&format!("picture {width}x{height}"), width * height * 3);
+    values.into_iter().map(|u| ((u + 1.0) * 128.0) as u8).collect()
+}
+
+#[test]
+fn photos_are_prepared_as_by_the_authors_code_to_the_last_bit() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity/vggt_preprocess.json");
+    let wanted: serde_json::Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
+    let cases = wanted["cases"].as_array().unwrap();
+    assert!(cases.len() >= 6);
+    for case in cases {
+        let number = |v: &serde_json::Value| usize::try_from(v.as_u64().unwrap()).unwrap();
+        let [width, height] = [&case["size"][0], &case["size"][1]].map(number);
+        let frame = preprocess(Photo { width, height, rgb: &picture(width, height) }, WIDTH, 14);
+        let found = [frame.width, frame.height];
+        assert_eq!(found, [&case["result"][0], &case["result"][1]].map(number), "{width}x{height}");
+        let bytes: Vec<u8> = frame.rgb.iter().map(|v| (v * 255.0).round() as u8).collect();
+        let middle = (frame.height / 2 * frame.width + frame.width / 2) * 3;
+        let some: Vec<usize> = bytes[middle..][..12].iter().map(|v| usize::from(*v)).collect();
+        let theirs: Vec<usize> = case["middle"].as_array().unwrap().iter().map(number).collect();
+        assert_eq!(some, theirs, "{width}x{height}");
+        assert_eq!(u64::from(crc32(&bytes)), case["crc32"].as_u64().unwrap(), "{width}x{height}");
     }
 }

@@ -11,6 +11,7 @@
 //! | [`icp`] | rigid alignment |
 //! | [`depth`] | scale of a prediction from depth maps |
 //! | [`picture`] | pixel loss |
+//! | [`similarity`] | N-CLIP and LPIPS, by networks that are handed in |
 //!
 //! Geometry is in the unit its caller states; results say theirs. Same input and seed, same output: the number of
 //! threads has no influence. `bench/metrics_vs_scipy.sh` compares numbers and speed with SciPy and Pillow.
@@ -22,5 +23,6 @@ pub mod midi;
 pub mod nearest;
 pub mod picture;
 pub mod sample;
+pub mod similarity;
 pub mod soup;
 pub mod two_way;

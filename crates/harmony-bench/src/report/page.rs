@@ -70,6 +70,9 @@ pub fn page(result: &BenchResult, out: &Path) -> String {
     );
     html.push_str("<h2>Figures, metres as delivered</h2>");
     table(&mut html, &figures);
+    for line in &result.absent {
+        let _ = write!(html, "<p class=\"soft\">{}</p>", esc(line));
+    }
     html.push_str(
         "<h2>Distributions</h2><p class=\"soft\">Solid line: median. Dashed line: target. The last bar \
                    holds all that lies beyond the axis.</p><div class=\"charts\">",
@@ -139,7 +142,7 @@ fn table(html: &mut String, figures: &[Figure]) {
 fn rooms(html: &mut String, rooms: &[RoomScore]) {
     html.push_str(
         "<div class=\"wide\"><table><tr><th>room<th>turn deg<th>centre m<th>objects<th>missed<th>position m<th>worst m\
-         <th>size %<th>F@0.1 %<th>CD m<th>PL<th>cutting<th>floating<th>s</tr>",
+         <th>size %<th>F@0.1 %<th>CD m<th>PL<th>N-CLIP<th>LPIPS<th>cutting<th>floating<th>s</tr>",
     );
     for r in rooms {
         let figures = summary(std::slice::from_ref(r));
@@ -147,7 +150,8 @@ fn rooms(html: &mut String, rooms: &[RoomScore]) {
         let worst = r.matched().map(|o| o.position_m).fold(f64::NAN, f64::max);
         let _ = write!(
             html,
-            "<tr><td>{}<td>{:.2}<td>{:.3}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{:.1}</tr>",
+            "<tr><td>{}<td>{:.2}<td>{:.3}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}\
+             <td>{:.1}</tr>",
             esc(&r.case()),
             r.camera.rotation_deg,
             r.camera.centre_m,
@@ -159,12 +163,14 @@ fn rooms(html: &mut String, rooms: &[RoomScore]) {
             value(summary::F_OBJECTS),
             value(summary::CHAMFER_OBJECTS),
             value(summary::PIXEL_LOSS),
+            value(summary::N_CLIP),
+            value(summary::LPIPS),
             r.penetrating.len(),
             r.floating.len(),
             r.seconds,
         );
         if let Some(failure) = &r.failure {
-            let _ = write!(html, "<tr><td class=\"missed\" colspan=\"14\">{}</tr>", esc(failure));
+            let _ = write!(html, "<tr><td class=\"missed\" colspan=\"16\">{}</tr>", esc(failure));
         }
     }
     html.push_str("</table></div>");

@@ -192,9 +192,15 @@ fn midi_figures(predicted: &[Vec<Triangle>], real: &[Vec<Triangle>], points: usi
 
 /// Pixel loss of the run's evenly lit picture against the photo; `None` when one of them cannot be read.
 pub fn picture_loss(truth: &TruthRoom, run: &Prediction) -> Option<f64> {
+    let (render, photo) = pictures(truth, run)?;
+    pixel_loss(&render, &photo)
+}
+
+/// The evenly lit picture of a run and the photo.
+pub fn pictures(truth: &TruthRoom, run: &Prediction) -> Option<(image::RgbImage, image::RgbImage)> {
     let render = harmony_io::picture::read(&run.folder.join("render_flat.png")).ok()?.into_rgb8();
     let photo = harmony_io::picture::read(&truth.photo()).ok()?.into_rgb8();
-    pixel_loss(&render, &photo)
+    Some((render, photo))
 }
 
 #[cfg(test)]

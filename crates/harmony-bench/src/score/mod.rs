@@ -16,6 +16,7 @@ use harmony_scene::{Camera, Wall};
 use serde::{Deserialize, Serialize};
 
 pub use contact::{PairScore, Solid};
+pub use geometry::pictures;
 pub use geometry::{BENCH_POINTS, GeometryScore, MidiFigures, SurfaceScore, ThresholdFigures};
 pub use objects::ObjectScore;
 pub use prediction::{Prediction, PredictionError};
@@ -63,6 +64,12 @@ pub struct RoomScore {
     /// Pixel loss of the evenly lit picture against the photo.
     #[serde(default)]
     pub pixel_loss: Option<f64>,
+    /// N-CLIP of the same two pictures, where CLIP's weights are.
+    #[serde(default)]
+    pub n_clip: Option<f64>,
+    /// LPIPS (AlexNet) of the same, where its weights are.
+    #[serde(default)]
+    pub lpips: Option<f64>,
     /// Seconds of the run; 0 when only the result was judged.
     pub seconds: f64,
     /// Why there is no result, when there is none.
@@ -100,6 +107,8 @@ impl RoomScore {
             floating: Vec::new(),
             geometry: None,
             pixel_loss: None,
+            n_clip: None,
+            lpips: None,
             seconds,
             failure: Some(reason),
         }
@@ -137,6 +146,8 @@ pub fn score(truth: &TruthRoom, run: &Prediction, options: ScoreOptions) -> Room
         floating,
         geometry: (options.points > 0).then(|| geometry::geometry(truth, &run, options.points)),
         pixel_loss: geometry::picture_loss(truth, &run),
+        n_clip: None,
+        lpips: None,
         seconds: 0.0,
         failure: None,
     }

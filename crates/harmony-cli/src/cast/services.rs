@@ -261,7 +261,7 @@ impl<'a> Services<'a> {
         let model = config.model.clone().unwrap_or_default();
         let concurrency = config.concurrency.unwrap_or(1);
         Ok(match config.player {
-            None | Some(Boxes::Offline | Boxes::WithList) => None,
+            None | Some(Boxes::Offline | Boxes::WithList | Boxes::Owlv2) => None,
             Some(Boxes::VlmBoxes) => {
                 let style = config.boxes.unwrap_or_else(|| self.usual_boxes());
                 Some(Arc::new(VlmBoxes::new(Arc::clone(language), style)))

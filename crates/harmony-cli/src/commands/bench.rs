@@ -16,7 +16,7 @@ use harmony_bench::summary::{TEXT_HEADING, summary, text_table};
 use harmony_bench::truth::rooms_in;
 
 use crate::display::hinted;
-use crate::{EXIT_INCOMPLETE, EXIT_OK, config, say, tell};
+use crate::{EXIT_INCOMPLETE, EXIT_OK, config, models, networks, say, tell};
 
 /// Stack of the threads that run a pipeline each, bytes: as much as a program's first thread usually has.
 const STACK: usize = 8 << 20;
@@ -173,7 +173,8 @@ fn refused(error: &OverrideError) -> anyhow::Error {
 }
 
 fn request(args: &RunArgs) -> Result<BenchRequest> {
-    let settings = config::load(args.config.as_deref())?.settings;
+    let config = config::load(args.config.as_deref())?;
+    let settings = config.settings;
     Ok(BenchRequest {
         rooms: truths(&args.rooms, args.only.as_deref())?,
         out: args.out.clone(),
@@ -186,6 +187,7 @@ fn request(args: &RunArgs) -> Result<BenchRequest> {
         points: args.points,
         jobs: args.jobs.into(),
         keep: args.keep,
+        looking: networks::looking(&models::store(&config.models, None)),
     })
 }
 
@@ -226,7 +228,9 @@ fn make(args: &GenerateArgs) -> Result<u8> {
 
 fn judge(args: &ScoreArgs) -> Result<u8> {
     let rooms = truths(&args.truth, None)?;
-    let result = judge_finished(&args.run, &rooms, args.points, args.out.as_deref(), &|line| tell!("{line}"))?;
+    let looking = networks::looking(&models::store(&config::load(None)?.models, None));
+    let hear = |line| tell!("{line}");
+    let result = judge_finished(&args.run, &rooms, args.points, args.out.as_deref(), &looking, &hear)?;
     if let Some(out) = &args.out {
         write_tables(out, &result)?;
     }
@@ -263,7 +267,8 @@ fn about(result: &BenchResult) -> String {
 
 fn print(result: &BenchResult) -> Result<()> {
     say!("{}, metres as delivered\n{TEXT_HEADING}\n{}", about(result), text_table(&summary(&result.raw)))?;
-    say!("the same after scale alignment\n{}", text_table(&summary(&result.aligned)))
+    say!("the same after scale alignment\n{}", text_table(&summary(&result.aligned)))?;
+    result.absent.iter().try_for_each(|line| say!("{line}"))
 }
 
 fn exit_code(failed: usize) -> u8 {

@@ -8,8 +8,10 @@ use harmony_players::{RoleStatus, casting_report, offline_cast};
 use harmony_roles::{PlayerCard, Role, RoleError};
 
 use crate::cast::{self, Known};
+use crate::config::players::Boxes;
 use crate::config::{self, Profile};
-use crate::{EXIT_ERROR, EXIT_OK, say};
+use crate::networks::{self, Wanted};
+use crate::{EXIT_ERROR, EXIT_OK, models, say, tell};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -46,7 +48,15 @@ pub fn run(args: &Args) -> Result<u8> {
     let mut cast = offline_cast();
     let mut report = casting_report(&cast);
     let mut known = Known::default();
-    let failures = cast::cast_services(&mut cast, &players, &mut known);
+    let store = models::store(&config.models, None);
+    let hear = |line: String| tell!("{line}");
+    let wanted = Wanted { players: &players, store: &store, no_geometry: false, no_masks: false, tell: &hear };
+    let played = networks::cast(&mut cast, &wanted, &mut known);
+    if played.detector {
+        players.detector.player = Some(Boxes::Owlv2);
+    }
+    let mut failures = played.failures;
+    failures.extend(cast::cast_services(&mut cast, &players, &mut known));
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting")?;
     let checked = runtime.block_on(cast::check_all(&known.checks, args.paid));
     let missing = !failures.is_empty() || checked.iter().any(|(_, _, result)| result.is_err());
@@ -66,6 +76,10 @@ pub fn run(args: &Args) -> Result<u8> {
         say!("{}", serde_json::to_string_pretty(&report)?)?;
     } else {
         print(&report, profile)?;
+        say!("\nnetworks inside this program")?;
+        for line in played.notes.iter().cloned().chain(networks::report(&store)) {
+            say!("  {line}")?;
+        }
     }
     Ok(if missing { EXIT_ERROR } else { EXIT_OK })
 }

@@ -52,6 +52,7 @@ pub fn run(args: &Args) -> Result<u8> {
     let request = CastRequest {
         profile,
         players: config.players.resolved(profile),
+        models: crate::models::store(&config.models, None),
         photo_size: photo.size(),
         points: None,
         intrinsics: None,

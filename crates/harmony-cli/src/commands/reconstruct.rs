@@ -109,6 +109,7 @@ async fn reconstruct(args: Args) -> Result<u8> {
     let request = CastRequest {
         profile,
         players,
+        models: crate::models::store(&config.models, None),
         photo_size: photo.size(),
         points: args.points.as_deref(),
         intrinsics: args.intrinsics.as_deref(),
@@ -130,6 +131,14 @@ async fn reconstruct(args: Args) -> Result<u8> {
             phase: "input".into(),
             object: None,
             kind: harmony_scene::WarningKind::Input,
+            message: note.clone(),
+        });
+    }
+    for note in &casting.absent {
+        warnings.push(harmony_scene::Warning {
+            phase: "input".into(),
+            object: None,
+            kind: harmony_scene::WarningKind::NotAvailable,
             message: note.clone(),
         });
     }

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::Profile;
+use super::networks::{Device, Geometry, GeometryConfig, Masks, SegmenterConfig};
 
 /// Longest deadline of a call, seconds: a day.
 const MAX_TIMEOUT_SECS: u64 = 86_400;
@@ -38,6 +39,10 @@ pub struct PlayersConfig {
     pub mesh_generator: MeshConfig,
     /// The detector.
     pub detector: DetectorConfig,
+    /// The geometry estimator, a network inside this program.
+    pub geometry_estimator: GeometryConfig,
+    /// The segmenter, a network inside this program.
+    pub segmenter: SegmenterConfig,
 }
 
 impl Default for PlayersConfig {
@@ -51,6 +56,8 @@ impl Default for PlayersConfig {
             image_editor: EditorConfig::default(),
             mesh_generator: MeshConfig::default(),
             detector: DetectorConfig::default(),
+            geometry_estimator: GeometryConfig::default(),
+            segmenter: SegmenterConfig::default(),
         }
     }
 }
@@ -130,6 +137,8 @@ pub enum Boxes {
     LocateAnything,
     /// Zero-shot detection in the form of Hugging Face's task.
     GroundingDino,
+    /// OWLv2 inside this program.
+    Owlv2,
 }
 
 /// The language model.
@@ -240,6 +249,12 @@ pub struct DetectorConfig {
     pub threshold: Option<f64>,
     /// `vlm_boxes`: how the language model writes boxes; left out = as its maker taught it.
     pub boxes: Option<BoxStyle>,
+    /// OWLv2 inside this program instead, where its weights are; left out = true when no player and no address is set.
+    pub native: Option<bool>,
+    /// `owlv2`: a folder of one's own with `model.safetensors` and the vocabulary; then `model` says of which size.
+    pub weights: Option<PathBuf>,
+    /// `owlv2`: where it runs.
+    pub device: Option<Device>,
     /// Calls at once.
     pub concurrency: Option<usize>,
     /// Deadline of a call, seconds.
@@ -367,7 +382,9 @@ impl DetectorConfig {
             ..Self::default()
         };
         match player {
-            Boxes::Offline | Boxes::WithList | Boxes::VlmBoxes => Self { player: Some(player), ..Self::default() },
+            Boxes::Offline | Boxes::WithList | Boxes::VlmBoxes | Boxes::Owlv2 => {
+                Self { player: Some(player), ..Self::default() }
+            }
             Boxes::LocateAnything => at("http://127.0.0.1:8080/v1", "LocateAnything-3B"),
             Boxes::GroundingDino => {
                 Self { threshold: Some(0.35), ..at("http://127.0.0.1:8082/", "grounding-dino-base") }
@@ -376,6 +393,8 @@ impl DetectorConfig {
     }
 
     fn filled(mut self, usual: Self) -> Self {
+        let named = self.player.is_some() || self.address.is_some();
+        self.native = self.native.or(Some(!named)).filter(|_| usual.player != Some(Boxes::Offline));
         fill!(self from usual: player, address, model, key_env, threshold, boxes, concurrency, timeout_secs);
         self
     }
@@ -402,7 +421,9 @@ impl PlayersConfig {
                 vision_language: LanguageConfig::default(),
                 image_editor: EditorConfig::default(),
                 mesh_generator: MeshConfig::default(),
-                detector: DetectorConfig::default(),
+                detector: DetectorConfig { native: Some(false), ..DetectorConfig::default() },
+                geometry_estimator: GeometryConfig { player: Some(Geometry::Offline), ..GeometryConfig::default() },
+                segmenter: SegmenterConfig { player: Some(Masks::Offline), ..SegmenterConfig::default() },
                 ..self.clone()
             },
             Profile::Paper | Profile::Local => self.clone(),
@@ -511,7 +532,9 @@ pub fn described() -> Result<String, toml::ser::Error> {
         "\n# Players that can be set: vision_language: openai, openai_chat, gemini, anthropic, compatible, files, offline;\n\
          # image_editor: gemini, openai, local_edits, offline; mesh_generator: hunyuan3d_2, hunyuan3d_2_1, trellis_nim,\n\
          # trellis_localai, folder, catalogue, offline; detector: locate_anything, grounding_dino, vlm_boxes, with_list,\n\
-         # offline. `[players.vision_language.phases.lighting]` and the like set another model for a phase.\n\
+         # owlv2, offline (`native = true`: owlv2 where its weights are); geometry_estimator: vggt, offline; segmenter: sam2,\n\
+         # offline (left out: the network where its weights are; each has `model`, `weights` and `device` = auto, cpu, cuda).\n\
+         # `[players.vision_language.phases.lighting]` and the like set another model for a phase.\n\
          # Prices: `prices = { input_per_million = 5.0, output_per_million = 30.0, as_of = \"2026-11-01\" }`.\n",
     );
     Ok(text)
@@ -534,6 +557,26 @@ mod tests {
         assert_eq!(paper.detector.player, Some(Boxes::LocateAnything));
         let offline = PlayersConfig::default().resolved(Profile::Offline);
         assert_eq!(offline.vision_language.player, Some(Language::Offline));
+    }
+
+    #[test]
+    fn networks_play_where_nobody_else_is_named() {
+        let text = "[players.geometry_estimator]\ndevice = \"cpu\"\n";
+        let local = parsed(text).resolved(Profile::Local);
+        assert_eq!((local.geometry_estimator.player, local.geometry_estimator.device), (None, Some(Device::Cpu)));
+        assert_eq!((local.detector.player, local.detector.native), (Some(Boxes::VlmBoxes), Some(true)));
+        let served = "[players.detector]\nplayer = \"locate_anything\"\n";
+        assert_eq!(parsed(served).resolved(Profile::Paper).detector.native, Some(false));
+        let served = "[players.detector]\naddress = \"http://127.0.0.1:9/v1\"\n";
+        assert_eq!(parsed(served).resolved(Profile::Paper).detector.native, Some(false));
+        for profile in [Profile::Offline, Profile::Files] {
+            let none = parsed(text).resolved(profile);
+            assert_eq!(none.geometry_estimator.player, Some(Geometry::Offline));
+            assert_eq!(none.segmenter.player, Some(Masks::Offline));
+            assert_ne!(none.detector.native, Some(true));
+        }
+        let wrong = super::super::parse("[players.segmenter]\ndevice = \"tpu\"\n").unwrap_err();
+        assert!(wrong.contains("tpu") && wrong.contains("cuda"), "{wrong}");
     }
 
     #[test]

@@ -343,6 +343,12 @@ impl Device {
         staging.as_mut()
     }
 
+    /// Bytes of the device's memory that are free, and all of them.
+    pub(super) fn device_memory(&self) -> Option<(usize, usize)> {
+        self.bind().ok()?;
+        driver::mem_get_info().ok()
+    }
+
     /// A piece of memory with anything in it.
     pub(super) fn take(self: &Arc<Self>, bytes: usize) -> Result<Buffer, NetError> {
         self.bind()?;

@@ -174,6 +174,11 @@ impl Cuda {
         self.device.memory()
     }
 
+    /// Bytes of the device's memory that are free, and all of them; `None` when the driver does not say.
+    pub fn device_memory(&self) -> Option<(usize, usize)> {
+        self.device.device_memory()
+    }
+
     /// Waits until everything is done.
     ///
     /// # Errors

@@ -18,6 +18,8 @@ use crate::{Backend, NetError, WeightFile};
 const FOV_DEG: [f64; 2] = [2.0, 170.0];
 /// At least this share of pixels needs a usable depth.
 const LEAST_DEPTH: f64 = 0.5;
+/// Width to height of a pixel beyond these is nonsense; point maps outside of them can't be recorded either.
+const PIXEL_ASPECT: [f64; 2] = [0.25, 4.0];
 /// Depths nearer than this are no depths (the reference's limit).
 const NEAREST: f32 = 1e-8;
 
@@ -238,6 +240,10 @@ fn point_map(frame: &Frame, geometry: &FrameGeometry) -> Result<PointMap, String
         cx: w / 2.0 + 0.5 - left as f64,
         cy: h / 2.0 + 0.5 - top as f64,
     };
+    if !(PIXEL_ASPECT[0]..=PIXEL_ASPECT[1]).contains(&(intrinsics.fx / intrinsics.fy)) {
+        let [x, y] = [fov_x, fov_y].map(f64::to_degrees);
+        return Err(format!("fields of view of {x:.1} by {y:.1} degrees for {w} by {h} pixels"));
+    }
     let mut xyz = Vec::with_capacity(rows * columns);
     let mut confidence = Vec::with_capacity(rows * columns);
     for y in 0..rows {
@@ -365,6 +371,11 @@ mod tests {
         assert!(with(0, f32::NAN).unwrap_err().contains("finite"));
         assert!(with(7, 0.0).unwrap_err().contains("field of view"));
         assert!(with(8, 3.2).unwrap_err().contains("field of view"));
+        // Narrow across and wide upwards: found with random weights, which the call book could not record.
+        let mut odd = TURNED;
+        (odd[7], odd[8]) = (1.2, 0.28);
+        let square = frame(28, 28, [0, 0, 28, 28]);
+        assert!(point_map(&square, &geometry(28 * 28, odd)).unwrap_err().contains("fields of view"));
         let mut zero = geometry(28 * 14, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.8, 1.1]);
         assert!(point_map(&f, &zero).unwrap_err().contains("direction"));
         zero.pose = TURNED;

@@ -59,6 +59,7 @@ pub fn preprocess(photo: Photo<'_>, width: usize, patch: usize) -> Frame {
 }
 
 /// PIL's `resize(.., BICUBIC)` of 8-bit RGB to the last bit: fixed-point weights, along x first, rounded in between.
+/// That is Pillow up to 12; 13 goes along y first in some cases, which changes single values a little.
 fn resize_bicubic(from: &[u8], [w, h]: [usize; 2], [to_w, to_h]: [usize; 2]) -> Vec<u8> {
     let xs = fixed_taps(w, to_w);
     let mut wide = Vec::with_capacity(to_w * h * 3);

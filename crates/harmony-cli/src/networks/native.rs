@@ -1,0 +1,242 @@
+//! The networks as players: loaded when they are first needed, or when somebody checks whether they can be.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use async_trait::async_trait;
+use harmony_calls::Cast;
+use harmony_models::Model;
+use harmony_nets::backend::Backend;
+use harmony_nets::clip::ClipImageEncoder;
+use harmony_nets::cpu::Cpu;
+use harmony_nets::detector::{DetectorError, DetectorSettings, Owlv2Detector, Owlv2Size};
+use harmony_nets::lpips::{Lpips, LpipsNet};
+use harmony_nets::sam2::{Sam2Segmenter, Sam2Size};
+use harmony_nets::vggt::{self, Vggt, VggtEstimator};
+use harmony_nets::{NetError, WeightFile};
+use harmony_players::check::{Check, Checked};
+use harmony_roles::{
+    DetectRequest, Detections, Detector, GeometryAnswer, GeometryEstimator, GeometryRequest, PlayerCard, Role,
+    RoleError, SegmentRequest, SegmentedMask, Segmenter,
+};
+use tokio::sync::OnceCell;
+
+use super::{Ask, Weights, not_set_up};
+use crate::cast::Known;
+use crate::config::networks::Device;
+
+type Loaded<T> = (Arc<T>, String);
+type Load<T> = dyn Fn() -> Result<Loaded<T>, String> + Send + Sync;
+
+/// A player whose network is loaded once it is needed. Its card does not tell the device: answers hold wherever they
+/// were computed.
+struct Lazy<T: ?Sized> {
+    card: PlayerCard,
+    load: Arc<Load<T>>,
+    loaded: OnceCell<Loaded<T>>,
+}
+
+impl<T: ?Sized + Send + Sync + 'static> Lazy<T> {
+    fn new(player: &str, weights: &Weights, load: Arc<Load<T>>) -> Arc<Self> {
+        let model = format!("{} {}", weights.name, weights.version).trim_end().to_owned();
+        let card = PlayerCard { player: player.to_owned(), model, offline: true, concurrency: 1 };
+        Arc::new(Self { card, load, loaded: OnceCell::new() })
+    }
+
+    async fn get(&self) -> Result<&Loaded<T>, RoleError> {
+        let load = || async {
+            let load = Arc::clone(&self.load);
+            let loaded = tokio::task::spawn_blocking(move || load()).await;
+            let hint = "`harmony models verify` checks the weights; `device` chooses between cpu and cuda";
+            loaded
+                .unwrap_or_else(|error| Err(format!("loading broke off: {error}")))
+                .map_err(|reason| not_set_up(&self.card.player, reason, hint))
+        };
+        self.loaded.get_or_try_init(load).await
+    }
+}
+
+#[async_trait]
+impl<T: ?Sized + Send + Sync + 'static> Check for Lazy<T> {
+    async fn check(&self, _paid: bool) -> Result<Checked, RoleError> {
+        let start = Instant::now();
+        let (_, device) = self.get().await?;
+        let seconds = start.elapsed().as_secs_f64();
+        Ok(Checked { detail: format!("{} on {device}, loaded in {seconds:.1} s", self.card.model), usage: None })
+    }
+}
+
+#[async_trait]
+impl GeometryEstimator for Lazy<dyn GeometryEstimator> {
+    fn card(&self) -> PlayerCard {
+        self.card.clone()
+    }
+
+    async fn estimate(&self, request: &GeometryRequest) -> Result<GeometryAnswer, RoleError> {
+        self.get().await?.0.estimate(request).await
+    }
+}
+
+#[async_trait]
+impl Segmenter for Lazy<dyn Segmenter> {
+    fn card(&self) -> PlayerCard {
+        self.card.clone()
+    }
+
+    async fn segment(&self, request: &SegmentRequest) -> Result<Vec<SegmentedMask>, RoleError> {
+        self.get().await?.0.segment(request).await
+    }
+}
+
+#[async_trait]
+impl Detector for Lazy<dyn Detector> {
+    fn card(&self) -> PlayerCard {
+        self.card.clone()
+    }
+
+    async fn detect(&self, request: &DetectRequest) -> Result<Detections, RoleError> {
+        self.get().await?.0.detect(request).await
+    }
+}
+
+/// Casts a network for a role.
+pub(super) fn play(cast: &mut Cast, ask: &Ask<'_>, weights: &Weights, known: &mut Known) -> Result<(), RoleError> {
+    let device = ask.device;
+    if device == Device::Cuda && !cfg!(feature = "cuda") {
+        return Err(not_set_up(
+            &weights.name,
+            "`device` is cuda, and this build has no CUDA",
+            "build with `--features cuda`, or set `device` to auto",
+        ));
+    }
+    let name = weights.name.clone();
+    let path = weights.path.clone();
+    let check: Arc<dyn Check> = match ask.role {
+        Role::GeometryEstimator => {
+            let load = move || load_vggt(&path, device).map_err(|e| e.to_string());
+            let player = Lazy::<dyn GeometryEstimator>::new("vggt", weights, Arc::new(load));
+            cast.geometry_estimator = player.clone();
+            player
+        }
+        Role::Segmenter => {
+            let size = sam2_size(&weights.name).or_else(|| sam2_size(&weights.version)).ok_or_else(|| {
+                let hint = "set `model` in [players.segmenter] to sam2.1-large, -base-plus, -small or -tiny";
+                not_set_up("sam2", format!("of which size are these weights: {}", path.display()), hint)
+            })?;
+            let load = move || load_sam2(&path, size, device).map_err(|e| e.to_string());
+            let player = Lazy::<dyn Segmenter>::new("sam2", weights, Arc::new(load));
+            cast.segmenter = player.clone();
+            player
+        }
+        _ => {
+            let large = weights.name.contains("large") || weights.version.contains("large");
+            let size = if large { Owlv2Size::Large } else { Owlv2Size::Base };
+            let load = move || load_owlv2(&path, size, device).map_err(|e| e.to_string());
+            let player = Lazy::<dyn Detector>::new("owlv2", weights, Arc::new(load));
+            cast.detector = player.clone();
+            player
+        }
+    };
+    known.checks.push((ask.role, name, check));
+    Ok(())
+}
+
+fn sam2_size(name: &str) -> Option<Sam2Size> {
+    let name = name.to_lowercase().replace('-', "_");
+    Sam2Size::ALL.into_iter().find(|size| name.contains(size.name()))
+}
+
+/// Runs on the GPU where that is wanted and can be, else on the CPU; the device in words.
+#[cfg(feature = "cuda")]
+fn on<T: ?Sized, E: From<NetError> + std::fmt::Display>(
+    device: Device,
+    gpu: impl FnOnce(Arc<harmony_nets::cuda::Cuda>) -> Result<Arc<T>, E>,
+    cpu: impl FnOnce(Arc<Cpu>) -> Result<Arc<T>, E>,
+) -> Result<Loaded<T>, E> {
+    let why = match device {
+        Device::Cpu => None,
+        Device::Auto | Device::Cuda => match harmony_nets::cuda::Cuda::open(0) {
+            Ok(cuda) => {
+                let cuda = Arc::new(cuda);
+                let words = cuda.device();
+                return Ok((gpu(cuda)?, words));
+            }
+            Err(error) if device == Device::Cuda => return Err(error.into()),
+            Err(error) => Some(error),
+        },
+    };
+    let backend = Arc::new(Cpu::new());
+    let words = backend.device();
+    let words = why.map_or_else(|| words.clone(), |why| format!("{words} (not on a GPU: {why})"));
+    Ok((cpu(backend)?, words))
+}
+
+#[cfg(not(feature = "cuda"))]
+fn on<T: ?Sized, E>(_: Device, cpu: impl FnOnce(Arc<Cpu>) -> Result<Arc<T>, E>) -> Result<Loaded<T>, E> {
+    let backend = Arc::new(Cpu::new());
+    let words = backend.device();
+    Ok((cpu(backend)?, words))
+}
+
+fn load_vggt(path: &Path, device: Device) -> Result<Loaded<dyn GeometryEstimator>, NetError> {
+    let device = match device {
+        Device::Cpu => vggt::Device::Cpu,
+        #[cfg(feature = "cuda")]
+        Device::Auto => vggt::Device::Best,
+        #[cfg(feature = "cuda")]
+        Device::Cuda => vggt::Device::Cuda,
+        #[cfg(not(feature = "cuda"))]
+        _ => vggt::Device::Cpu,
+    };
+    let estimator = VggtEstimator::load(path, device)?;
+    let words = estimator.device();
+    Ok((Arc::new(estimator), words))
+}
+
+fn load_sam2(path: &Path, size: Sam2Size, device: Device) -> Result<Loaded<dyn Segmenter>, NetError> {
+    let cpu = |backend| Ok(Arc::new(Sam2Segmenter::load(path, size, backend)?) as Arc<dyn Segmenter>);
+    #[cfg(feature = "cuda")]
+    return on(device, |gpu| Ok(Arc::new(Sam2Segmenter::load(path, size, gpu)?) as Arc<dyn Segmenter>), cpu);
+    #[cfg(not(feature = "cuda"))]
+    on(device, cpu)
+}
+
+fn load_owlv2(folder: &Path, size: Owlv2Size, device: Device) -> Result<Loaded<dyn Detector>, DetectorError> {
+    let settings = DetectorSettings::default;
+    let cpu = |backend| Ok(Arc::new(Owlv2Detector::load(folder, size, backend, settings())?) as Arc<dyn Detector>);
+    #[cfg(feature = "cuda")]
+    return on(
+        device,
+        |gpu| Ok(Arc::new(Owlv2Detector::load(folder, size, gpu, settings())?) as Arc<dyn Detector>),
+        cpu,
+    );
+    #[cfg(not(feature = "cuda"))]
+    on(device, cpu)
+}
+
+/// Loads a model's network and lets it go: its files have the keys and shapes, or the error tells which one has not.
+pub(super) fn layout(model: &Model, folder: &Path) -> Result<(), String> {
+    let file = |i: usize| folder.join(model.files[i].name);
+    let backend = Arc::new(Cpu::new());
+    let net = |outcome: Result<(), NetError>| outcome.map_err(|e| e.to_string());
+    match model.id {
+        id if id.starts_with("vggt") => {
+            let weights = WeightFile::open(&file(0)).map_err(|e| e.to_string())?;
+            net(Vggt::load(&*backend, &weights.at("")).map(drop))
+        }
+        id if id.starts_with("sam2") => {
+            let size = sam2_size(id).ok_or_else(|| format!("{id} is no size of SAM 2"))?;
+            net(Sam2Segmenter::load(&file(0), size, backend).map(drop))
+        }
+        id if id.starts_with("owlv2") => {
+            let size = if id.ends_with("large") { Owlv2Size::Large } else { Owlv2Size::Base };
+            let loaded = Owlv2Detector::load(folder, size, backend, DetectorSettings::default());
+            loaded.map(drop).map_err(|e| e.to_string())
+        }
+        "lpips-alex" => net(Lpips::open(&file(0), &file(1), LpipsNet::Alex, backend).map(drop)),
+        "lpips-vgg" => net(Lpips::open(&file(0), &file(1), LpipsNet::Vgg, backend).map(drop)),
+        id if id.starts_with("clip") => net(ClipImageEncoder::open(&file(0), backend).map(drop)),
+        id => Err(format!("no network reads {id}")),
+    }
+}
