@@ -299,7 +299,7 @@ async fn one(room: &TruthRoom, seed: u64, out: &Path) -> anyhow::Result<Ended> {
     let has_deadline = drawn(seed, "deadline", b"plan") < 0.1;
     let budget = Budget {
         minutes: has_deadline.then_some(DEADLINE.as_secs_f64() / 60.0),
-        grace_seconds: GRACE.as_secs_f64(),
+        grace_seconds: Some(GRACE.as_secs_f64()),
         ..Budget::default()
     };
     let options = CallOptions {
