@@ -192,7 +192,7 @@ fn players(studio: &Studio, seed: u64) -> Result<Players, RoleError> {
     };
     let vlm = |name, service, auth, format, model: &str| {
         let options =
-            VlmOptions { service: at(service, auth), format, settings: settings(model), prices: None, concurrency: 4 };
+            VlmOptions { service: at(service, auth), format, settings: settings(model), concurrency: 4 };
         Ok::<Named<dyn VisionLanguage>, RoleError>((name, Arc::new(VlmPlayer::new(&http, options)?)))
     };
     let bearer = || Ok::<Auth, RoleError>(Auth::Bearer(key()?));
@@ -210,7 +210,7 @@ fn players(studio: &Studio, seed: u64) -> Result<Players, RoleError> {
     };
     let edit = |name, service, auth, format, model: &str| {
         let settings = EditSettings { model: model.to_owned(), ..EditSettings::default() };
-        let options = EditorOptions { service: at(service, auth), format, settings, prices: None, concurrency: 4 };
+        let options = EditorOptions { service: at(service, auth), format, settings, concurrency: 4 };
         Ok::<Named<dyn ImageEditor>, RoleError>((name, Arc::new(EditorPlayer::new(&http, options)?)))
     };
     let editor = match pick("editor", 3) {
@@ -295,6 +295,7 @@ async fn one(room: &TruthRoom, seed: u64, out: &Path) -> anyhow::Result<Ended> {
     limits.retry.retries = 3;
     (limits.retry.first_seconds, limits.retry.most_seconds, limits.retry.patience_seconds) = (0.03, 0.1, 5.0);
     // A question may wait for two silent tries; a deadline of its own bounds the calls whatever the client does.
+    limits.minute = Some(Duration::from_secs(1));
     limits.try_seconds = Role::ALL.into_iter().map(|role| (role, 2.5)).collect();
     let has_deadline = drawn(seed, "deadline", b"plan") < 0.1;
     let budget = Budget {

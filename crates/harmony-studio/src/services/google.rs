@@ -114,13 +114,14 @@ async fn thought(call: &Call<'_>, prompt: &str, files: &[Vec<u8>]) -> Made {
         Some(Fault::CutAnswer) => "MAX_TOKENS",
         _ => "STOP",
     };
-    let mut parts = json!([{"text": "The user asks about a room.", "thought": true}]);
-    if !call.is(Fault::Refusal) {
-        parts[1] = json!({"text": text});
-    }
+    let parts = if call.is(Fault::Refusal) {
+        json!([])
+    } else {
+        json!([{"text": "The user asks about a room.", "thought": true}, {"text": text}])
+    };
     let (input, output) = tokens(prompt, files.len(), &text);
     let body = json!({
-        "candidates": [{"content": {"role": "model", "parts": if call.is(Fault::Refusal) { json!([]) } else { parts }}, "finishReason": finish, "index": 0}],
+        "candidates": [{"content": {"role": "model", "parts": parts}, "finishReason": finish, "index": 0}],
         "usageMetadata": {"promptTokenCount": input, "candidatesTokenCount": output, "thoughtsTokenCount": 7,
                           "totalTokenCount": input + output + 7},
     });
