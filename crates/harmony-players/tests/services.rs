@@ -18,7 +18,6 @@ use harmony_players::detector::grounding::{GroundingOptions, GroundingPlayer};
 use harmony_players::detector::locate::{LocateOptions, LocatePlayer};
 use harmony_players::editor::wire::EditSettings;
 use harmony_players::editor::{EditorFormat, EditorOptions, EditorPlayer};
-use harmony_players::http::Prices;
 use harmony_players::mesh::hunyuan::{HunyuanOptions, HunyuanPlayer, Route, Version};
 use harmony_players::mesh::trellis::{Host, TrellisOptions, TrellisPlayer};
 use harmony_players::vlm::wire::ModelSettings;

@@ -133,8 +133,8 @@ fn same(over_http: &Scene, inside: &Scene) {
     assert!((a.as_vec() - b.as_vec()).length() < 1e-9, "the layout is exact: {a:?} {b:?}");
     let mut worst = (0.0_f64, 0.0_f64, 0.0_f64);
     for (a, b) in over_http.objects.iter().zip(&inside.objects) {
-        let off = (a.placement.position - b.placement.position).length();
-        let turn = (a.placement.yaw - b.placement.yaw).to_degrees().rem_euclid(360.0);
+        let off = (a.pose.position - b.pose.position).length();
+        let turn = (a.pose.yaw - b.pose.yaw).to_degrees().rem_euclid(360.0);
         let turn = turn.min(360.0 - turn);
         let ratio = (a.size.as_vec() / b.size.as_vec()).to_array().map(|r| (r - 1.0).abs());
         let ratio = ratio.into_iter().fold(0.0, f64::max);
@@ -142,7 +142,7 @@ fn same(over_http: &Scene, inside: &Scene) {
         assert!(off <= POSITION_M, "{}: {off} m", a.id);
         assert!(turn <= YAW_DEG, "{}: {turn} degrees", a.id);
         assert!(ratio <= SIZE, "{}: {ratio}", a.id);
-        assert_eq!(a.relations.support, b.relations.support, "{}", a.id);
+        assert_eq!(a.support, b.support, "{}", a.id);
     }
     eprintln!("{} objects; worst {:.4} m, {:.3} degrees, {:.4} of a size", ids(inside).len(), worst.0, worst.1, worst.2);
 }
