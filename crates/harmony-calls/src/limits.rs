@@ -115,7 +115,8 @@ mod tests {
     #[test]
     fn a_models_limits_override_its_players_field_by_field() {
         let mut limits = Limits::default();
-        let player = PlayerLimits { try_seconds: Some(8.0), requests_per_minute: Some(60.0), ..PlayerLimits::default() };
+        let player =
+            PlayerLimits { try_seconds: Some(8.0), requests_per_minute: Some(60.0), ..PlayerLimits::default() };
         limits.players.insert("openai".into(), player);
         let model = PlayerLimits { requests_per_minute: Some(5.0), ..PlayerLimits::default() };
         limits.players.insert("openai / big".into(), model);
@@ -133,7 +134,11 @@ mod tests {
         assert!(limits.try_deadline(Role::MeshGenerator, &card("hunyuan", "2", false)).is_some());
         limits.try_seconds.insert(Role::MeshGenerator, 2.0);
         assert_eq!(limits.try_deadline(Role::MeshGenerator, &card("hunyuan", "2", false)), Some(2.0));
-        assert_eq!(limits.try_deadline(Role::MeshGenerator, &card("offline", "parts", true)), None, "stand-ins have none");
+        assert_eq!(
+            limits.try_deadline(Role::MeshGenerator, &card("offline", "parts", true)),
+            None,
+            "stand-ins have none"
+        );
         limits.try_seconds.insert(Role::MeshGenerator, 0.0);
         assert_eq!(limits.try_deadline(Role::MeshGenerator, &card("hunyuan", "2", false)), None);
     }

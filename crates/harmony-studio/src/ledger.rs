@@ -64,7 +64,9 @@ impl Ledger {
 
     /// An answer went out, whole or not. Number 0 is no entry.
     pub fn sent(&self, number: u64, whole: bool) {
-        if let Some(entry) = (number as usize).checked_sub(1).and_then(|i| self.lock().get_mut(i).map(|e| e.whole = Some(whole))) {
+        if let Some(entry) =
+            (number as usize).checked_sub(1).and_then(|i| self.lock().get_mut(i).map(|e| e.whole = Some(whole)))
+        {
             let () = entry;
         }
     }

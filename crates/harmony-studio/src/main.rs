@@ -60,9 +60,7 @@ struct Serve {
 
 fn main() -> ExitCode {
     match Cli::parse().command {
-        Command::Harmony { args } => {
-            harmony_cli::run(std::iter::once(OsString::from("harmony")).chain(args))
-        }
+        Command::Harmony { args } => harmony_cli::run(std::iter::once(OsString::from("harmony")).chain(args)),
         Command::Serve(args) => ended(serve(&args).map(|()| true)),
         Command::Faults(options) => ended(soak::command(&options)),
     }

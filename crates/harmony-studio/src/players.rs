@@ -36,8 +36,8 @@ impl VisionLanguage for Inside {
     }
 
     async fn ask(&self, request: &VlmRequest) -> Result<VlmAnswer, RoleError> {
-        let kind: QuestionKind = serde_json::from_value(request.facts["question"].clone())
-            .map_err(|error| incapable(error.to_string()))?;
+        let kind: QuestionKind =
+            serde_json::from_value(request.facts["question"].clone()).map_err(|error| incapable(error.to_string()))?;
         let asked = Asked::Question(kind, request.facts["facts"].clone());
         let value = self.0.answer(&asked).await.map_err(incapable)?;
         Ok(VlmAnswer { raw: value.to_string(), value, usage: Usage::default() })
@@ -86,8 +86,7 @@ impl MeshGenerator for Inside {
     /// The oracle's mesh, by the object's id; checked, cleaned and simplified as every generator's is.
     async fn generate(&self, request: &MeshRequest) -> Result<GeneratedMesh, RoleError> {
         let made = self.0.oracle.generate(request).await?;
-        let finish =
-            Finish { faces: request.settings.faces as usize, frame: SourceFrame::default(), not_metal: false };
+        let finish = Finish { faces: request.settings.faces as usize, frame: SourceFrame::default(), not_metal: false };
         let (mesh, notes) = finished(&glb::of(&made.mesh), &finish).map_err(incapable)?;
         Ok(GeneratedMesh { mesh: Arc::new(mesh), notes, ..made })
     }

@@ -75,7 +75,8 @@ pub fn read(prompt: &str) -> Option<Asked> {
             json!({"objects": ids})
         }
         QuestionKind::Review => {
-            let stage = Level::ALL.into_iter().find(|l| prompt.contains(&format!("after placing {} objects", l.stage())));
+            let stage =
+                Level::ALL.into_iter().find(|l| prompt.contains(&format!("after placing {} objects", l.stage())));
             json!({
                 "level": stage?,
                 "placed": section(prompt, "Objects in the scene").filter_map(placed).collect::<Vec<_>>(),
@@ -179,7 +180,10 @@ mod tests {
                     room_type: "study".into(),
                     room: "Room W x D x H = 4.00 x 5.00 x 2.60 m (study). Camera at x 2.00, y 1.50, z 4.00.".into(),
                     candidates: vec!["- chair_02: chair (\"office chair\"), box [100, 220, 300, 401]".into()],
-                    placed: vec!["- desk_01: desk, at (1.00, 0.00, 0.40), yaw 0 deg, size 1.20 x 0.74 x 0.60 m, on the floor".into()],
+                    placed: vec![
+                        "- desk_01: desk, at (1.00, 0.00, 0.40), yaw 0 deg, size 1.20 x 0.74 x 0.60 m, on the floor"
+                            .into(),
+                    ],
                     templates: vec!["chair".into()],
                     with_models,
                 });

@@ -34,8 +34,8 @@ use crate::services::Service;
 use crate::{KEY, Studio, StudioOptions, rooms};
 
 /// Longest time of one try, and of its silences: scaled down from minutes.
-const TRY: Duration = Duration::from_millis(1500);
-const SILENCE: Duration = Duration::from_millis(400);
+const TRY: Duration = Duration::from_secs(4);
+const SILENCE: Duration = Duration::from_secs(1);
 
 /// Longest that a run may take; one that takes longer hangs. Tries, retries and computing on a busy machine fit in.
 const RUN: Duration = Duration::from_mins(4);
@@ -59,6 +59,9 @@ pub struct SoakOptions {
     /// Runs at a time.
     #[arg(long, default_value_t = 1)]
     pub jobs: usize,
+    /// No run is begun after so many minutes.
+    #[arg(long)]
+    pub minutes: Option<f64>,
     /// Where the table is written (Markdown); a line a run goes to the same name with `.jsonl`.
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -116,8 +119,11 @@ pub async fn all(options: &SoakOptions, tell: &(dyn Fn(String) + Sync)) -> anyho
     let mut ended = Vec::new();
     let mut working = tokio::task::JoinSet::new();
     let mut seeds = options.seed..options.seed + options.runs;
+    let begun = Instant::now();
+    let in_time = || options.minutes.is_none_or(|minutes| begun.elapsed().as_secs_f64() < minutes * 60.0);
     loop {
         while working.len() < options.jobs.max(1)
+            && in_time()
             && let Some(seed) = seeds.next()
         {
             let (room, at) = (Arc::clone(&room), folder.path().join(format!("run_{seed}")));
@@ -153,7 +159,9 @@ pub fn plan(seed: u64) -> FaultPlan {
     let possible: Vec<Fault> = Fault::ALL
         .into_iter()
         // What takes seconds each time is not drawn for every request.
-        .filter(|fault| fault.befalls(part) && !matches!(fault, Fault::HugeMesh | Fault::Huge | Fault::Silence | Fault::Stall))
+        .filter(|fault| {
+            fault.befalls(part) && !matches!(fault, Fault::HugeMesh | Fault::Huge | Fault::Silence | Fault::Stall)
+        })
         .collect();
     let always = (draw("always") < 0.15).then(|| (part, possible[(draw("which") * possible.len() as f64) as usize]));
     FaultPlan { seed, share, always, only: Vec::new() }
@@ -172,11 +180,13 @@ struct Players {
 
 fn players(studio: &Studio, seed: u64) -> Result<Players, RoleError> {
     let http = Http::new(None, Duration::from_secs(1))?;
-    let key = || ApiKey::new("STUDIO_KEY", KEY).map_err(|error| RoleError::NotSetUp {
-        player: "studio".to_owned(),
-        reason: error.to_string(),
-        hint: String::new(),
-    });
+    let key = || {
+        ApiKey::new("STUDIO_KEY", KEY).map_err(|error| RoleError::NotSetUp {
+            player: "studio".to_owned(),
+            reason: error.to_string(),
+            hint: String::new(),
+        })
+    };
     let at = |service: Service, auth: Auth| ServiceOptions {
         player: service.prefix().to_owned(),
         address: studio.base(service),
@@ -185,14 +195,10 @@ fn players(studio: &Studio, seed: u64) -> Result<Players, RoleError> {
         remedy: "look at the studio".to_owned(),
     };
     let pick = |what: &str, count: usize| (drawn(seed, what, b"cast") * count as f64) as usize % count;
-    let settings = |model: &str| ModelSettings {
-        model: model.to_owned(),
-        detail: "high".to_owned(),
-        ..ModelSettings::default()
-    };
+    let settings =
+        |model: &str| ModelSettings { model: model.to_owned(), detail: "high".to_owned(), ..ModelSettings::default() };
     let vlm = |name, service, auth, format, model: &str| {
-        let options =
-            VlmOptions { service: at(service, auth), format, settings: settings(model), concurrency: 4 };
+        let options = VlmOptions { service: at(service, auth), format, settings: settings(model), concurrency: 4 };
         Ok::<Named<dyn VisionLanguage>, RoleError>((name, Arc::new(VlmPlayer::new(&http, options)?)))
     };
     let bearer = || Ok::<Auth, RoleError>(Auth::Bearer(key()?));
@@ -251,8 +257,7 @@ fn players(studio: &Studio, seed: u64) -> Result<Players, RoleError> {
         }
         1 => {
             let service = at(Service::GroundingDino, Auth::None);
-            let options =
-                GroundingOptions { service, model: "dino".to_owned(), threshold: 0.35, concurrency: 1 };
+            let options = GroundingOptions { service, model: "dino".to_owned(), threshold: 0.35, concurrency: 1 };
             ("grounding dino", Arc::new(GroundingPlayer::new(&http, options)?))
         }
         _ => ("vlm boxes", Arc::new(VlmBoxes::new(Arc::clone(&language.1), BoxStyle::Thousandths))),
@@ -275,8 +280,7 @@ pub fn quick_settings() -> Settings {
 async fn one(room: &TruthRoom, seed: u64, out: &Path) -> anyhow::Result<Ended> {
     let mind = Arc::new(Mind::new(room.clone(), NoiseLevel::Real.noise(), seed, false)?);
     let faults = plan(seed);
-    let studio =
-        Studio::start(Arc::clone(&mind), StudioOptions { faults, ..StudioOptions::default() }, 0).await?;
+    let studio = Studio::start(Arc::clone(&mind), StudioOptions { faults, ..StudioOptions::default() }, 0).await?;
     let who = players(&studio, seed)?;
     let offline = offline_cast();
     let cast = Cast {
@@ -294,9 +298,9 @@ async fn one(room: &TruthRoom, seed: u64, out: &Path) -> anyhow::Result<Ended> {
     let mut limits = Limits::default();
     limits.retry.retries = 3;
     (limits.retry.first_seconds, limits.retry.most_seconds, limits.retry.patience_seconds) = (0.03, 0.1, 5.0);
-    // A question may wait for two silent tries; a deadline of its own bounds the calls whatever the client does.
+    // The client's own deadline is the shorter one; this one bounds what is computed around it, too.
     limits.minute = Some(Duration::from_secs(1));
-    limits.try_seconds = Role::ALL.into_iter().map(|role| (role, 2.5)).collect();
+    limits.try_seconds = Role::ALL.into_iter().map(|role| (role, 20.0)).collect();
     let has_deadline = drawn(seed, "deadline", b"plan") < 0.1;
     let budget = Budget {
         minutes: has_deadline.then_some(DEADLINE.as_secs_f64() / 60.0),
@@ -357,7 +361,8 @@ async fn one(room: &TruthRoom, seed: u64, out: &Path) -> anyhow::Result<Ended> {
             }
             match (&outcome.failure, &outcome.scene) {
                 (Some((phase, reason, hint)), _) => {
-                    let stopped = calls.stop().reason().is_some_and(|r| matches!(r, harmony_calls::StopReason::Budget(_)));
+                    let stopped =
+                        calls.stop().reason().is_some_and(|r| matches!(r, harmony_calls::StopReason::Budget(_)));
                     ended.end = if stopped { "stopped at its deadline" } else { "error" }.to_owned();
                     ended.reason = Some(format!("{phase}: {reason}"));
                     if reason.trim().is_empty() || (stopped && hint.is_none()) {
@@ -451,7 +456,9 @@ pub fn table(options: &SoakOptions, ended: &[Ended]) -> String {
         ended.iter().flat_map(|run| run.faults.values()).sum::<usize>(),
         count(&|run| !run.wrong.is_empty()),
     );
-    text.push_str("| how runs ended | runs | objects, mean | slowest, s | largest memory, MiB |\n|---|---|---|---|---|\n");
+    text.push_str(
+        "| how runs ended | runs | objects, mean | slowest, s | largest memory, MiB |\n|---|---|---|---|---|\n",
+    );
     let mut ends: Vec<&str> = ended.iter().map(|run| run.end.as_str()).collect();
     ends.sort_unstable();
     ends.dedup();

@@ -78,7 +78,14 @@ pub fn check(schema: &Value, rules: Rules) -> Result<(), String> {
     Ok(())
 }
 
-fn node(root: &Value, at: &Value, rules: Rules, place: &str, depth: usize, counted: &mut Counted) -> Result<(), String> {
+fn node(
+    root: &Value,
+    at: &Value,
+    rules: Rules,
+    place: &str,
+    depth: usize,
+    counted: &mut Counted,
+) -> Result<(), String> {
     let Some(map) = at.as_object() else { return Err(format!("in context={place}: a schema must be an object")) };
     let wrong = |what: &str| Err(format!("Invalid schema: in context={place}, {what}"));
     if rules == Rules::Grammar {
@@ -176,7 +183,7 @@ fn allows(at: &Value, kind: &str) -> bool {
     match at.get("type") {
         Some(Value::String(own)) => own == kind || (kind == "integer" && own == "number"),
         Some(Value::Array(own)) => own.iter().any(|t| t == kind || (kind == "integer" && t == "number")),
-        _ => at.get("enum").is_some(),
+        _ => at.get("enum").and_then(Value::as_array).is_some_and(|all| all.iter().any(|v| kind_of(v) == kind)),
     }
 }
 
@@ -198,10 +205,14 @@ fn fit(root: &Value, at: &Value, value: &Value, depth: usize) -> Value {
         return value.clone();
     }
     if let Some(options) = at.get("anyOf").and_then(Value::as_array) {
-        let fitting = options.iter().find(|option| {
-            let fitted = fit(root, option, value, depth + 1);
-            allows(followed(root, option), kind_of(&fitted)) && fits_shallowly(root, option, value)
-        });
+        // An option of the value's own kind, else one into which it can be brought.
+        let own =
+            |option: &&Value| allows(followed(root, option), kind_of(value)) && fits_shallowly(root, option, value);
+        let brought = |option: &&Value| {
+            allows(followed(root, option), kind_of(&fit(root, option, value, depth + 1)))
+                && fits_shallowly(root, option, value)
+        };
+        let fitting = options.iter().find(own).or_else(|| options.iter().find(brought));
         return fitting.map_or_else(|| value.clone(), |option| fit(root, option, value, depth + 1));
     }
     match value {
@@ -268,6 +279,17 @@ mod tests {
             deep = object(&json!({"a": deep}), &json!(["a"]));
         }
         assert!(check(&deep, Rules::OpenAi).unwrap_err().contains("nesting"));
+    }
+
+    #[test]
+    fn null_is_null_beside_a_choice_of_words() {
+        let schema =
+            object(&json!({"wall": {"anyOf": [{"$ref": "#/$defs/Wall"}, {"type": "null"}]}}), &json!(["wall"]));
+        let mut schema = schema;
+        schema["$defs"] = json!({"Wall": {"type": "string", "enum": ["back", "left"]}});
+        assert_eq!(fitted(&schema, &json!({"wall": null})), json!({"wall": null}));
+        assert_eq!(fitted(&schema, &json!({})), json!({"wall": null}));
+        assert_eq!(fitted(&schema, &json!({"wall": "left"})), json!({"wall": "left"}));
     }
 
     #[test]

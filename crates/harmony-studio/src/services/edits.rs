@@ -163,7 +163,9 @@ pub(crate) async fn sd_server(call: &Call<'_>) -> Made {
             return error(400, "sd_cpp_extra_args is no JSON");
         }
     }
-    let Some(size) = form.size().filter(|_| !form.images.is_empty()) else { return error(400, "image or size is missing") };
+    let Some(size) = form.size().filter(|_| !form.images.is_empty()) else {
+        return error(400, "image or size is missing");
+    };
     made(call, form, size, None).await
 }
 
@@ -181,7 +183,8 @@ async fn made(call: &Call<'_>, form: Form, size: (u32, u32), level: Option<crate
     // A local server counts no tokens.
     let tokens = if level.is_some() { ((prompt.len() / 4 + 300 * count) as u64, 1056) } else { (0, 0) };
     if level.is_some() {
-        body["usage"] = json!({"input_tokens": tokens.0, "output_tokens": tokens.1, "total_tokens": tokens.0 + tokens.1});
+        body["usage"] =
+            json!({"input_tokens": tokens.0, "output_tokens": tokens.1, "total_tokens": tokens.0 + tokens.1});
     }
     let reply = Reply::json(200, &body);
     let reply = level.map_or_else(|| reply.clone(), |level| openai::with_rates(reply.clone(), level));

@@ -57,7 +57,8 @@ mod tests {
 
     #[test]
     fn what_the_program_sends_is_read() {
-        let fields = [Sent::text("prompt", "Empty it.\r\nNow."), Sent::png("image[]", "image.png", vec![0, 13, 10, 45, 45])];
+        let fields =
+            [Sent::text("prompt", "Empty it.\r\nNow."), Sent::png("image[]", "image.png", vec![0, 13, 10, 45, 45])];
         let (kind, body) = encode(&fields);
         let read = parts(&body, boundary(&kind).unwrap());
         let read: Vec<(&str, &[u8])> = read.iter().map(|f| (f.name.as_str(), f.content)).collect();

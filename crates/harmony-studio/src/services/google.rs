@@ -82,7 +82,8 @@ pub(crate) async fn serve(call: &Call<'_>) -> Made {
     for part in parts {
         if let Some(text) = part["text"].as_str() {
             prompt = text;
-        } else if let Some(data) = part["inlineData"]["data"].as_str().or_else(|| part["inline_data"]["data"].as_str()) {
+        } else if let Some(data) = part["inlineData"]["data"].as_str().or_else(|| part["inline_data"]["data"].as_str())
+        {
             match STANDARD.decode(data) {
                 Ok(file) => files.push(file),
                 Err(_) => return free(error(400, "Base64 decoding failed", None)),

@@ -133,7 +133,11 @@ fn look(jobs: &Jobs, id: &str, newer: bool) -> Value {
     let Some(job) = jobs.get_mut(id) else { return working };
     job.looks += 1;
     let Some(file) = job.file.as_ref().filter(|_| job.looks > WORKING_LOOKS) else {
-        return if newer && job.file.is_some() && job.looks == WORKING_LOOKS { json!({"status": "texturing"}) } else { working };
+        return if newer && job.file.is_some() && job.looks == WORKING_LOOKS {
+            json!({"status": "texturing"})
+        } else {
+            working
+        };
     };
     // The file is being written when it is first seen.
     let part = if job.looks == WORKING_LOOKS + 1 { &file[..file.len() / 2] } else { &file[..] };
@@ -145,7 +149,11 @@ pub(crate) async fn trellis(call: &Call<'_>) -> Made {
     let nim = call.service == Service::TrellisNim;
     if call.request.method == "GET" {
         let ready = if nim { "/v1/health/ready" } else { "/readyz" };
-        return free(if call.path == ready { Reply::json(200, &json!({"status": "ready"})) } else { Reply::json(404, &json!({})) });
+        return free(if call.path == ready {
+            Reply::json(200, &json!({"status": "ready"}))
+        } else {
+            Reply::json(404, &json!({}))
+        });
     }
     if call.path != if nim { "/v1/infer" } else { "/3d/generations" } {
         return free(Reply::json(404, &json!({"detail": "Not Found"})));

@@ -272,9 +272,10 @@ fn early(call: &Call<'_>) -> Option<Made> {
             let status = if call.service == Service::Anthropic { 529 } else { 503 };
             made(refused(call, status, "server_is_overloaded", "Overloaded.", None))
         }
-        Fault::Redirect => {
-            made(Reply::bytes(307, "text/html", vec![]).header("location", format!("{}{}", call.studio.elsewhere, call.path)))
-        }
+        Fault::Redirect => made(
+            Reply::bytes(307, "text/html", vec![])
+                .header("location", format!("{}{}", call.studio.elsewhere, call.path)),
+        ),
         Fault::Close | Fault::Silence | Fault::Huge => {
             let mut reply = Reply::bytes(200, "application/json", vec![]);
             reply.delivery = match call.fault {
@@ -398,7 +399,9 @@ fn violate(value: &mut Value) {
 /// Puts other scripts into names and descriptions.
 fn rename(value: &mut Value, key: &str) {
     match value {
-        Value::String(text) if matches!(key, "type" | "description" | "room_type" | "scene_summary" | "matched_set") => {
+        Value::String(text)
+            if matches!(key, "type" | "description" | "room_type" | "scene_summary" | "matched_set") =>
+        {
             *text = format!("\u{202e}{text} 🪑 стул 椅子 é\u{301}\u{200d}");
         }
         Value::Array(items) => items.iter_mut().for_each(|item| rename(item, key)),

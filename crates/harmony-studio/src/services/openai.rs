@@ -61,7 +61,12 @@ pub(crate) async fn serve(call: &Call<'_>) -> Made {
     let read = match call.path {
         "/v1/responses" if call.service == Service::OpenAi => responses(&call.json),
         "/v1/chat/completions" => chat(&call.json, call.service),
-        _ => return free(Reply::json(404, &json!({"error": {"message": "Not found", "type": "invalid_request_error", "code": null}}))),
+        _ => {
+            return free(Reply::json(
+                404,
+                &json!({"error": {"message": "Not found", "type": "invalid_request_error", "code": null}}),
+            ));
+        }
     };
     let level = (call.service == Service::OpenAi).then(|| call.studio.buckets.take(Service::OpenAi));
     if let Some(level) = level.filter(|level| level.over) {
@@ -100,7 +105,9 @@ fn models(call: &Call<'_>) -> Reply {
     let model = |id: &str, owner: &str| json!({"id": id, "object": "model", "owned_by": owner});
     match (call.service, call.path.strip_prefix("/v1/models")) {
         (Service::OpenAi, Some(id)) if id.len() > 1 => Reply::json(200, &model(&id[1..], "system")),
-        (Service::OpenAi, Some(_)) => Reply::json(200, &json!({"object": "list", "data": [model("gpt-5.5", "system")]})),
+        (Service::OpenAi, Some(_)) => {
+            Reply::json(200, &json!({"object": "list", "data": [model("gpt-5.5", "system")]}))
+        }
         (Service::LlamaCpp, Some(_)) => {
             let list = json!({"object": "list", "data": [model("qwen3-vl-8b-q4_k_m.gguf", "llamacpp")]});
             Reply::json(200, &list).header("server", "llama.cpp")
@@ -152,7 +159,8 @@ fn chat(body: &Value, service: Service) -> Result<AskedOf, Refused> {
         refuse_sampling(body, "max_tokens")?;
     }
     let messages = body["messages"].as_array();
-    let messages = messages.ok_or(("missing_required_parameter", "Missing required parameter: 'messages'.".to_owned()))?;
+    let messages =
+        messages.ok_or(("missing_required_parameter", "Missing required parameter: 'messages'.".to_owned()))?;
     let content = messages.iter().rev().find(|m| m["role"] == "user").and_then(|m| m["content"].as_array());
     let (mut prompt, mut pictures) = (String::new(), Vec::new());
     for part in content.into_iter().flatten() {
@@ -179,7 +187,10 @@ fn chat(body: &Value, service: Service) -> Result<AskedOf, Refused> {
 
 fn refuse_sampling(body: &Value, renamed: &str) -> Result<(), Refused> {
     if body.get(renamed).is_some() {
-        return Err(("unsupported_parameter", format!("Unsupported parameter: '{renamed}' is not supported with this model.")));
+        return Err((
+            "unsupported_parameter",
+            format!("Unsupported parameter: '{renamed}' is not supported with this model."),
+        ));
     }
     if body.get("temperature").is_some_and(|t| t.as_f64() != Some(1.0)) {
         return Err(("unsupported_value", "Unsupported value: 'temperature' does not support this value.".to_owned()));
