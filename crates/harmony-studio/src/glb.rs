@@ -70,7 +70,7 @@ pub fn plain(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<u8> {
 
 /// Positions and triangles of a mesh.
 fn raw(mesh: &Mesh) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
-    let positions = mesh.positions.iter().map(|p| p.to_array()).collect();
+    let positions = mesh.positions.iter().map(glam::Vec3::to_array).collect();
     let triangles = mesh.groups.iter().flat_map(|group| group.triangles.iter().copied()).collect();
     (positions, triangles)
 }

@@ -8,6 +8,8 @@
 //! * [`ledger`]: what was asked and paid;
 //! * [`soak`]: many runs with random faults, checked.
 
+#![allow(clippy::format_push_string, clippy::assigning_clones, reason = "texts of tests: plain rather than quick")]
+
 pub mod faults;
 pub mod glb;
 pub mod http;

@@ -51,27 +51,24 @@ impl ImageEditor for Inside {
     }
 
     async fn edit(&self, request: &EditRequest) -> Result<EditedImage, RoleError> {
-        let image = match (request.kind, &request.object) {
-            (EditKind::Amodal, Some(object)) => {
-                RgbaImage::from_fn(request.image.width(), request.image.height(), |x, y| {
-                    let seen = object.get(i64::from(x), i64::from(y));
+        let image = if let (EditKind::Amodal, Some(object)) = (request.kind, &request.object) {
+            RgbaImage::from_fn(request.image.width(), request.image.height(), |x, y| {
+                let seen = object.get(i64::from(x), i64::from(y));
+                let [r, g, b] = request.image.get_pixel(x, y).0;
+                if seen { Rgba([r, g, b, 255]) } else { Rgba([128, 128, 128, 0]) }
+            })
+        } else {
+            let edited = self.0.edited(&request.instruction, &[(*request.image).clone()]).map_err(incapable)?;
+            let size = ImageSize::new(request.image.width(), request.image.height());
+            let mask = request.mask.as_ref().map(|mask| mask.resized(size));
+            let mut edited = DynamicImage::ImageRgb8(edited).to_rgba8();
+            for (x, y, pixel) in edited.enumerate_pixels_mut() {
+                if mask.as_ref().is_some_and(|mask| !mask.get(i64::from(x), i64::from(y))) {
                     let [r, g, b] = request.image.get_pixel(x, y).0;
-                    if seen { Rgba([r, g, b, 255]) } else { Rgba([128, 128, 128, 0]) }
-                })
-            }
-            _ => {
-                let edited = self.0.edited(&request.instruction, &[(*request.image).clone()]).map_err(incapable)?;
-                let size = ImageSize::new(request.image.width(), request.image.height());
-                let mask = request.mask.as_ref().map(|mask| mask.resized(size));
-                let mut edited = DynamicImage::ImageRgb8(edited).to_rgba8();
-                for (x, y, pixel) in edited.enumerate_pixels_mut() {
-                    if mask.as_ref().is_some_and(|mask| !mask.get(i64::from(x), i64::from(y))) {
-                        let [r, g, b] = request.image.get_pixel(x, y).0;
-                        *pixel = Rgba([r, g, b, 255]);
-                    }
+                    *pixel = Rgba([r, g, b, 255]);
                 }
-                edited
             }
+            edited
         };
         Ok(EditedImage { image, usage: Usage::default() })
     }

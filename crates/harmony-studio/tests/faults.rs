@@ -1,4 +1,5 @@
 //! A few of the runs with faults; all of them are in `docs/results/faults.md`.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use harmony_studio::soak::{SoakOptions, all};
 

@@ -1,4 +1,5 @@
 //! The profiles with all their services on loopback end in the scene of the truth inside the process.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

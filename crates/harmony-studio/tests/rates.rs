@@ -1,4 +1,5 @@
 //! Rates are learnt from answers: a full bucket is waited for, no 429 is drawn.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -45,7 +46,7 @@ async fn a_full_bucket_is_waited_for_and_no_429_is_drawn() {
         let book = Arc::new(CallBook::open(run.path(), BookOptions::default()).unwrap());
         let calls = Calls::new(book, cast, offline_cast(), CallOptions::default());
         let begun = Instant::now();
-        for i in 0..2 * REQUESTS + 1 {
+        for i in 0..=2 * REQUESTS {
             let vars =
                 ListVars { level: Level::Furniture, room_type: format!("room {i}"), with_boxes: false, placed: vec![] };
             let question = list(&vars);
@@ -61,7 +62,7 @@ async fn a_full_bucket_is_waited_for_and_no_429_is_drawn() {
         }
         let statuses: Vec<u16> = studio.ledger.entries().iter().map(|entry| entry.status).collect();
         assert_eq!(statuses, vec![200; 2 * REQUESTS as usize + 1], "{format:?}");
-        assert!(begun.elapsed() >= 2 * WINDOW - Duration::from_millis(100), "two windows were waited for");
+        assert!(begun.elapsed() >= WINDOW * 19 / 10, "two windows were waited for");
         assert_eq!(calls.counts().replaced, 0);
     }
 }

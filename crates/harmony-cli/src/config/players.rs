@@ -118,7 +118,6 @@ pub enum Meshes {
 /// Who can be the detector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-#[expect(clippy::enum_variant_names, reason = "the players' own names")]
 pub enum Boxes {
     /// Regions by rules.
     Offline,
@@ -391,6 +390,7 @@ impl Profile {
 
 impl PlayersConfig {
     /// What holds for a profile: its own cast, changed by what the user wrote. `offline` and `files` are not changed.
+    #[must_use]
     pub fn resolved(&self, profile: Profile) -> Self {
         let (language, editor, meshes, boxes) = profile.cast();
         let own = match profile {
