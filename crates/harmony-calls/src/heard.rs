@@ -42,7 +42,7 @@ mod tests {
             no_more_for(Duration::from_hours(30));
             "answer"
         };
-        let ((answer, pause), (_, nothing)) = tokio::join!(hearing(call), hearing(async {}));
+        let ((answer, pause), ((), nothing)) = tokio::join!(hearing(call), hearing(async {}));
         assert_eq!((answer, pause, nothing), ("answer", Some(Duration::from_secs(2)), None));
     }
 }
