@@ -15,6 +15,7 @@ use crate::calls::{CallEvent, CallEventKind, Calls};
 use crate::check::shortened;
 use crate::codec::Recordable;
 use crate::gate::Gate;
+use crate::heard::hearing;
 use crate::key::KeyHasher;
 use crate::limits::Limits;
 use crate::record::{CallRecord, CallTiming, RECORD_VERSION, Source, Try, Unanswered, add_usage};
@@ -270,12 +271,15 @@ impl Calls {
 
         let deadline = self.options.limits.try_deadline(R::ROLE, card);
         let clock = Instant::now();
-        let (outcome, dropped) = tokio::select! {
+        let (outcome, dropped, pause) = tokio::select! {
             biased;
-            outcome = asked.play(player) => (outcome, false),
-            error = overdue(card, deadline) => (Err(error), false),
-            stopped = self.let_go() => (Err(stopped), true),
+            (outcome, pause) = hearing(asked.play(player)) => (outcome, false, pause),
+            error = overdue(card, deadline) => (Err(error), false, None),
+            stopped = self.let_go() => (Err(stopped), true, None),
         };
+        if let Some(pause) = pause {
+            gate.pause(Instant::now() + pause);
+        }
         let time = clock.elapsed();
         course.time += time;
         let (usage, outcome) = match outcome {

@@ -312,7 +312,7 @@ impl Calls {
         let mut gates = self.gates.lock().unwrap_or_else(PoisonError::into_inner);
         let gate = gates.entry(format!("{}\n{}", card.player, card.model)).or_insert_with(|| {
             let limits = self.options.limits.of(card);
-            Gate::new(limits.concurrency.unwrap_or(card.concurrency), limits)
+            Gate::new(card.concurrency, limits, self.options.limits.minute)
         });
         Arc::clone(gate)
     }

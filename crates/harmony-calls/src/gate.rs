@@ -46,6 +46,8 @@ struct Inside {
     closed_until: Option<Instant>,
     /// Requests a minute that were learnt, and when that was last changed.
     learnt: Option<(f64, Instant)>,
+    /// When the player last said that it was too much.
+    last_refusal: Option<Instant>,
 }
 
 #[derive(Debug)]
@@ -60,6 +62,8 @@ struct Request {
 pub(crate) struct Gate {
     places: usize,
     limits: PlayerLimits,
+    /// Length of the window that rates are counted in.
+    window: Duration,
     inside: Mutex<Inside>,
 }
 
@@ -96,9 +100,9 @@ impl Drop for Waiter {
 
 impl Gate {
     /// A gate with so many places (0 = no limit) and rates.
-    pub fn new(places: usize, limits: PlayerLimits) -> Arc<Self> {
+    pub fn new(places: usize, limits: PlayerLimits, minute: Option<Duration>) -> Arc<Self> {
         let places = if places == 0 { usize::MAX } else { places };
-        Arc::new(Self { places, limits, inside: Mutex::default() })
+        Arc::new(Self { places, limits, window: minute.unwrap_or(WINDOW), inside: Mutex::default() })
     }
 
     fn inside(&self) -> MutexGuard<'_, Inside> {
@@ -148,14 +152,14 @@ impl Gate {
             return Err(until);
         }
         if let Some((rate, since)) = inside.learnt
-            && now.duration_since(since) >= WINDOW
+            && now.duration_since(since) >= self.window
         {
             inside.learnt = (rate < 1e4).then_some((rate * FASTER, now));
         }
         let rates = [self.limits.requests_per_minute, inside.learnt.map(|(rate, _)| rate)];
         let rate = rates.into_iter().flatten().fold(f64::INFINITY, f64::min);
         // Below one a minute there is one in a longer window.
-        let window = WINDOW.mul_f64((1.0 / rate).max(1.0));
+        let window = self.window.mul_f64((1.0 / rate).max(1.0));
         while inside.requests.front().is_some_and(|r| now.duration_since(r.at) >= window) {
             inside.requests.pop_front();
         }
@@ -168,11 +172,11 @@ impl Gate {
         let (tokens, calls) = inside.counted;
         let expected = tokens.checked_div(calls).unwrap_or(USUAL_TOKENS);
         if let Some(limit) = self.limits.tokens_per_minute {
-            let recent = inside.requests.iter().filter(|r| now.duration_since(r.at) < WINDOW);
+            let recent = inside.requests.iter().filter(|r| now.duration_since(r.at) < self.window);
             let used: u64 = recent.clone().map(|r| r.tokens).sum();
             // One that is larger than the limit by itself goes alone.
             if let Some(first) = recent.clone().next().filter(|_| (used + expected) as f64 > limit) {
-                return Err(first.at + WINDOW);
+                return Err(first.at + self.window);
             }
         }
         inside.tickets += 1;
@@ -190,7 +194,16 @@ impl Gate {
         }
     }
 
-    /// The player said that this was too much: nobody goes for a while, and fewer go after that.
+    /// The player said with an answer how much it takes: nothing more until then. That is no refusal, and teaches no
+    /// rate: the player counts better than we could.
+    pub fn pause(&self, until: Instant) {
+        let mut inside = self.inside();
+        inside.closed_until = inside.closed_until.max(Some(until));
+    }
+
+    /// The player said that this was too much: nobody goes for a while, and when it says so again soon after, fewer go
+    /// from then on. One refusal alone teaches no rate: at the begin of a run few requests were made, and most of them
+    /// were let pass.
     pub fn refused(&self, now: Instant, wait: Duration) {
         let mut inside = self.inside();
         let until = now + wait;
@@ -200,7 +213,12 @@ impl Gate {
             return;
         }
         inside.closed_until = Some(until);
-        let recent = inside.requests.iter().filter(|r| now.duration_since(r.at) < WINDOW).count();
+        let again = inside.last_refusal.is_some_and(|at| now.duration_since(at) < 2 * self.window);
+        inside.last_refusal = Some(now);
+        if !again {
+            return;
+        }
+        let recent = inside.requests.iter().filter(|r| now.duration_since(r.at) < self.window).count();
         if recent >= LEAST_TO_LEARN {
             let rate = (recent as f64 * SLOWER).max(1.0);
             inside.learnt = Some((inside.learnt.map_or(rate, |(old, _)| old.min(rate)), now));
@@ -218,7 +236,7 @@ mod tests {
 
     #[tokio::test]
     async fn earlier_phases_go_first_and_one_who_leaves_the_line_loses_no_place() {
-        let gate = Gate::new(1, PlayerLimits::default());
+        let gate = Gate::new(1, PlayerLimits::default(), None);
         let held = gate.place("3_furniture").await;
         let order = Arc::new(Mutex::new(Vec::new()));
         let mut tasks = Vec::new();
@@ -242,7 +260,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_place_given_to_one_who_has_just_gone_goes_to_the_next() {
-        let gate = Gate::new(1, PlayerLimits::default());
+        let gate = Gate::new(1, PlayerLimits::default(), None);
         let held = gate.place("a").await;
         let mut gone = Box::pin(gate.place("a"));
         assert!(futures_poll(&mut gone).await.is_none());
@@ -257,7 +275,7 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn so_many_requests_a_minute_and_no_more() {
-        let gate = Gate::new(0, limits(Some(3.0), None));
+        let gate = Gate::new(0, limits(Some(3.0), None), None);
         let start = Instant::now();
         let mut times = Vec::new();
         for _ in 0..7 {
@@ -270,14 +288,14 @@ mod tests {
             times.push(start.elapsed().as_secs());
         }
         assert_eq!(times, [0, 0, 0, 60, 60, 60, 120]);
-        let slow = Gate::new(0, limits(Some(0.5), None));
+        let slow = Gate::new(0, limits(Some(0.5), None), None);
         assert!(slow.admit(start).is_ok());
         assert_eq!(slow.admit(start).unwrap_err(), start + Duration::from_mins(2), "one in two minutes");
     }
 
     #[tokio::test(start_paused = true)]
     async fn tokens_are_counted_as_used_and_one_large_request_goes_alone() {
-        let gate = Gate::new(0, limits(None, Some(1000.0)));
+        let gate = Gate::new(0, limits(None, Some(1000.0)), None);
         let now = Instant::now();
         let first = gate.admit(now).expect("larger than the limit, but alone");
         assert!(gate.admit(now).is_err());
@@ -288,7 +306,7 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn a_refusal_closes_the_gate_for_all_and_lowers_the_rate_for_a_while() {
-        let gate = Gate::new(0, PlayerLimits::default());
+        let gate = Gate::new(0, PlayerLimits::default(), None);
         let now = Instant::now();
         for _ in 0..10 {
             gate.admit(now).unwrap();
@@ -296,11 +314,26 @@ mod tests {
         gate.refused(now, Duration::from_secs(7));
         gate.refused(now, Duration::from_secs(5));
         assert_eq!(gate.admit(now).unwrap_err(), now + Duration::from_secs(7));
-        let later = now + WINDOW + Duration::from_secs(1);
-        // The minute without a refusal has raised 8 to 10.
-        let admitted = (0..20).filter(|_| gate.admit(later).is_ok()).count();
-        assert_eq!(admitted, 10);
         let soon = now + Duration::from_secs(8);
-        assert!(soon < later);
+        assert!(gate.admit(soon).is_ok(), "one refusal teaches no rate");
+        gate.refused(soon, Duration::from_secs(2));
+        // Eleven in the last minute: 8 a minute from now on, and one in the minute that is running.
+        assert!(gate.admit(soon + Duration::from_secs(3)).is_err());
+        let later = soon + WINDOW + Duration::from_secs(1);
+        // The minute without a refusal has raised 8.8 to 11.
+        let admitted = (0..20).filter(|_| gate.admit(later).is_ok()).count();
+        assert_eq!(admitted, 11);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_pause_holds_everybody_back_and_teaches_no_rate() {
+        let gate = Gate::new(0, PlayerLimits::default(), None);
+        let now = Instant::now();
+        assert_eq!((0..10).filter(|_| gate.admit(now).is_ok()).count(), 10);
+        gate.pause(now + Duration::from_secs(5));
+        gate.pause(now + Duration::from_secs(3));
+        assert_eq!(gate.admit(now).unwrap_err(), now + Duration::from_secs(5));
+        let after = now + Duration::from_secs(5);
+        assert_eq!((0..30).filter(|_| gate.admit(after).is_ok()).count(), 30);
     }
 }

@@ -1,6 +1,8 @@
-//! What a player can take, as configured: calls at a time, requests and tokens a minute, seconds a try.
+//! What a player can take, as configured: requests and tokens a minute, seconds a try. How many calls at a time is told
+//! by the player itself ([`PlayerCard::concurrency`]), which is set with it.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use harmony_roles::{PlayerCard, Role};
 use serde::{Deserialize, Serialize};
@@ -17,8 +19,6 @@ const PERSON: &str = "files";
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlayerLimits {
-    /// Calls at a time; overrides what the player says of itself.
-    pub concurrency: Option<usize>,
     /// Requests a minute.
     pub requests_per_minute: Option<f64>,
     /// Input and output tokens a minute.
@@ -37,6 +37,9 @@ pub struct Limits {
     pub retry: RetryPolicy,
     /// By player (`openai`) or player and model (`openai / gpt-5.5`); the latter overrides the former, field by field.
     pub players: BTreeMap<String, PlayerLimits>,
+    /// Length of the minute that rates are counted in; for tests whose times are scaled down.
+    #[serde(skip)]
+    pub minute: Option<Duration>,
 }
 
 /// Seconds after which a try counts as not answered, where nothing is configured: several times what a slow answer of
@@ -56,7 +59,6 @@ impl Limits {
         let all = self.players.get(&card.player).copied().unwrap_or_default();
         let model = self.players.get(&format!("{} / {}", card.player, card.model)).copied().unwrap_or_default();
         PlayerLimits {
-            concurrency: model.concurrency.or(all.concurrency),
             requests_per_minute: model.requests_per_minute.or(all.requests_per_minute),
             tokens_per_minute: model.tokens_per_minute.or(all.tokens_per_minute),
             try_seconds: model.try_seconds.or(all.try_seconds),
@@ -72,9 +74,10 @@ impl Limits {
     /// Deadline of one try of a player in a role, seconds; `None` = none. Whoever only computes has none, and a person
     /// (the `files` player) has a patience of their own.
     pub fn try_deadline(&self, role: Role, card: &PlayerCard) -> Option<f64> {
-        let configured = self.of(card).try_seconds.or_else(|| self.try_seconds.get(&role).copied());
+        // What is set for a role is meant for whoever was cast: a stand-in that is cut off would end the run.
         let unbounded = card.offline || card.player == PERSON;
-        let seconds = configured.or_else(|| (!unbounded).then(|| usual_try_seconds(role)));
+        let of_role = || self.try_seconds.get(&role).copied().unwrap_or_else(|| usual_try_seconds(role));
+        let seconds = self.of(card).try_seconds.or_else(|| (!unbounded).then(of_role));
         seconds.filter(|s| *s > 0.0)
     }
 
@@ -112,12 +115,13 @@ mod tests {
     #[test]
     fn a_models_limits_override_its_players_field_by_field() {
         let mut limits = Limits::default();
-        let player = PlayerLimits { concurrency: Some(8), requests_per_minute: Some(60.0), ..PlayerLimits::default() };
+        let player =
+            PlayerLimits { try_seconds: Some(8.0), requests_per_minute: Some(60.0), ..PlayerLimits::default() };
         limits.players.insert("openai".into(), player);
         let model = PlayerLimits { requests_per_minute: Some(5.0), ..PlayerLimits::default() };
         limits.players.insert("openai / big".into(), model);
         let big = limits.of(&card("openai", "big", false));
-        assert_eq!((big.concurrency, big.requests_per_minute), (Some(8), Some(5.0)));
+        assert_eq!((big.try_seconds, big.requests_per_minute), (Some(8.0), Some(5.0)));
         assert_eq!(limits.of(&card("openai", "small", false)).requests_per_minute, Some(60.0));
         assert_eq!(limits.of(&card("gemini", "big", false)), PlayerLimits::default());
     }
@@ -128,6 +132,13 @@ mod tests {
         assert_eq!(limits.try_deadline(Role::VisionLanguage, &card("offline", "rules", true)), None);
         assert_eq!(limits.try_deadline(Role::VisionLanguage, &card("files", "a person", false)), None);
         assert!(limits.try_deadline(Role::MeshGenerator, &card("hunyuan", "2", false)).is_some());
+        limits.try_seconds.insert(Role::MeshGenerator, 2.0);
+        assert_eq!(limits.try_deadline(Role::MeshGenerator, &card("hunyuan", "2", false)), Some(2.0));
+        assert_eq!(
+            limits.try_deadline(Role::MeshGenerator, &card("offline", "parts", true)),
+            None,
+            "stand-ins have none"
+        );
         limits.try_seconds.insert(Role::MeshGenerator, 0.0);
         assert_eq!(limits.try_deadline(Role::MeshGenerator, &card("hunyuan", "2", false)), None);
     }

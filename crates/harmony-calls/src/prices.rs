@@ -12,7 +12,10 @@ use serde::{Deserialize, Serialize};
 pub struct Price {
     /// A million input tokens.
     pub input: f64,
-    /// A million output tokens.
+    /// A million input tokens that the service had in its cache; left out = as other input.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cached: Option<f64>,
+    /// A million output tokens, thinking and image tokens among them.
     pub output: f64,
     /// An image made.
     pub image: f64,
@@ -61,7 +64,11 @@ impl Prices {
                 Role::MeshGenerator => price.mesh,
                 _ => 0.0,
             };
-            let tokens = price.input * usage.input_tokens as f64 + price.output * usage.output_tokens as f64;
+            let cached = usage.cached_tokens.min(usage.input_tokens);
+            let fresh = usage.input_tokens - cached;
+            let tokens = price.input * fresh as f64
+                + price.cached.unwrap_or(price.input) * cached as f64
+                + price.output * usage.output_tokens as f64;
             Some(price.call + made + tokens / 1e6)
         })
     }
@@ -72,7 +79,7 @@ impl Prices {
             Role::VisionLanguage => QUESTION_TOKENS,
             _ => (0, 0),
         };
-        self.cost(role, card, Usage { input_tokens, output_tokens, cost_usd: None })
+        self.cost(role, card, Usage { input_tokens, output_tokens, ..Usage::default() })
     }
 
     /// Checks ranges.
@@ -81,8 +88,14 @@ impl Prices {
     /// A sentence that names the model, the field and its value.
     pub fn check(&self) -> Result<(), String> {
         for (model, p) in &self.models {
-            let fields =
-                [("input", p.input), ("output", p.output), ("image", p.image), ("mesh", p.mesh), ("call", p.call)];
+            let fields = [
+                ("input", p.input),
+                ("cached", p.cached.unwrap_or(0.0)),
+                ("output", p.output),
+                ("image", p.image),
+                ("mesh", p.mesh),
+                ("call", p.call),
+            ];
             for (name, value) in fields {
                 if !(0.0..=1e6).contains(&value) {
                     return Err(format!("prices.models.{model:?}.{name} is {value}; allowed is 0 to 1000000"));
@@ -108,7 +121,7 @@ mod tests {
         prices.models.insert("big".into(), tokens(2.0, 10.0));
         prices.models.insert("big-mini".into(), tokens(0.2, 1.0));
         prices.models.insert("here / big".into(), tokens(0.0, 0.0));
-        let usage = Usage { input_tokens: 1_000_000, output_tokens: 100_000, cost_usd: None };
+        let usage = Usage { input_tokens: 1_000_000, output_tokens: 100_000, ..Usage::default() };
         let cost = |player: &str, model: &str| prices.cost(Role::VisionLanguage, &card(player, model), usage);
         assert_eq!(cost("there", "big-2026-01-01"), Some(3.0));
         assert_eq!(cost("there", "big-mini"), Some(0.3));
@@ -116,6 +129,17 @@ mod tests {
         assert_eq!(cost("there", "other"), None, "not in the table, not known");
         let said = Usage { cost_usd: Some(0.07), ..usage };
         assert_eq!(prices.cost(Role::VisionLanguage, &card("there", "big"), said), Some(0.07));
+    }
+
+    #[test]
+    fn cached_input_has_a_price_of_its_own() {
+        let mut prices = Prices::default();
+        let price = Price { input: 5.0, cached: Some(0.5), output: 30.0, call: 0.01, ..Price::default() };
+        prices.models.insert("m".into(), price);
+        let usage = Usage { input_tokens: 10_000, cached_tokens: 4000, output_tokens: 2000, cost_usd: None };
+        // 6000 x 5e-6 + 4000 x 0.5e-6 + 2000 x 30e-6 + 0.01
+        let cost = prices.cost(Role::VisionLanguage, &card("p", "m"), usage).unwrap();
+        assert!((cost - 0.102).abs() < 1e-12, "{cost}");
     }
 
     #[test]

@@ -137,6 +137,7 @@ pub struct CallSummary {
 pub fn add_usage(sum: Usage, more: Usage) -> Usage {
     Usage {
         input_tokens: sum.input_tokens.saturating_add(more.input_tokens),
+        cached_tokens: sum.cached_tokens.saturating_add(more.cached_tokens),
         output_tokens: sum.output_tokens.saturating_add(more.output_tokens),
         cost_usd: match (sum.cost_usd, more.cost_usd) {
             (None, None) => None,

@@ -58,7 +58,7 @@ impl VisionLanguage for Slow {
         tokio::time::sleep(self.takes).await;
         self.running.fetch_sub(1, Ordering::SeqCst);
         let value = json!({"width_m": 4});
-        let usage = Usage { input_tokens: 500, output_tokens: 500, cost_usd: None };
+        let usage = Usage { input_tokens: 500, output_tokens: 500, ..Usage::default() };
         Ok(VlmAnswer { raw: value.to_string(), value, usage })
     }
 }

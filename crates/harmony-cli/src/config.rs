@@ -36,6 +36,7 @@ pub enum Profile {
 
 impl Profile {
     /// Name as typed.
+    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Offline => "offline",

@@ -109,6 +109,7 @@ pub struct Display {
 
 impl Display {
     /// Starts.
+    #[must_use]
     pub fn new() -> Arc<Self> {
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::new_spinner();

@@ -93,5 +93,12 @@ fn an_estimate_says_that_it_is_one_and_from_what_and_writes_nothing() {
     let estimate: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(estimate["usd"], 0.0, "this program alone costs nothing");
     assert!(estimate["inventory"]["source"].as_str().unwrap().contains("30 objects"));
+    // A profile with hosted services is estimated without their keys: nobody is asked.
+    let mut paper = program();
+    paper.args(["estimate", PHOTO, "--profile", "paper"]).env_remove("OPENAI_API_KEY").env_remove("GEMINI_API_KEY");
+    let output = paper.output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("openai / gpt-5.5") && text.contains("price not known"), "{text}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing but the configuration");
 }

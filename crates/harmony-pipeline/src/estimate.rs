@@ -184,8 +184,11 @@ pub fn estimate(inventory: Inventory, cast: &Cast, lit: bool, prices: &Prices, l
             Role::VisionLanguage => (QUESTION_IN * questions, QUESTION_OUT * questions + OBJECT_OUT * 2.0 * all),
             _ => (0.0, 0.0),
         };
-        let each =
-            Usage { input_tokens: (tokens.0 / calls) as u64, output_tokens: (tokens.1 / calls) as u64, cost_usd: None };
+        let each = Usage {
+            input_tokens: (tokens.0 / calls) as u64,
+            output_tokens: (tokens.1 / calls) as u64,
+            ..Usage::default()
+        };
         let usd = if card.offline { Some(0.0) } else { prices.cost(role, &card, each).map(|one| one * calls) };
         let (seconds_each, known) = match measured.get(&role) {
             Some(seconds) if !card.offline => (*seconds, true),

@@ -65,7 +65,8 @@ pub(crate) fn fronts_from_walls(scene: &mut PartialScene, settings: &PlacementSe
         let front = Vec3::new(p.pose.yaw.sin(), 0.0, p.pose.yaw.cos());
         let room = |towards: Vec3| {
             let (low, high) = reach(&p.item, &p.pose);
-            let wall = Wall::ALL.into_iter().min_by(|a, b| a.normal().dot(towards).total_cmp(&b.normal().dot(towards)))?;
+            let wall =
+                Wall::ALL.into_iter().min_by(|a, b| a.normal().dot(towards).total_cmp(&b.normal().dot(towards)))?;
             let half = (high - low).dot(towards.abs()) / 2.0;
             Some(wall.distance(&scene.room.extents, p.pose.position) - half)
         };

@@ -96,11 +96,11 @@ fn everybody(server: &Loopback) -> Everybody {
     let header = |name| server.service_with("/v1", Auth::Header(name, key()));
     let vlm = |service: ServiceOptions, format| {
         let settings = ModelSettings { model: "m".into(), ..ModelSettings::default() };
-        Arc::new(VlmPlayer::new(&http, VlmOptions { service, format, settings, prices: None, concurrency: 0 }).unwrap())
+        Arc::new(VlmPlayer::new(&http, VlmOptions { service, format, settings, concurrency: 0 }).unwrap())
     };
     let editor = |service: ServiceOptions, format| {
         let settings = EditSettings { model: "m".into(), ..EditSettings::default() };
-        let options = EditorOptions { service, format, settings, prices: None, concurrency: 0 };
+        let options = EditorOptions { service, format, settings, concurrency: 0 };
         Arc::new(EditorPlayer::new(&http, options).unwrap())
     };
     let hunyuan = HunyuanOptions {

@@ -56,11 +56,19 @@ pub struct PlayerCard {
     pub concurrency: usize,
 }
 
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
+fn is_zero(count: &u64) -> bool {
+    *count == 0
+}
+
 /// What one call used.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Usage {
     /// Input tokens, where the player counts them.
     pub input_tokens: u64,
+    /// Of the input tokens, those that the player had in its cache.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub cached_tokens: u64,
     /// Output tokens, where the player counts them.
     pub output_tokens: u64,
     /// Cost in US dollars by the price table; `None` = not known.

@@ -62,7 +62,7 @@ impl VisionLanguage for Scripted {
             Some(Say::Value(value)) => Ok(VlmAnswer {
                 raw: value.to_string(),
                 value,
-                usage: Usage { input_tokens: 100, output_tokens: 10, cost_usd: Some(0.5) },
+                usage: Usage { input_tokens: 100, output_tokens: 10, cost_usd: Some(0.5), ..Usage::default() },
             }),
             Some(Say::Fail(error)) => Err(error()),
             None => Err(RoleError::Refused { player: self.card.player.clone(), reason: "nothing more to say".into() }),

@@ -140,7 +140,6 @@ impl<'a> Services<'a> {
                     detail: config.detail.clone().unwrap_or_else(|| "high".to_owned()),
                     extra: config.extra.clone(),
                 },
-                prices: config.prices.clone(),
                 concurrency: config.concurrency.unwrap_or(0),
             },
         )?;
@@ -174,7 +173,6 @@ impl<'a> Services<'a> {
                     seed: config.seed,
                     extra: config.extra.clone(),
                 },
-                prices: config.prices.clone(),
                 concurrency: config.concurrency.unwrap_or(0),
             },
         )?);

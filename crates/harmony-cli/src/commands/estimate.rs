@@ -15,7 +15,7 @@ use crate::{EXIT_OK, say};
 /// Arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Nothing is asked and nothing is written. Prices come from [prices] in harmony.toml; a model that is not in that table
+Nothing is asked and nothing is written; keys need not be set. Prices come from [prices] in harmony.toml; a model that is not in that table
 has no known price.")]
 pub struct Args {
     /// The photo.
@@ -51,7 +51,8 @@ pub fn run(args: &Args) -> Result<u8> {
     let profile = args.profile.or(config.profile).unwrap_or_default();
     let request = CastRequest {
         profile,
-        players: config.players.resolved(profile),
+        // Nobody is asked, so no key is needed.
+        players: config.players.resolved(profile).without_keys(),
         models: crate::models::store(&config.models, None),
         photo_size: photo.size(),
         points: None,

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use harmony_calls::{RecordingAbout, export_recording};
+use harmony_roles::Role;
 
 use crate::{EXIT_OK, say};
 
@@ -24,6 +25,10 @@ pub struct Args {
     /// Licence of the answers.
     #[arg(long, default_value = "CC0-1.0")]
     license: String,
+    /// Take along meshes, edited pictures, masks and point maps too, so that the run can be replayed without any
+    /// player. Edited pictures show parts of the photo.
+    #[arg(long)]
+    everything: bool,
 }
 
 /// Runs the command.
@@ -31,7 +36,10 @@ pub struct Args {
 /// # Errors
 /// A run without answers, or an unwritable folder.
 pub fn run(args: &Args) -> Result<u8> {
-    let about = RecordingAbout::texts(&args.label, &args.made_by, &args.license);
+    let mut about = RecordingAbout::texts(&args.label, &args.made_by, &args.license);
+    if args.everything {
+        about.roles = Role::ALL.to_vec();
+    }
     let count = export_recording(&args.run, &args.out, &about)?;
     say!("{count} answers in {}", args.out.display())?;
     Ok(EXIT_OK)

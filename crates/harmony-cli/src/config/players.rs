@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use harmony_pipeline::PHASES;
 use harmony_players::detector::boxes::BoxStyle;
-use harmony_players::http::{Prices, check_variable};
+use harmony_players::http::check_variable;
 use harmony_players::mesh::hunyuan::Route;
 use harmony_players::vlm::wire::chat::Server;
 use serde::{Deserialize, Serialize};
@@ -125,7 +125,6 @@ pub enum Meshes {
 /// Who can be the detector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-#[expect(clippy::enum_variant_names, reason = "the players' own names")]
 pub enum Boxes {
     /// Regions by rules.
     Offline,
@@ -169,8 +168,6 @@ pub struct LanguageConfig {
     pub concurrency: Option<usize>,
     /// Deadline of a call, seconds.
     pub timeout_secs: Option<u64>,
-    /// Prices; without them the cost is not known.
-    pub prices: Option<Prices>,
     /// Further properties of the request.
     #[serde(skip_serializing_if = "Map::is_empty")]
     pub extra: Map<String, Value>,
@@ -200,8 +197,6 @@ pub struct EditorConfig {
     pub concurrency: Option<usize>,
     /// Deadline of a call, seconds.
     pub timeout_secs: Option<u64>,
-    /// Prices; without them the cost is not known.
-    pub prices: Option<Prices>,
     /// Further properties of the request.
     #[serde(skip_serializing_if = "Map::is_empty")]
     pub extra: Map<String, Value>,
@@ -302,7 +297,7 @@ impl Language {
 impl LanguageConfig {
     fn filled(mut self, usual: LanguageConfig) -> Self {
         fill!(self from usual: player, address, model, key_env, server, reasoning_effort, max_output_tokens, seed,
-              temperature, detail, concurrency, timeout_secs, prices);
+              temperature, detail, concurrency, timeout_secs);
         if self.extra.is_empty() {
             self.extra = usual.extra;
         }
@@ -333,7 +328,7 @@ impl EditorConfig {
     }
 
     fn filled(mut self, usual: Self) -> Self {
-        fill!(self from usual: player, address, model, key_env, quality, seed, concurrency, timeout_secs, prices);
+        fill!(self from usual: player, address, model, key_env, quality, seed, concurrency, timeout_secs);
         self
     }
 }
@@ -414,6 +409,7 @@ impl Profile {
 
 impl PlayersConfig {
     /// What holds for a profile: its own cast, changed by what the user wrote. `offline` and `files` are not changed.
+    #[must_use]
     pub fn resolved(&self, profile: Profile) -> Self {
         let (language, editor, meshes, boxes) = profile.cast();
         let own = match profile {
@@ -456,6 +452,18 @@ impl PlayersConfig {
         }
     }
 
+    /// The same without keys, for an estimate that asks nobody.
+    #[must_use]
+    pub fn without_keys(mut self) -> Self {
+        let (v, e, m, d) =
+            (&mut self.vision_language, &mut self.image_editor, &mut self.mesh_generator, &mut self.detector);
+        for key in [&mut v.key_env, &mut e.key_env, &mut m.key_env, &mut d.key_env] {
+            *key = None;
+        }
+        v.phases.values_mut().for_each(|config| config.key_env = None);
+        self
+    }
+
     /// Whether every value is one that can be used.
     ///
     /// # Errors
@@ -483,9 +491,6 @@ impl PlayersConfig {
             if !variable.is_empty() {
                 check_variable(variable).map_err(|error| format!("players: key_env: {error}"))?;
             }
-        }
-        for prices in [&v.prices, &e.prices].into_iter().chain(v.phases.values().map(|c| &c.prices)).flatten() {
-            prices.check()?;
         }
         if let Some(threshold) = d.threshold.filter(|t| !(0.0..=1.0).contains(t)) {
             return Err(format!("players.detector.threshold is {threshold}; allowed is 0 to 1"));
@@ -535,7 +540,8 @@ pub fn described() -> Result<String, toml::ser::Error> {
          # owlv2, offline (`native = true`: owlv2 where its weights are); geometry_estimator: vggt, offline; segmenter: sam2,\n\
          # offline (left out: the network where its weights are; each has `model`, `weights` and `device` = auto, cpu, cuda).\n\
          # `[players.vision_language.phases.lighting]` and the like set another model for a phase.\n\
-         # Prices: `prices = { input_per_million = 5.0, output_per_million = 30.0, as_of = \"2026-11-01\" }`.\n",
+         # `[players.vision_language.phases.lighting]` and the like set another model for a phase.\n\
+         # What calls cost stands in `[prices]`, rates in `[limits.players]`; calls at a time stand here (`concurrency`).\n",
     );
     Ok(text)
 }
@@ -603,7 +609,7 @@ mod tests {
             ("[players.vision_language.phases.garden]\nmodel = \"x\"\n", "garden"),
             ("[players.detector]\nthreshold = 3.0\n", "threshold"),
             ("[players]\nmax_answer_mib = 0\n", "max_answer_mib"),
-            ("[players.vision_language.prices]\nper_call = -1.0\n", "per_call"),
+            ("[players.vision_language.prices]\nper_call = 1.0\n", "prices"),
             ("[players.vision_language]\nkey_env = \"sk-canary-123456789\"\n", "key_env"),
         ] {
             let error = super::super::parse(text).unwrap_err();

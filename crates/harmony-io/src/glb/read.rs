@@ -269,8 +269,9 @@ impl Reader<'_> {
                     copy.normals
                 };
                 let given = normals.into_iter().map(Vec3::from_array);
-                part.normals =
-                    given.zip(smooth).map(|(n, s)| n.try_normalize().filter(|n| n.is_finite()).unwrap_or(s)).collect();
+                // What is a unit normal already stays to the bit: a file that is read and written is the same file.
+                let unit = |n: Vec3| if n.is_normalized() { Some(n) } else { n.try_normalize() };
+                part.normals = given.zip(smooth).map(|(n, s)| unit(n).filter(|n| n.is_finite()).unwrap_or(s)).collect();
             }
             None => part = creased(&part),
         }
@@ -362,10 +363,12 @@ impl LoadedGlb {
             let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
             let sign = if determinant < 0.0 { -1.0 } else { 1.0 };
             let normal = glam::DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * sign;
-            mesh.map(
-                |p| node.transform.transform_point3(p.as_dvec3()).as_vec3(),
-                |n| (normal * n.as_dvec3()).try_normalize().unwrap_or(DVec3::Y).as_vec3(),
-            );
+            if node.transform != DAffine3::IDENTITY {
+                mesh.map(
+                    |p| node.transform.transform_point3(p.as_dvec3()).as_vec3(),
+                    |n| (normal * n.as_dvec3()).try_normalize().unwrap_or(DVec3::Y).as_vec3(),
+                );
+            }
             if determinant < 0.0 {
                 for t in mesh.groups.iter_mut().flat_map(|g| &mut g.triangles) {
                     t.swap(1, 2);

@@ -7,7 +7,7 @@ use futures::future::join_all;
 use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
 use harmony_mesh::catalogue;
 use harmony_prompts::{InspectAnswer, InspectVars, InspectedObject, InspectedSize, inspect};
-use harmony_roles::Picture;
+use harmony_roles::{Picture, Role};
 use harmony_scene::{Level, ObjectId, Size, WarningKind};
 use image::RgbaImage;
 use serde_json::json;
@@ -98,7 +98,7 @@ async fn ask(
             .collect(),
         placed: before.lines(),
         templates: catalogue::CATEGORIES.iter().map(|c| c.name.to_owned()).collect(),
-        with_models: ctx.calls.cast().mesh_generator.card().offline,
+        with_models: !ctx.played_outside(Role::MeshGenerator),
     });
     let (shown, listed) = (Arc::clone(state), candidates.to_vec());
     let pictures = ctx.computed(move || pictures(&shown, &listed)).await?;

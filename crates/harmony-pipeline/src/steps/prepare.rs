@@ -181,7 +181,7 @@ async fn chain(
 /// Amodal completion of what is hidden, inspected, with one more try.
 async fn complete(ctx: &PhaseCtx<'_>, state: &Arc<SceneState>, c: &mut Completed) -> Result<(), PhaseError> {
     // This program's own fill can't invent what is hidden, so for part models the masked crop is enough.
-    let editor_draws = !ctx.calls.cast().image_editor.card().offline;
+    let editor_draws = ctx.played_outside(Role::ImageEditor);
     if !editor_draws || c.inspected.occlusion == Occlusion::None {
         return Ok(());
     }

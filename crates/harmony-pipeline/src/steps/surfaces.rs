@@ -5,7 +5,7 @@ use std::sync::Arc;
 use harmony_imaging::rectify::{SurfaceRect, surface_texture};
 use harmony_imaging::tile::{TextureSettings, complete_surface};
 use harmony_mesh::template_name;
-use harmony_roles::{EditKind, EditRequest};
+use harmony_roles::{EditKind, EditRequest, Role};
 use harmony_scene::{Level, Mask, Opening, OpeningKind, Support, Surface};
 use image::{DynamicImage, RgbImage, RgbaImage};
 
@@ -59,7 +59,7 @@ pub async fn bare_room(
     state: &SceneState,
     objects: &Mask,
 ) -> Result<Option<Arc<RgbImage>>, PhaseError> {
-    if ctx.calls.cast().image_editor.card().offline {
+    if !ctx.played_outside(Role::ImageEditor) {
         return Ok(None);
     }
     let request = EditRequest {

@@ -13,7 +13,7 @@ use super::cutout::cut_out;
 use super::frame::{self, Around, Canvas, Sizes};
 use super::wire::{self, EditSettings, SentEdit};
 use crate::check::{Check, Checked};
-use crate::http::{Http, HttpRequest, Prices, Service, ServiceOptions};
+use crate::http::{Http, HttpRequest, Service, ServiceOptions};
 use crate::vlm::wire::{Trouble, gemini};
 use crate::work::computed;
 
@@ -43,8 +43,6 @@ pub struct EditorOptions {
     pub format: EditorFormat,
     /// The model and what is set for it.
     pub settings: EditSettings,
-    /// What it costs; `None` = not known.
-    pub prices: Option<Prices>,
     /// How many calls may run at once; 0 = no limit.
     pub concurrency: usize,
 }
@@ -55,7 +53,6 @@ pub struct EditorPlayer {
     service: Service,
     format: EditorFormat,
     settings: EditSettings,
-    prices: Option<Prices>,
     concurrency: usize,
     /// Whether a local server is stable-diffusion.cpp's.
     sd_server: OnceCell<bool>,
@@ -83,7 +80,6 @@ impl EditorPlayer {
             service,
             format: options.format,
             settings: options.settings,
-            prices: options.prices,
             concurrency: options.concurrency,
             sd_server: OnceCell::new(),
         })
@@ -274,7 +270,7 @@ impl ImageEditor for EditorPlayer {
         };
         let prepared = prepared.map_err(|reason| RoleError::NotCapable { player: player.to_owned(), reason })?;
         let received = self.received(&prepared.sent).await?;
-        let usage = received.tokens.usage(self.prices.as_ref());
+        let usage = received.tokens.usage();
         tracing::debug!(player = self.service.player(), bytes = received.bytes.len(), "edited");
         let request = request.clone();
         let image = computed(player, move || finish(&request, &prepared, &received.bytes)).await?;

@@ -76,7 +76,9 @@ impl Http {
                 .referer(false)
                 .connect_timeout(connect)
                 .user_agent(concat!("harmony/", env!("CARGO_PKG_VERSION")))
-                .pool_idle_timeout(Duration::from_secs(30));
+                .pool_idle_timeout(Duration::from_secs(30))
+                // Whether and when something is tried again is decided in one place, and that is not here.
+                .retry(reqwest::retry::never());
             if !proxies || local.is_some() {
                 builder = builder.no_proxy();
             }
@@ -370,6 +372,12 @@ impl Service {
         }
         if let Some(key) = self.options.auth.key() {
             key.blot_out(&mut answer.body);
+        }
+        if answer.is_success()
+            && let Some(wait) = super::wait::used_up(&answer)
+        {
+            // Better to wait now than to be refused next.
+            harmony_calls::no_more_for(wait);
         }
         Ok(answer)
     }

@@ -22,5 +22,5 @@ pub use address::{AddressError, LocalHosts, is_loopback, parse_address};
 pub use client::{Auth, Http, HttpAnswer, HttpLimits, HttpRequest, Method, Service, ServiceOptions};
 pub use failure::{Complaint, MAX_RAW, complaint, failure};
 pub use key::{ApiKey, KeyError, check_variable};
-pub use price::{Prices, Tokens};
+pub use price::Tokens;
 pub use wait::{http_date, retry_after, rfc3339, spelled};

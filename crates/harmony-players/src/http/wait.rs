@@ -14,14 +14,14 @@ const LONGEST: Duration = Duration::from_hours(24);
 /// Read in this order: `retry-after-ms`; `retry-after` (seconds or a date); Gemini's `RetryInfo` in the body; the
 /// resets of OpenAI's and Anthropic's limits, of those that are used up.
 pub fn retry_after(answer: &HttpAnswer, body: &Value) -> Option<Duration> {
-    let now = answer.header("date").and_then(http_date).unwrap_or_else(SystemTime::now);
+    let now = told_now(answer);
     let millis = answer.header("retry-after-ms").and_then(|text| positive(text.trim().parse().ok()?));
     let found = millis
         .map(|ms| ms / 1000.0)
         .and_then(seconds)
         .or_else(|| answer.header("retry-after").and_then(|text| delay(text, now)))
         .or_else(|| retry_info(body))
-        .or_else(|| used_up(answer, now));
+        .or_else(|| used_up(answer));
     found.filter(|wait| *wait <= LONGEST)
 }
 
@@ -47,8 +47,14 @@ fn retry_info(body: &Value) -> Option<Duration> {
     details.iter().find_map(|detail| spelled(detail.get("retryDelay")?.as_str()?))
 }
 
-/// The latest reset of the limits of which nothing remains.
-fn used_up(answer: &HttpAnswer, now: SystemTime) -> Option<Duration> {
+/// The service's clock, else ours.
+fn told_now(answer: &HttpAnswer) -> SystemTime {
+    answer.header("date").and_then(http_date).unwrap_or_else(SystemTime::now)
+}
+
+/// The latest reset of the limits of which nothing remains; answers of any status tell of them.
+pub fn used_up(answer: &HttpAnswer) -> Option<Duration> {
+    let now = told_now(answer);
     let openai = ["requests", "tokens"].map(|what| {
         let remaining = answer.header(&format!("x-ratelimit-remaining-{what}"))?;
         let reset = answer.header(&format!("x-ratelimit-reset-{what}"))?;

@@ -10,7 +10,7 @@ use super::schema::{Dialect, from_wire, strict, to_wire};
 use super::wire::chat::Server;
 use super::wire::{Asked, ModelSettings, Reply, Trouble, anthropic, chat, gemini, responses};
 use crate::check::{Check, Checked};
-use crate::http::{Http, HttpRequest, Prices, Service, ServiceOptions, Tokens};
+use crate::http::{Http, HttpRequest, Service, ServiceOptions, Tokens};
 use crate::work::computed;
 
 /// Which format is spoken.
@@ -53,8 +53,6 @@ pub struct VlmOptions {
     pub format: Format,
     /// The model and what is set for it. A model without a name is the one that the server serves, if it is one.
     pub settings: ModelSettings,
-    /// What it costs; `None` = not known.
-    pub prices: Option<Prices>,
     /// How many calls may run at once; 0 = no limit.
     pub concurrency: usize,
 }
@@ -65,7 +63,6 @@ pub struct VlmPlayer {
     service: Service,
     format: Format,
     settings: ModelSettings,
-    prices: Option<Prices>,
     concurrency: usize,
     /// What was found out about a server that speaks chat completions.
     found: OnceCell<Found>,
@@ -92,7 +89,6 @@ impl VlmPlayer {
             service,
             format: options.format,
             settings: options.settings,
-            prices: options.prices,
             concurrency: options.concurrency,
             found: OnceCell::new(),
         })
@@ -246,7 +242,7 @@ impl VisionLanguage for VlmPlayer {
         if !complaints.is_empty() {
             return Err(self.service.unusable(complaints.join("\n"), &reply.text));
         }
-        Ok(VlmAnswer { value, raw: reply.text, usage: reply.tokens.usage(self.prices.as_ref()) })
+        Ok(VlmAnswer { value, raw: reply.text, usage: reply.tokens.usage() })
     }
 }
 

@@ -1,0 +1,96 @@
+//! `harmony`: one photo of a room in, one editable, lit, simulation-ready 3D scene out.
+//!
+//! The program as a library, for tests that need its configuration and its cast; `main.rs` only calls [`run`].
+
+pub mod cast;
+mod commands;
+pub mod config;
+pub mod display;
+mod models;
+mod networks;
+mod stopping;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Everything did what it should.
+const EXIT_OK: u8 = 0;
+/// Something else went wrong: a file, a folder, an argument's content.
+const EXIT_ERROR: u8 = 1;
+/// A phase failed or a required file is missing; what was obtained is kept, `run.json` tells which and why.
+const EXIT_INCOMPLETE: u8 = 3;
+/// A budget, a deadline or Ctrl-C stopped the run; what was obtained is kept.
+const EXIT_STOPPED: u8 = 4;
+
+/// Turns one photograph of a room into an editable, lit, simulation-ready 3D scene.
+///
+/// Start with `harmony reconstruct photo.jpg --out run`, then open run/report.html.
+/// `harmony doctor` tells what can be used on this machine and what is missing.
+#[derive(Debug, Parser)]
+#[command(name = "harmony", version, after_help = EXIT_CODES)]
+struct Cli {
+    /// More log on stderr: -v for steps, -vv for everything.
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    verbose: u8,
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  all phases did what they should
+  1  the input or an argument cannot be used, or another harmony is at work in the run folder; nothing was run
+  2  wrong usage of the command line
+  3  a phase failed, or a required file is missing or cannot be written (a full disk): what was obtained is kept,
+     run.json tells which and why; run the same command again to go on from there
+  4  stopped before its end by a budget, a deadline or Ctrl-C: every answer is kept, running again goes on";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Reconstruct a photo into a run folder (scene.json, scene_full.glb, renders, report.html).
+    Reconstruct(Box<commands::reconstruct::Args>),
+    /// Tell what a run would take: calls, money, minutes. Asks nobody.
+    Estimate(commands::estimate::Args),
+    /// Tell what a run took, by phase, role, player and object.
+    Bill(commands::bill::Args),
+    /// Tell who can play each role here and what is missing.
+    Doctor(commands::doctor::Args),
+    /// Summarise a run in the terminal.
+    Show(commands::show::Args),
+    /// Render the scene of a run with the built-in renderer.
+    Render(commands::render::Args),
+    /// Keep the answers of a run as a recording that can be replayed (answers only, no photo).
+    Record(commands::record::Args),
+    /// Weights of the networks inside this program: what there is, fetch, check.
+    Models(commands::models::Args),
+    /// Measure the program on rooms with known truth.
+    Bench(commands::bench::Args),
+    /// Print the JSON Schema of scene.json or of the configuration.
+    Schema(commands::schema::Args),
+}
+
+/// Runs the program on arguments as a shell gives them, the program's name first.
+pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
+    let cli = Cli::parse_from(args);
+    display::log_to_stderr(cli.verbose);
+    let result = match cli.command {
+        Command::Reconstruct(args) => commands::reconstruct::run(*args),
+        Command::Estimate(args) => commands::estimate::run(&args),
+        Command::Bill(args) => commands::bill::run(&args),
+        Command::Doctor(args) => commands::doctor::run(&args),
+        Command::Show(args) => commands::show::run(&args),
+        Command::Render(args) => commands::render::run(&args),
+        Command::Record(args) => commands::record::run(&args),
+        Command::Models(args) => commands::models::run(&args),
+        Command::Bench(args) => commands::bench::run(args),
+        Command::Schema(args) => commands::schema::run(&args),
+    };
+    match result {
+        Ok(code) => ExitCode::from(code),
+        Err(error) => {
+            display::print_error(&error);
+            ExitCode::from(EXIT_ERROR)
+        }
+    }
+}
