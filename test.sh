@@ -15,7 +15,7 @@ export CARGO_INCREMENTAL=0
 # Property tests draw the same cases every time; take the line out to look for new ones.
 export PROPTEST_RNG_SEED="${PROPTEST_RNG_SEED:-2026}"
 # The native networks are switched on for the tests; the plain program is built without them.
-NETS="harmony-cli/nets"
+NETS="harmony-cli/cuda"
 mkdir -p "$HARMONY_CACHE"
 step() { printf '\n== %s\n' "$1"; }
 

@@ -230,7 +230,7 @@ impl Frame<'_> {
         self.scene.placed.iter().any(|p| {
             p.item.traits.hangs
                 && p.support == Support::Wall { wall }
-                && (wall.coordinates(p.pose.position).x - u).abs() < (width + p.size().width) / 2.0
+                && (wall.coordinates(p.pose.position).x - u).abs() < f64::midpoint(width, p.size().width)
         })
     }
 

@@ -523,7 +523,9 @@ fn residuals(
             && q.z >= NEAREST
             && let Some(ends) = clipped(pixel(p), pixel(q), &b.within)
         {
-            ends.into_iter().for_each(|p| reach_to(&mut far_inside, p));
+            for end in ends {
+                reach_to(&mut far_inside, end);
+            }
         }
     }
     for (i, (reach, free)) in b.reach.iter().enumerate() {

@@ -94,6 +94,7 @@ async fn inside(room: &Room, out: &Path) -> Scene {
     let casting = cast(&CastRequest {
         profile: CliProfile::Offline,
         players: file.players.resolved(CliProfile::Offline),
+        models: harmony_models::Store::new(room.at.join("no_models")),
         photo_size: photo.size(),
         points: Some(&points),
         intrinsics: Some(&k),

@@ -540,7 +540,6 @@ pub fn described() -> Result<String, toml::ser::Error> {
          # owlv2, offline (`native = true`: owlv2 where its weights are); geometry_estimator: vggt, offline; segmenter: sam2,\n\
          # offline (left out: the network where its weights are; each has `model`, `weights` and `device` = auto, cpu, cuda).\n\
          # `[players.vision_language.phases.lighting]` and the like set another model for a phase.\n\
-         # `[players.vision_language.phases.lighting]` and the like set another model for a phase.\n\
          # What calls cost stands in `[prices]`, rates in `[limits.players]`; calls at a time stand here (`concurrency`).\n",
     );
     Ok(text)
