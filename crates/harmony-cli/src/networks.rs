@@ -133,9 +133,8 @@ fn one(cast: &mut Cast, wanted: &Wanted<'_>, ask: &Ask<'_>, known: &mut Known, p
             false
         }
         Err(RoleError::NotSetUp { reason, hint, .. }) => {
-            let instead =
-                if ask.role == Role::Detector { "whoever else the profile names" } else { "this program's own rules" };
-            played.notes.push(format!("{}: no network, {instead} instead: {reason}; {hint}", ask.role.folder()));
+            let instead = if ask.role == Role::Detector { "the player that the profile names" } else { "own rules" };
+            played.notes.push(format!("{}: no network but {instead}: {reason}; {hint}", ask.role.folder()));
             false
         }
         Err(other) => {
