@@ -23,7 +23,7 @@ const PROUD: f64 = 0.06;
 const PROUD_BEHIND_CURTAIN: f64 = 0.025;
 
 /// Thickness of a rug or mat, at most, metres.
-const THICKEST_RUG: f64 = 0.012;
+const THICKEST_RUG: f64 = 0.01;
 
 /// How an object is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
