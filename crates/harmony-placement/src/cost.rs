@@ -66,7 +66,9 @@ pub(crate) fn angle_between(a: f64, b: f64) -> f64 {
 pub(crate) fn size_deviations(item: &Item, pose: &Pose) -> Vec<f64> {
     let (scale, stretch) = prior_scale(item, item.size);
     if item.traits.may_stretch || item.traits.planar {
-        (0..3).map(|i| (pose.scale * pose.stretch[i] / (scale * stretch[i])).ln()).collect()
+        // How thick a rug is says nothing about its size.
+        let sides: &[usize] = if item.traits.flat { &[0, 2] } else { &[0, 1, 2] };
+        sides.iter().map(|&i| (pose.scale * pose.stretch[i] / (scale * stretch[i])).ln()).collect()
     } else {
         vec![(pose.scale / scale).ln()]
     }

@@ -329,7 +329,11 @@ fn body(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Op
     };
     let (scale, stretch) = prior_scale(item, item.size);
     let relative = (placed.pose.stretch / stretch).max(Vec3::splat(1e-3));
-    let stretched = (relative.x * relative.y * relative.z).cbrt().ln();
+    let stretched = if item.traits.flat {
+        (relative.x * relative.z).sqrt().ln()
+    } else {
+        (relative.x * relative.y * relative.z).cbrt().ln()
+    };
     Some(Body {
         object,
         anchoring: anchoring_of(scene, object),
