@@ -662,6 +662,17 @@ mod tests {
     }
 
     #[test]
+    fn a_segment_is_cut_at_the_sides_of_a_box() {
+        let b = PixelBox { x0: 0.0, y0: 0.0, x1: 10.0, y1: 10.0 };
+        let cut = |a: [f64; 2], c: [f64; 2]| clipped(Vec2::from(a), Vec2::from(c), &b);
+        assert_eq!(cut([-5.0, 5.0], [15.0, 5.0]), Some([Vec2::new(0.0, 5.0), Vec2::new(10.0, 5.0)]));
+        assert_eq!(cut([2.0, 3.0], [4.0, 5.0]), Some([Vec2::new(2.0, 3.0), Vec2::new(4.0, 5.0)]));
+        assert_eq!(cut([-5.0, 8.0], [8.0, 21.0]), None, "past the corner");
+        let across = cut([5.0, 5.0], [5.0, 25.0]).unwrap();
+        assert!((across[1] - Vec2::new(5.0, 10.0)).length() < 1e-12);
+    }
+
+    #[test]
     fn sizes_right_a_scale_that_calibration_leaves_open() {
         let truth = furnished(0.3, 0.5);
         let mut scene = scaled(truth.clone(), 1.12);

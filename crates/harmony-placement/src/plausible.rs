@@ -202,6 +202,35 @@ mod tests {
     }
 
     #[test]
+    fn a_lamp_far_from_its_host_is_not_carried_across_the_room() {
+        let mut scene = empty_room();
+        add(&mut scene, "sofa_01", Vec3::new(1.6, 0.5, 0.8), Vec3::new(1.0, 0.0, 2.0), |_| {});
+        let far = Vec3::new(2.6, 0.5, 2.0);
+        add(&mut scene, "lamp_01", Vec3::new(0.2, 0.4, 0.2), far, |p| p.support = on("sofa_01"));
+        back_onto_hosts(&mut scene);
+        assert_eq!(scene.placed[1].pose.position, far);
+    }
+
+    #[test]
+    fn a_front_at_a_wall_turns_to_the_room_and_one_that_faces_something_does_not() {
+        let turned = |z: f64, change: fn(&mut crate::Item)| {
+            let mut scene = empty_room();
+            add(&mut scene, "cabinet_01", Vec3::new(0.8, 1.2, 0.4), Vec3::new(2.0, 0.0, z), |p| {
+                p.pose.yaw = std::f64::consts::PI;
+                let mut item = (*p.item).clone();
+                item.traits.has_front = true;
+                change(&mut item);
+                p.item = Arc::new(item);
+            });
+            fronts_from_walls(&mut scene, &PlacementSettings::default());
+            scene.placed[0].pose.yaw.cos() > 0.0
+        };
+        assert!(turned(0.25, |_| {}));
+        assert!(!turned(1.2, |_| {}), "there is room before it");
+        assert!(!turned(0.25, |item| item.relations.facing_toward = Some(ObjectId::new("tv_01").unwrap())));
+    }
+
+    #[test]
     fn a_window_with_hidden_ends_is_in_the_middle_of_its_curtains() {
         let curtains = |scene: &mut PartialScene, pair: bool| {
             for (k, x) in [1.0, 3.0].into_iter().enumerate().take(if pair { 2 } else { 1 }) {

@@ -474,3 +474,36 @@ fn side(mask: &Mask, b: &PixelBox, neighbours: &[Neighbour], edge: usize) -> (f6
     let share = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 1.0 };
     (share(all_cut, all), share(near_cut, near))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::PlacementSettings;
+    use crate::testing::{boxed, empty_room};
+
+    /// A box that the image's lower border cuts: the outline that counts is that of the part in view, which is narrower
+    /// than the part below.
+    #[test]
+    fn an_outline_ends_where_the_image_cuts_its_mask() {
+        let scene = empty_room();
+        let at = Vec3::new(2.2, 0.0, 3.9);
+        let item = boxed(&scene, Vec3::new(0.6, 1.1, 0.6), at, 0.0);
+        let view = View::new(&scene, None, &item.mask, &[], PlacementSettings::default().window_px).unwrap();
+        let pose = Pose::new(at, 0.0, 1.0);
+        let whole = outline_of(&scene.camera, item.shape.hulls().iter().flatten().copied(), &pose).unwrap();
+        let cut = view.outline(item.shape.proxy(), &pose).unwrap();
+        let bottom = f64::from(scene.camera.size.height);
+        assert!(whole.y1 > bottom + 50.0 && !view.free[3], "{whole:?}");
+        assert!((cut.y1 - bottom).abs() < 1e-6 && cut.y0 == whole.y0, "{cut:?}");
+        // The mask's own box is the expectation: pixels whose centres are covered.
+        let b = item.mask.bounds().unwrap();
+        for (mask, outline) in [(b.x0, cut.x0), (b.x1, cut.x1), (b.y0, cut.y0)] {
+            assert!((mask - outline).abs() <= 1.0, "{b:?} {cut:?}");
+        }
+        // Nowhere in view, it has no outline; a free side does not cut.
+        let below = Pose::new(at - Vec3::Y * 3.0, 0.0, 1.0);
+        assert!(view.outline(item.shape.proxy(), &below).is_none());
+        let beside = view.outline(item.shape.proxy(), &Pose::new(at + Vec3::X * 3.0, 0.0, 1.0));
+        assert!(beside.is_some_and(|o| o.x1 > f64::from(scene.camera.size.width)));
+    }
+}
