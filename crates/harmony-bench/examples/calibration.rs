@@ -11,11 +11,45 @@ use harmony_bench::oracle::{NoiseLevel, Oracle};
 use harmony_bench::summary::quantile;
 use harmony_bench::truth::{TruthRoom, rooms_in};
 use harmony_geometry::{CalibrationSettings, FocalPrior, GrayImage, calibrate, calibrate_with_photo, estimate_view};
-use harmony_scene::{Camera, ImageSize, Mat3, Wall};
+use harmony_scene::{Camera, Extents, ImageSize, Mat3, Vec3, Wall};
 
 fn angle(a: Mat3, b: Mat3) -> f64 {
     let t = a * b.transpose();
     ((t.x_axis.x + t.y_axis.y + t.z_axis.z - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees()
+}
+
+/// By how many pixels the image of each room edge is off, in the mean over what is in the image.
+fn edges_off(truth: &TruthRoom, camera: &Camera, extents: &Extents) -> String {
+    type End = fn(&Extents) -> Vec3;
+    let edges: [(&str, End, Vec3); 8] = [
+        ("floor-back", |_| Vec3::ZERO, Vec3::X),
+        ("floor-left", |_| Vec3::ZERO, Vec3::Z),
+        ("floor-right", |e| Vec3::new(e.width, 0.0, 0.0), Vec3::Z),
+        ("ceiling-back", |e| Vec3::new(0.0, e.height, 0.0), Vec3::X),
+        ("ceiling-left", |e| Vec3::new(0.0, e.height, 0.0), Vec3::Z),
+        ("ceiling-right", |e| Vec3::new(e.width, e.height, 0.0), Vec3::Z),
+        ("back-left", |_| Vec3::ZERO, Vec3::Y),
+        ("back-right", |e| Vec3::new(e.width, 0.0, 0.0), Vec3::Y),
+    ];
+    let mut out = Vec::new();
+    for (name, end, along) in edges {
+        let length = along.dot(Vec3::new(truth.extents.width, truth.extents.height, truth.extents.depth));
+        let mut offs = Vec::new();
+        for k in 0..100 {
+            let t = along * (length * (f64::from(k) + 0.5) / 100.0);
+            let Some(seen) = truth.camera.project(end(&truth.extents) + t).filter(|p| truth.camera.contains(*p)) else {
+                continue;
+            };
+            let near = end(extents) + t;
+            if let (Some(a), Some(b)) = (camera.project(near), camera.project(near + along * 0.05)) {
+                offs.push((b - a).normalize_or_zero().perp_dot(seen - a));
+            }
+        }
+        if !offs.is_empty() {
+            out.push(format!("{name} {:.1}", offs.iter().sum::<f64>() / offs.len() as f64));
+        }
+    }
+    out.join(", ")
 }
 
 fn main() {
@@ -80,6 +114,9 @@ fn main() {
                 joint.seen,
                 joint.evidence.fallbacks,
             );
+            if std::env::var_os("EDGES").is_some() {
+                println!("    edges off, px: {}", edges_off(&truth, &joint.camera.resized(size), &joint.extents));
+            }
             for i in 0..3 {
                 table[0][i].push(a[i]);
                 table[1][i].push(b[i]);

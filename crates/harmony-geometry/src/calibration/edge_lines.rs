@@ -36,49 +36,54 @@ pub(super) struct Reach {
     pub(super) side_px: f64,
 }
 
-/// Pins on the segments that lie on the image of each edge; segments are relative to the principal point.
-pub(super) fn pins_on_lines(
+/// A line of the photo on the image of an edge.
+pub(super) struct EdgeLine {
+    /// Both ends of its segments.
+    pub(super) pins: Vec<Pin>,
+    /// By how much it outweighs the next best line beside it, pixels.
+    pub(super) margin: f64,
+}
+
+/// The line among the segments that lies on the image of an edge; segments are relative to the principal point.
+pub(super) fn line_on_edge(
     solved: &CameraBox,
     segments: &[LineSegment],
-    edges: &[RoomEdge],
+    edge: RoomEdge,
     group: usize,
     reach: Reach,
-) -> Vec<Pin> {
+) -> Option<EdgeLine> {
     let rotation = solved.rotation();
-    let mut out = Vec::new();
-    for (k, edge) in edges.iter().enumerate() {
-        let off = |p: Vec2| solved.distance_to_edge(&rotation, *edge, p);
-        // Offset of the middle, length, segment.
-        let near: Vec<(f64, f64, &LineSegment)> = segments
-            .iter()
-            .filter(|s| s.length() >= SHORTEST * reach.side_px)
-            .filter(|s| off(s.start).abs() <= reach.px && off(s.end).abs() <= reach.px)
-            .filter(|s| on_edge(solved, &rotation, *edge, s.middle()))
-            .map(|s| (off(s.middle()), s.length(), s))
-            .collect();
-        let on_line = |at: f64| near.iter().filter(move |(o, _, _)| (o - at).abs() <= SAME_LINE * reach.side_px);
-        let weight = |at: f64| {
-            let total: f64 = on_line(at).map(|(_, length, _)| length).sum();
-            if total < LEAST_TOTAL * reach.side_px { 0.0 } else { total * (-2.0 * (at / reach.px).powi(2)).exp() }
-        };
-        let best = near.iter().map(|(o, _, _)| *o).max_by(|a, b| weight(*a).total_cmp(&weight(*b)));
-        let Some(best) = best.filter(|b| weight(*b) > 0.0) else { continue };
-        let best = match offset_of_board(solved, &rotation, *edge, near.iter().map(|(_, _, s)| s.middle())) {
-            Some(per_metre) => near
-                .iter()
-                .map(|(o, _, _)| *o)
-                .filter(|o| (BOARD[0]..=BOARD[1]).contains(&((best - o) / per_metre)))
-                .filter(|o| weight(*o) >= OUTER_SHARE * weight(best))
-                .max_by(|a, b| weight(*a).total_cmp(&weight(*b)))
-                .unwrap_or(best),
-            None => best,
-        };
-        let points: Vec<Vec2> = on_line(best).flat_map(|(_, _, s)| [s.start, s.end]).collect();
-        // Many points of one line are not many measurements.
-        let sigma = reach.sigma_px * (points.len() as f64 / 2.0).sqrt();
-        out.extend(points.into_iter().map(|point| Pin { edge: *edge, point, sigma, group: group + k, given: false }));
-    }
-    out
+    let off = |p: Vec2| solved.distance_to_edge(&rotation, edge, p);
+    // Offset of the middle, length, segment.
+    let near: Vec<(f64, f64, &LineSegment)> = segments
+        .iter()
+        .filter(|s| s.length() >= SHORTEST * reach.side_px)
+        .filter(|s| off(s.start).abs() <= reach.px && off(s.end).abs() <= reach.px)
+        .filter(|s| on_edge(solved, &rotation, edge, s.middle()))
+        .map(|s| (off(s.middle()), s.length(), s))
+        .collect();
+    let same = SAME_LINE * reach.side_px;
+    let on_line = |at: f64| near.iter().filter(move |(o, _, _)| (o - at).abs() <= same);
+    let weight = |at: f64| {
+        let total: f64 = on_line(at).map(|(_, length, _)| length).sum();
+        if total < LEAST_TOTAL * reach.side_px { 0.0 } else { total * (-2.0 * (at / reach.px).powi(2)).exp() }
+    };
+    let heaviest = |among: &dyn Fn(f64) -> bool| {
+        near.iter().map(|(o, _, _)| *o).filter(|o| among(*o)).max_by(|a, b| weight(*a).total_cmp(&weight(*b)))
+    };
+    let first = heaviest(&|_| true).filter(|o| weight(*o) > 0.0)?;
+    let best = offset_of_board(solved, &rotation, edge, near.iter().map(|(_, _, s)| s.middle()))
+        .and_then(|per_metre| {
+            let outer = |o: f64| (BOARD[0]..=BOARD[1]).contains(&((first - o) / per_metre));
+            heaviest(&|o| outer(o) && weight(o) >= OUTER_SHARE * weight(first))
+        })
+        .unwrap_or(first);
+    let margin = weight(best) - heaviest(&|o| (o - best).abs() > 2.0 * same).map_or(0.0, weight);
+    let points: Vec<Vec2> = on_line(best).flat_map(|(_, _, s)| [s.start, s.end]).collect();
+    // Many points of one line are not many measurements.
+    let sigma = reach.sigma_px * (points.len() as f64 / 2.0).sqrt();
+    let pins = points.into_iter().map(|point| Pin { edge, point, sigma, group, given: false }).collect();
+    Some(EdgeLine { pins, margin })
 }
 
 /// By how many pixels a line one metre inside of an edge along its wall (above the floor, below the ceiling) is off, in
@@ -171,7 +176,10 @@ mod tests {
             LineSegment { start: Vec2::new(0.0, -300.0), end: Vec2::new(5.0, 300.0), strength: 1.0 },
         ];
         let reach = Reach { px: 9.0, sigma_px: 1.0, side_px: 1000.0 };
-        let pins = pins_on_lines(&room, &segments, &[edge, RoomEdge::BackLeft], 5, reach);
+        assert!(line_on_edge(&room, &segments, RoomEdge::BackLeft, 6, reach).is_none());
+        let line = line_on_edge(&room, &segments, edge, 5, reach).unwrap();
+        assert!(line.margin > 0.0);
+        let pins = line.pins;
         assert_eq!(pins.len(), 4, "{pins:?}");
         for pin in &pins {
             let off = room.distance_to_edge(&room.rotation(), edge, pin.point).abs();
@@ -194,7 +202,7 @@ mod tests {
         // The room is expected 5 cm too high: the board's upper edge is nearer.
         let expected = CameraBox { floor: room.floor - 0.05, ..room };
         let found = |segments: &[LineSegment]| {
-            let pins = pins_on_lines(&expected, segments, &[edge], 0, reach);
+            let pins = line_on_edge(&expected, segments, edge, 0, reach).unwrap().pins;
             assert_eq!(pins.len(), 2);
             room.distance_to_edge(&room.rotation(), edge, pins[0].point).abs()
         };
@@ -208,6 +216,6 @@ mod tests {
         let room = room();
         let segments = [piece(&room, RoomEdge::BackLeft, 0.0, 0.2, 1.0)];
         let reach = Reach { px: 9.0, sigma_px: 1.0, side_px: 1000.0 };
-        assert!(pins_on_lines(&room, &segments, &[RoomEdge::BackLeft], 0, reach).is_empty());
+        assert!(line_on_edge(&room, &segments, RoomEdge::BackLeft, 0, reach).is_none());
     }
 }

@@ -6,9 +6,11 @@
 //! to the faces, the map's scale and the room's height weighs them, each in units of its own uncertainty.
 
 use harmony_scene::{Camera, Extents, ImageSize, PointMap, PointMapKind, Similarity, Surface, Vec2, Vec3};
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::edge_lines::{Reach, pins_on_lines};
+use super::creases::{Depths, pins_on_creases};
+use super::edge_lines::{EdgeLine, Reach, line_on_edge};
 use super::types::{AnchorKind, Calibration};
 use crate::least_squares::{minimise, robust};
 use crate::room_box::pins::{FLOOR_LOGIT, LN_BACK, LN_FOCAL, LN_LEFT, LN_RIGHT, Pin, ROLL, TILT, YAW, pins};
@@ -46,6 +48,8 @@ const LINES_WEIGHT: f64 = 2.0;
 /// How far the photo's lines are looked for from an edge, and one sigma of their place, round by round; shares of the
 /// image's longer side.
 const LINE_REACH: [[f64; 2]; 3] = [[0.018, 0.006], [0.009, 0.003], [0.005, 0.0008]];
+/// Times that the map's creases are looked for.
+const CREASE_ROUNDS: usize = 2;
 /// A refinement that turns the camera more than this is not believed, degrees.
 const MOST_TURN_DEG: f64 = 14.0;
 
@@ -315,6 +319,38 @@ impl<'a> Problem<'a> {
         !side || edges.len() < VOUCHING_EDGES || given().any(|p| faces_of(p.edge).contains(&surface))
     }
 
+    /// Pins on the photo's lines along the edges, the surest first: where it is tells where the others are to be
+    /// looked for.
+    fn lines_in_turn(&self, p: &Unknowns, information: &[f64], edges: &[RoomEdge], reach: Reach) -> Vec<Pin> {
+        let group = self.pins.len();
+        let mut left = edges.to_vec();
+        let mut pins: Vec<Pin> = Vec::new();
+        let known = DMatrix::from_column_slice(p.len(), p.len(), information).cholesky().map(|c| c.l().transpose());
+        let mut at = *p;
+        while let Some((k, line)) = left
+            .iter()
+            .enumerate()
+            .filter_map(|(k, edge)| {
+                Some((k, line_on_edge(&Self::unpack(&at), &self.segments, *edge, group + *edge as usize, reach)?))
+            })
+            .max_by(|a: &(usize, EdgeLine), b| a.1.margin.total_cmp(&b.1.margin))
+        {
+            left.remove(k);
+            pins.extend(line.pins);
+            // What was known before, and these lines.
+            let Some(known) = &known else { continue };
+            let s = minimise(p, &STEPS, 4, |x, out| {
+                let moved = DVector::from_iterator(p.len(), x.iter().zip(p).map(|(x, p)| x - p));
+                out.extend((known * moved).iter());
+                let solved = Self::unpack(x);
+                let rotation = solved.rotation();
+                out.extend(pins.iter().map(|pin| solved.distance_to_edge(&rotation, pin.edge, pin.point) / pin.sigma));
+            });
+            at.copy_from_slice(&s.parameters[..10]);
+        }
+        pins
+    }
+
     fn refine(mut self, before: &Calibration, points: &PointMap) -> Option<(Calibration, JointEvidence)> {
         let mut p = self.start;
         let (mut sigmas, mut information) = (Vec::new(), Vec::new());
@@ -326,16 +362,28 @@ impl<'a> Problem<'a> {
             p.copy_from_slice(&s.parameters[..10]);
             (sigmas, information) = (s.sigmas, s.information);
         }
+        let given = self.pins.len();
+        let depths = Depths::new(points, self.prior.photo);
+        for _ in 0..CREASE_ROUNDS {
+            self.pins.truncate(given);
+            let seen = |s: Surface| self.seen[index(s)];
+            let found = pins_on_creases(&Self::unpack(&p), &depths, seen, given);
+            self.pins.extend(found);
+            let s = minimise(&p, &STEPS, 20, |p, out| self.residuals(p, LIMIT, out));
+            p.copy_from_slice(&s.parameters[..10]);
+            (sigmas, information) = (s.sigmas, s.information);
+        }
         // Then the photo's lines stand in for the pins near them.
         let pinned = self.pins.len();
-        let mut edges: Vec<RoomEdge> = self.pins.iter().filter(|pin| pin.given).map(|pin| pin.edge).collect();
+        let mut edges: Vec<RoomEdge> =
+            self.pins.iter().enumerate().filter(|(i, pin)| pin.given || *i >= given).map(|(_, pin)| pin.edge).collect();
         edges.sort_unstable();
         edges.dedup();
         let side_px = f64::from(self.prior.photo.width.max(self.prior.photo.height));
         for [px, sigma_px] in LINE_REACH {
             let reach = Reach { px: px * side_px, sigma_px: sigma_px * side_px, side_px };
             self.pins.truncate(pinned);
-            let found = pins_on_lines(&Self::unpack(&p), &self.segments, &edges, pinned, reach);
+            let found = self.lines_in_turn(&p, &information, &edges, reach);
             self.pins.extend(found);
             let s = minimise(&p, &STEPS, 20, |p, out| self.residuals(p, LIMIT, out));
             p.copy_from_slice(&s.parameters[..10]);
@@ -408,7 +456,7 @@ impl<'a> Problem<'a> {
 }
 
 /// The two faces that meet in an edge.
-fn faces_of(edge: RoomEdge) -> [Surface; 2] {
+pub(super) fn faces_of(edge: RoomEdge) -> [Surface; 2] {
     match edge {
         RoomEdge::FloorBack => [Surface::Floor, Surface::Back],
         RoomEdge::FloorLeft => [Surface::Floor, Surface::Left],

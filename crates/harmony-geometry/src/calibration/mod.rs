@@ -1,6 +1,7 @@
 //! From a point map to the camera in the room (paper Sec. 3.1, App. B.2, Algorithm 1).
 
 mod complete;
+mod creases;
 mod edge_lines;
 mod fallback;
 mod joint;
