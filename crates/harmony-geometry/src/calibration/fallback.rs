@@ -1,6 +1,6 @@
 //! When the points carry no frame: the prior's camera, refined by its pins.
 
-use harmony_scene::{Camera, PointMap, PointMapKind, Similarity, Surface, Vec2, Vec3};
+use harmony_scene::{Camera, Mat3, PointMap, PointMapKind, Similarity, Surface, Vec2, Vec3};
 
 use super::reprojection;
 use super::types::{AnchorKind, Calibration, CalibrationEvidence, CalibrationMethod, PlaneEvidence};
@@ -8,15 +8,26 @@ use crate::room_box::prior_box;
 use crate::stats::percentile_in_place;
 use crate::{LayoutPrior, RoomBox, ViewEstimate, solve_from_pins};
 
+/// Confidence of a view whose axes are those of the map's surfaces.
+const OF_SURFACES: f64 = 0.5;
 /// Percentile of box depth over point depth that is the scale: most points lie in front of the box's faces, so the
 /// ratio is too large for them; the lowest ratios are strays.
 const TOUCHING_PERCENT: f64 = 20.0;
 /// Points looked at for that.
 const SAMPLED_POINTS: usize = 5000;
 
-/// The calibration of last resort; `reason` says why it is needed.
-pub(super) fn calibrate_by_prior(points: &PointMap, prior: &LayoutPrior, reason: &str) -> Calibration {
-    let view = ViewEstimate::from_hints(points.size, points.intrinsics, &prior.camera);
+/// The calibration of last resort; `reason` says why it is needed. Axes that the map's surfaces agree on win over the
+/// prior's angles.
+pub(super) fn calibrate_by_prior(
+    points: &PointMap,
+    prior: &LayoutPrior,
+    reason: &str,
+    camera_from_room: Option<Mat3>,
+) -> Calibration {
+    let mut view = ViewEstimate::from_hints(points.size, points.intrinsics, &prior.camera);
+    if let Some(rotation) = camera_from_room {
+        view = ViewEstimate { rotation, confidence: OF_SURFACES, ..view };
+    }
     let (room, method) = match solve_from_pins(&view, prior) {
         Ok(room) => (room, CalibrationMethod::Pins),
         Err(_) => (prior_box(&view, prior), CalibrationMethod::PriorCamera),

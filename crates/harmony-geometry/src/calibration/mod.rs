@@ -108,11 +108,11 @@ fn calibrate_along(
         return Err(CalibrationError::TooFewPoints { got: surfels.usable_points, min: LEAST_POINTS });
     }
     let measured = measure(points, &surfels, prior, settings, camera_from_room);
-    match measured.and_then(|m| solve(points, &surfels, prior, &m)) {
+    match measured.and_then(|m| solve(points, &surfels, prior, &m).map_err(NoBox::from)) {
         Ok(calibration) => Ok(calibration),
-        Err(reason) => {
+        Err(NoBox { reason, camera_from_room }) => {
             tracing::debug!(reason, "no Manhattan calibration, the prior's camera stands in");
-            Ok(fallback::calibrate_by_prior(points, prior, &reason))
+            Ok(fallback::calibrate_by_prior(points, prior, &reason, camera_from_room))
         }
     }
 }
@@ -132,6 +132,18 @@ fn check(points: &PointMap, prior: &LayoutPrior) -> Result<(), CalibrationError>
         Ok(())
     } else {
         Err(CalibrationError::BadPrior { width, height, depth })
+    }
+}
+
+/// Why there is no box around the points, and the axes if those are known.
+struct NoBox {
+    reason: String,
+    camera_from_room: Option<Mat3>,
+}
+
+impl From<String> for NoBox {
+    fn from(reason: String) -> Self {
+        Self { reason, camera_from_room: None }
     }
 }
 
@@ -161,11 +173,12 @@ fn measure(
     prior: &LayoutPrior,
     settings: &CalibrationSettings,
     camera_from_room: Option<Mat3>,
-) -> Result<Measured, String> {
+) -> Result<Measured, NoBox> {
     let tilt = hint(prior.camera.tilt_deg, -80.0, 80.0).unwrap_or(0.0).to_radians();
-    let frame = manhattan_frame(surfels, points.rotation, tilt).ok_or("the point map has hardly any smooth surface")?;
+    let frame = manhattan_frame(surfels, points.rotation, tilt)
+        .ok_or_else(|| NoBox::from("the point map has hardly any smooth surface".to_owned()))?;
     if frame.support < LEAST_SUPPORT {
-        return Err(format!("only {:.0} % of the normals agree with a Manhattan frame", frame.support * 100.0));
+        return Err(format!("only {:.0} % of the normals agree with a Manhattan frame", frame.support * 100.0).into());
     }
     let points_from_camera = points.rotation.transpose();
     let (up, forward) = (points_from_camera * Vec3::NEG_Y, points_from_camera * Vec3::Z);
@@ -196,7 +209,10 @@ fn measure(
         }
     }
     if faces.iter().flatten().all(|f| !f.measured) {
-        return Err("no wall, floor or ceiling holds enough points".to_owned());
+        return Err(NoBox {
+            reason: "no wall, floor or ceiling holds enough points".to_owned(),
+            camera_from_room: Some(points.rotation * axes.r_align().transpose()),
+        });
     }
     Ok(Measured { frame, axes, faces, notes })
 }
