@@ -181,6 +181,10 @@ fn warnings(scene: &PartialScene, level: Level, report: &LevelReport) -> Vec<War
             let message = format!("it was placed on {host}, where its box lies, not on the given host");
             tell(Some(&object.id), WarningKind::AnswerRepaired, message);
         }
+        if scene.position(&object.id).is_some_and(|i| crate::plausible::hangs_in_the_air(scene, i)) {
+            let message = "nothing is under it: what it stands on was perhaps not found in the photo".to_owned();
+            tell(Some(&object.id), WarningKind::LowConfidence, message);
+        }
         let confidence = scene.find(&object.id).map_or(0.0, |p| p.confidence().overall);
         if confidence < LOW_CONFIDENCE {
             let message = format!("mask, depth and neighbours agree little with its pose ({confidence:.2})");

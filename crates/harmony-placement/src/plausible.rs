@@ -1,12 +1,12 @@
 //! Last corrections of a level, by what holds in rooms whatever the photo shows of it.
 
-use harmony_scene::{Mask, Support, Vec3, Wall};
+use harmony_scene::{Mask, PlacementType, Support, Vec3, Wall};
 
 use crate::anchoring::{reach, size_of};
 use crate::level::neighbours;
 use crate::support::{SurfaceQuery, surface_under};
 use crate::view::View;
-use crate::{PartialScene, PlacementSettings};
+use crate::{PartialScene, Placed, PlacementSettings};
 
 /// Share of a footprint that must be on the host, and how far the surface may be from where the object stands, metres.
 const SUPPORTED: f64 = 0.5;
@@ -30,16 +30,9 @@ const BEFORE_FRONT: f64 = 0.3;
 /// Host and object are refined each by what is seen of it; where both are half hidden they may part.
 pub(crate) fn back_onto_hosts(scene: &mut PartialScene) {
     for i in 0..scene.placed.len() {
-        let Support::Object { id } = &scene.placed[i].support else { continue };
-        let Some(host) = scene.position(id).filter(|h| *h != i) else { continue };
-        let (object, host) = (&scene.placed[i], &scene.placed[host]);
+        let Some((object, host)) = with_host(scene, i) else { continue };
         let level = object.pose.position.y;
-        let query = SurfaceQuery { level, object_height: object.size().height, soft: object.item.traits.soft };
-        let carried = |position: Vec3| {
-            let pose = harmony_scene::Pose { position, ..object.pose };
-            let surface = surface_under(host, &object.item, &pose, &query)?;
-            (surface.share >= SUPPORTED && (surface.height - level).abs() <= SAME_LEVEL).then_some(surface.height)
-        };
+        let carried = |position: Vec3| carried_at(object, host, position);
         let start = object.pose.position;
         let middle = Vec3::new(host.pose.position.x, level, host.pose.position.z);
         let found = (0..=STEPS)
@@ -53,6 +46,30 @@ pub(crate) fn back_onto_hosts(scene: &mut PartialScene) {
             }
         }
     }
+}
+
+/// An object that stands on another one, and that one.
+fn with_host(scene: &PartialScene, i: usize) -> Option<(&Placed, &Placed)> {
+    let Support::Object { id } = &scene.placed[i].support else { return None };
+    let host = scene.position(id).filter(|h| *h != i)?;
+    Some((&scene.placed[i], &scene.placed[host]))
+}
+
+/// Height of the host's surface that would carry an object at a place, near the height at which it is now.
+fn carried_at(object: &Placed, host: &Placed, position: Vec3) -> Option<f64> {
+    let level = object.pose.position.y;
+    let query = SurfaceQuery { level, object_height: object.size().height, soft: object.item.traits.soft };
+    let pose = harmony_scene::Pose { position, ..object.pose };
+    let surface = surface_under(host, &object.item, &pose, &query)?;
+    (surface.share >= SUPPORTED && (surface.height - level).abs() <= SAME_LEVEL).then_some(surface.height)
+}
+
+/// Whether an object is said to stand on another one that has nothing under it.
+pub(crate) fn hangs_in_the_air(scene: &PartialScene, i: usize) -> bool {
+    with_host(scene, i).is_some_and(|(object, host)| {
+        object.item.placement.placement_type == PlacementType::OnSurface
+            && carried_at(object, host, object.pose.position).is_none()
+    })
 }
 
 /// Turns about what shows its front to a wall at which nobody could use it, and has room behind.
@@ -164,8 +181,8 @@ mod tests {
     use harmony_scene::{Level, ObjectId, Pose};
 
     use super::*;
+    use crate::Evidence;
     use crate::testing::{boxed, empty_room};
-    use crate::{Evidence, Placed};
 
     fn add(scene: &mut PartialScene, name: &str, size: Vec3, at: Vec3, change: impl FnOnce(&mut Placed)) {
         let mut item = boxed(scene, size, at, 0.0);
@@ -209,6 +226,10 @@ mod tests {
         add(&mut scene, "lamp_01", Vec3::new(0.2, 0.4, 0.2), far, |p| p.support = on("sofa_01"));
         back_onto_hosts(&mut scene);
         assert_eq!(scene.placed[1].pose.position, far);
+        // But it is told of.
+        assert!(hangs_in_the_air(&scene, 1));
+        scene.placed[1].pose.position.x = 1.2;
+        assert!(!hangs_in_the_air(&scene, 1));
     }
 
     #[test]
