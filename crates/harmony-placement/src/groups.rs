@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use harmony_scene::{Level, ObjectId, Pose};
+use harmony_scene::{Level, Mask, ObjectId, Pose};
 
 use crate::anchoring::{Frame, YawRule};
 use crate::cost::angle_between;
@@ -13,13 +13,16 @@ use crate::formulas::median;
 use crate::level::{anchoring_of, neighbours};
 use crate::solve::polish;
 use crate::view::View;
-use crate::{Item, PartialScene, PlacementSettings, measure};
+use crate::{Item, PartialScene, Placed, PlacementSettings, measure};
 
 /// Members whose sizes differ by less than this factor belong to one size.
 const SAME_KIND: f64 = 1.6;
 
 /// Members that see less of themselves than this do not vote on the size.
 const VOTING_IOU: f64 = 0.5;
+
+/// A mask this near to the image's border is cut by it, pixels.
+const AT_BORDER: f64 = 3.0;
 
 /// A member that deviates more than this from facing its target, while the others don't, is turned, radians.
 const INCOHERENT: f64 = 0.7;
@@ -81,20 +84,20 @@ fn linear_size(scene: &PartialScene, object: usize) -> f64 {
 }
 
 fn one_size(scene: &mut PartialScene, members: &[usize], settings: &PlacementSettings, report: &mut GroupReport) {
-    let votes = |limit: f64| -> Vec<f64> {
-        members
-            .iter()
-            .filter(|i| scene.placed[**i].evidence.silhouette_iou.unwrap_or(0.0) >= limit)
-            .map(|i| linear_size(scene, *i))
-            .collect()
+    let votes = |least_iou: f64, whole: bool| -> Vec<f64> {
+        let counts = |p: &Placed| {
+            p.evidence.silhouette_iou.unwrap_or(0.0) >= least_iou && !(whole && touches_border(&p.item.mask))
+        };
+        members.iter().filter(|i| counts(&scene.placed[**i])).map(|i| linear_size(scene, *i)).collect()
     };
-    let mut sizes = votes(VOTING_IOU);
-    if sizes.is_empty() {
-        sizes = votes(0.0);
-    }
-    if sizes.is_empty() {
+    // Who is whole in the picture knows the size; who is cut by its border guesses it.
+    let Some(mut sizes) = [(VOTING_IOU, true), (VOTING_IOU, false), (0.0, false)]
+        .into_iter()
+        .map(|(l, w)| votes(l, w))
+        .find(|v| !v.is_empty())
+    else {
         return;
-    }
+    };
     let common = median(&mut sizes);
     for &i in members {
         let factor = common / linear_size(scene, i);
@@ -111,6 +114,13 @@ fn one_size(scene: &mut PartialScene, members: &[usize], settings: &PlacementSet
         scene.placed[i].pose = replaced(scene, i, &pose, yaw, settings);
         report.resized.push((scene.placed[i].item.id.clone(), factor));
     }
+}
+
+fn touches_border(mask: &Mask) -> bool {
+    let size = mask.size();
+    let (width, height) = (f64::from(size.width), f64::from(size.height));
+    mask.bounds()
+        .is_some_and(|b| b.x0 < AT_BORDER || b.y0 < AT_BORDER || b.x1 > width - AT_BORDER || b.y1 > height - AT_BORDER)
 }
 
 fn one_facing(scene: &mut PartialScene, members: &[usize], settings: &PlacementSettings, report: &mut GroupReport) {
@@ -174,8 +184,8 @@ pub fn color_swaps(wanted: &[[f32; 3]], shown: &[[f32; 3]], margin: f32) -> Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Evidence;
     use crate::testing::{boxed, empty_room};
-    use crate::{Evidence, Placed};
     use harmony_scene::{Relations, Support, Vec3};
 
     #[test]
@@ -191,6 +201,25 @@ mod tests {
             turned.swap(i, j);
         }
         assert_eq!(turned, three);
+    }
+
+    #[test]
+    fn a_member_that_the_border_cuts_has_no_say_on_the_size() {
+        let mut scene = empty_room();
+        let size = Vec3::new(0.5, 0.9, 0.5);
+        for (i, (x, scale)) in [(1.6, 1.0), (4.4, 1.4)].into_iter().enumerate() {
+            let position = Vec3::new(x, 0.0, 2.2);
+            let mut item = boxed(&scene, size, position, 0.0);
+            item.id = ObjectId::numbered("chair", i);
+            item.relations = Relations { matched_set: Some("chairs".to_owned()), ..Relations::default() };
+            let evidence = Evidence { silhouette_iou: Some(0.9), ..Evidence::default() };
+            let pose = Pose::new(position, 0.0, scale);
+            scene.placed.push(Placed { item: Arc::new(item), pose, support: Support::Floor, evidence });
+        }
+        let cut = |i: usize| touches_border(&scene.placed[i].item.mask);
+        assert!(!cut(0) && cut(1), "{:?}", scene.placed[1].item.mask.bounds());
+        refine_groups(&mut scene, Level::Furniture, &PlacementSettings::default());
+        assert!(scene.placed.iter().all(|p| (p.pose.scale - 1.0).abs() < 1e-9));
     }
 
     #[test]

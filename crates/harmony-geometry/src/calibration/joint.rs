@@ -20,10 +20,8 @@ use crate::{CameraHints, FocalPrior, LayoutPrior, LineSegment, RoomEdge, ViewEst
 
 /// Cells along the longer side of the map.
 const CELLS: u32 = 36;
-/// One sigma of a map's depth (an estimated one, a sensor's), relative, and the share of the image over which its error
-/// stays the same.
+/// One sigma of a map's depth, relative, and the share of the image over which its error stays the same.
 const DEPTH_SIGMA: f64 = 0.03;
-const SENSOR_DEPTH_SIGMA: f64 = 0.01;
 const DEPTH_LENGTH: f64 = 0.1;
 /// A cell belongs to a face when it is nearer to it than this, relative to its depth; round by round.
 const REACH: [f64; 3] = [0.1, 0.07, 0.06];
@@ -214,7 +212,7 @@ impl<'a> Problem<'a> {
                 .collect(),
             pins,
             cells,
-            cell_sigma: if points.kind == PointMapKind::Metric { SENSOR_DEPTH_SIGMA } else { DEPTH_SIGMA } * patch,
+            cell_sigma: DEPTH_SIGMA * patch,
             start,
             seen,
             measured,
