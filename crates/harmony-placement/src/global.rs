@@ -163,7 +163,7 @@ fn mean_iou(scene: &PartialScene, settings: &PlacementSettings) -> Option<f64> {
     use rayon::prelude::*;
     let all: Vec<f64> = (0..scene.placed.len())
         .into_par_iter()
-        .filter_map(|i| crate::measure(scene, i, settings).silhouette_iou)
+        .filter_map(|i| crate::evidence::silhouette_iou(scene, i, settings))
         .collect();
     (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
 }
