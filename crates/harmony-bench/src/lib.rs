@@ -11,6 +11,7 @@ pub mod overrides;
 pub mod report;
 pub mod run;
 pub mod score;
+pub mod spent;
 pub mod summary;
 pub mod truth;
 pub mod wall_clock;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, Cast};
-use harmony_pipeline::{RunRequest, Settings, Warnings};
+use harmony_pipeline::{ProgressSink, RunOutcome, RunRequest, Settings, Warnings};
 use serde::{Deserialize, Serialize};
 
 use crate::metrics::similarity::Looking;
@@ -348,33 +348,68 @@ async fn one(
     out: &Path,
     offline: &Cast,
 ) -> Result<Option<String>, BenchError> {
-    let failed = |reason: String| BenchError::Run { room: truth.name.clone(), reason };
-    let photo = harmony_io::load_photo(&truth.photo())
-        .map_err(|e| BenchError::Photo { room: truth.name.clone(), reason: e.to_string() })?;
-    if out.exists() {
-        std::fs::remove_dir_all(out).map_err(|e| failed(e.to_string()))?;
-    }
-    std::fs::create_dir_all(out).map_err(|e| failed(e.to_string()))?;
     let oracle = Arc::new(Oracle::new(truth.clone(), request.noise, seed, request.exact_height));
-    let warnings = Arc::new(Warnings::default());
-    let collected = Arc::clone(&warnings);
-    let options =
-        CallOptions { on_warning: Arc::new(move |warning| collected.push(warning)), ..CallOptions::default() };
-    let book = CallBook::open(out, BookOptions::default()).map_err(|e| failed(e.to_string()))?;
-    let calls = Calls::new(Arc::new(book), oracle.cast(offline), offline.clone(), options);
-    let run = RunRequest {
-        photo,
-        title: truth.name.clone(),
-        run: out.to_owned(),
-        profile: format!("oracle, noise {}", request.level.name()),
+    let level = request.level.name();
+    let play = Play {
+        truth,
+        oracle,
         settings: request.settings.clone(),
         until: LAST_PHASE,
-        boxes_from_vlm: false,
-        path_tracer: false,
-        further_inputs: format!("{} {seed}", request.level.name()),
+        profile: format!("oracle, noise {level}"),
+        further_inputs: format!("{level} {seed}"),
     };
-    let silent: harmony_pipeline::ProgressSink = Arc::new(|_| {});
-    let outcome = Box::pin(harmony_pipeline::run(&run, &calls, &warnings, &silent)).await;
-    let outcome = outcome.map_err(|e| failed(e.to_string()))?;
+    let silent: ProgressSink = Arc::new(|_| {});
+    let outcome = Box::pin(play.run(out, offline, &silent)).await?;
     Ok(outcome.failure.map(|(phase, reason, _)| format!("{phase}: {reason}")))
+}
+
+/// One run of one room.
+pub struct Play<'a> {
+    /// The room.
+    pub truth: &'a TruthRoom,
+    /// Who plays.
+    pub oracle: Arc<Oracle>,
+    /// Settings of the pipeline.
+    pub settings: Settings,
+    /// Index of the last phase; what the oracle has no answer to is answered by this program's own rules.
+    pub until: usize,
+    /// Who plays, in words.
+    pub profile: String,
+    /// What the oracle's answers depend on.
+    pub further_inputs: String,
+}
+
+impl Play<'_> {
+    /// Runs it in a folder, which is emptied first.
+    ///
+    /// # Errors
+    /// A photo or folder that cannot be used. A phase that fails is none: it is in the outcome.
+    pub async fn run(self, out: &Path, offline: &Cast, progress: &ProgressSink) -> Result<RunOutcome, BenchError> {
+        let name = &self.truth.name;
+        let failed = |reason: String| BenchError::Run { room: name.clone(), reason };
+        let photo = harmony_io::load_photo(&self.truth.photo())
+            .map_err(|e| BenchError::Photo { room: name.clone(), reason: e.to_string() })?;
+        if out.exists() {
+            std::fs::remove_dir_all(out).map_err(|e| failed(e.to_string()))?;
+        }
+        std::fs::create_dir_all(out).map_err(|e| failed(e.to_string()))?;
+        let warnings = Arc::new(Warnings::default());
+        let collected = Arc::clone(&warnings);
+        let options =
+            CallOptions { on_warning: Arc::new(move |warning| collected.push(warning)), ..CallOptions::default() };
+        let book = CallBook::open(out, BookOptions::default()).map_err(|e| failed(e.to_string()))?;
+        let calls = Calls::new(Arc::new(book), self.oracle.cast(offline), offline.clone(), options);
+        let run = RunRequest {
+            photo,
+            title: name.clone(),
+            run: out.to_owned(),
+            profile: self.profile,
+            settings: self.settings,
+            until: self.until,
+            boxes_from_vlm: false,
+            path_tracer: false,
+            further_inputs: self.further_inputs,
+        };
+        Box::pin(harmony_pipeline::run(&run, &calls, &warnings, progress)).await.map_err(|e| failed(e.to_string()))
+    }
 }

@@ -44,8 +44,8 @@ pub fn minimise(
     while iterations < max_iterations && cost.is_finite() {
         iterations += 1;
         let jacobian = jacobian(&p, steps, r.len(), &evaluate);
-        normal = jacobian.transpose() * &jacobian;
-        let gradient = jacobian.transpose() * &r;
+        normal = jacobian.tr_mul(&jacobian);
+        let gradient = jacobian.tr_mul(&r);
         let mut improved = false;
         for _ in 0..12 {
             let mut damped = normal.clone();

@@ -228,12 +228,23 @@ struct Line {
 impl Line {
     /// Angle to the line from its middle to the vanishing point of a camera-frame direction, radians, signed.
     fn angle_to(&self, focal: f64, axis: Vec3) -> f64 {
+        angle(self.sides_to(focal, axis))
+    }
+
+    /// The angle to the nearest of three vanishing points. Only this one is computed: the sides of the triangles tell
+    /// which is nearest.
+    fn nearest_angle(&self, focal: f64, axes: [Vec3; 3]) -> f64 {
+        let [a, b, c] = axes.map(|axis| self.sides_to(focal, axis));
+        let steeper = |p: [f64; 2], q: [f64; 2]| p[0].abs() * q[1].abs() > q[0].abs() * p[1].abs();
+        let nearer = if steeper(a, b) { b } else { a };
+        angle(if steeper(nearer, c) { c } else { nearer })
+    }
+
+    /// The angle's opposite and adjacent side; a vanishing point at the middle is at a right angle.
+    fn sides_to(&self, focal: f64, axis: Vec3) -> [f64; 2] {
         let to = Vec2::new(axis.x, axis.y) * focal - self.middle * axis.z;
         let (cross, dot) = (self.direction.perp_dot(to), self.direction.dot(to));
-        if cross == 0.0 && dot == 0.0 {
-            return std::f64::consts::FRAC_PI_2;
-        }
-        if dot < 0.0 { (-cross).atan2(-dot) } else { cross.atan2(dot) }
+        if cross == 0.0 && dot == 0.0 { [1.0, 0.0] } else { [cross, dot] }
     }
 
     /// The axis whose vanishing point it points to, if any.
@@ -242,6 +253,11 @@ impl Line {
         let k = (0..3).min_by(|a, b| angles[*a].total_cmp(&angles[*b]))?;
         (angles[k] <= (LIMIT_SIGMAS * self.sigma).max(1f64.to_radians())).then_some(k as u8)
     }
+}
+
+/// The angle of opposite and adjacent side, a line's: within a quarter turn.
+fn angle([cross, dot]: [f64; 2]) -> f64 {
+    if dot < 0.0 { (-cross).atan2(-dot) } else { cross.atan2(dot) }
 }
 
 /// One set of the four numbers: ln focal, yaw, tilt, roll.
@@ -430,11 +446,9 @@ impl Search {
         let rotation = camera_rotation(p[1], p[2], p[3]);
         let focal = log.exp();
         let weight = EACH_WEIGHT.sqrt();
+        let axes = [rotation.x_axis, rotation.y_axis, rotation.z_axis];
         for line in &self.lines {
-            let nearest = (0..3)
-                .map(|k| line.angle_to(focal, rotation.col(k)) / line.sigma)
-                .min_by(|a, b| a.abs().total_cmp(&b.abs()))
-                .unwrap_or(f64::INFINITY);
+            let nearest = line.nearest_angle(focal, axes) / line.sigma;
             out.push(weight * robust(nearest, LIMIT_SIGMAS));
         }
         out.push((p[0] - self.focal_log) / self.focal_sigma);

@@ -121,6 +121,51 @@ fn simplify(mesh: &mut Mesh, max_triangles: usize) {
     }
 }
 
+/// The shape alone in fewer triangles, for silhouettes and depths: one group, no texture coordinates.
+///
+/// Edge collapses as in [`clean`] down to `triangles`, as long as the surface goes no farther than `error` (share of the
+/// mesh's extent); vertices stay where they were. Triangles with indices or positions that are none are left out.
+pub fn simplified(mesh: &Mesh, triangles: usize, error: f32) -> Mesh {
+    let mut place: HashMap<[u32; 3], u32> = HashMap::with_capacity(mesh.positions.len());
+    let mut positions: Vec<Vec3> = Vec::new();
+    let welded: Vec<Option<u32>> = mesh
+        .positions
+        .iter()
+        .map(|p| {
+            // Adding zero turns -0 into 0.
+            p.is_finite().then(|| {
+                *place.entry((*p + 0.0).to_array().map(f32::to_bits)).or_insert_with(|| {
+                    positions.push(*p);
+                    positions.len() as u32 - 1
+                })
+            })
+        })
+        .collect();
+    let mut indices: Vec<u32> = Vec::with_capacity(3 * mesh.triangle_count());
+    for t in mesh.triangles() {
+        let [Some(a), Some(b), Some(c)] = t.map(|i| welded.get(i as usize).copied().flatten()) else { continue };
+        if a != b && b != c && c != a {
+            indices.extend([a, b, c]);
+        }
+    }
+    let target = triangles.saturating_mul(3);
+    if indices.len() > target
+        && let Ok(vertices) = VertexDataAdapter::new(meshopt::typed_to_bytes(&positions), size_of::<Vec3>(), 0)
+    {
+        indices = meshopt::simplify(&indices, &vertices, target, error, SimplifyOptions::empty(), None);
+    }
+    let mut out = Mesh {
+        uvs: vec![Vec2::ZERO; positions.len()],
+        normals: vec![Vec3::Y; positions.len()],
+        positions,
+        groups: vec![Group { material: 0, triangles: indices.as_chunks::<3>().0.to_vec() }],
+        materials: vec![Material::plain("shape", [0.5; 3])],
+    };
+    compact(&mut out);
+    out.recompute_normals();
+    out
+}
+
 /// Leaves out vertices that no triangle uses.
 fn compact(mesh: &mut Mesh) {
     let mut new_index = vec![u32::MAX; mesh.positions.len()];
@@ -197,6 +242,30 @@ mod tests {
             let r = middle.distance(Vec3::new(0.0, 0.5, 0.0));
             assert!((0.4..=0.51).contains(&r), "{r}");
         }
+    }
+
+    #[test]
+    fn a_shape_in_fewer_triangles_stays_within_its_error() {
+        let ball = ball();
+        let error = 0.01;
+        let small = simplified(&ball, 0, error);
+        small.check().unwrap();
+        assert!(small.triangle_count() < ball.triangle_count() / 2, "{}", small.triangle_count());
+        for t in small.triangles() {
+            let middle = t.map(|i| small.positions[i as usize]).into_iter().sum::<Vec3>() / 3.0;
+            let r = middle.distance(Vec3::new(0.0, 0.5, 0.0));
+            assert!((0.5 - 3.0 * error..=0.501).contains(&r), "{r}");
+        }
+        // What is broken stays out, and nothing gives nothing.
+        let mut broken = ball.clone();
+        broken.positions.push(Vec3::NAN);
+        let n = ball.positions.len() as u32;
+        broken.groups[0].triangles.extend([[0, 1, n], [0, 1, 99_999]]);
+        assert_eq!(
+            simplified(&broken, usize::MAX, 0.0).triangle_count(),
+            simplified(&ball, usize::MAX, 0.0).triangle_count()
+        );
+        assert_eq!(simplified(&Mesh::default(), 100, error).triangle_count(), 0);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use parry3d::math::Vector;
 use parry3d::transformation::vhacd::{VHACD, VHACDParameters};
 
-use crate::Mesh;
+use crate::{Mesh, simplified};
 
 /// Most points of a piece.
 pub const MAX_HULL_POINTS: usize = 32;
@@ -12,6 +12,10 @@ pub const MAX_HULL_POINTS: usize = 32;
 const MAX_PIECES: usize = 24;
 /// Voxels along the longest side for the decomposition.
 const RESOLUTION: u32 = 64;
+/// Meshes of more triangles are decomposed in a simpler form, whose surface is at most so far away (share of the mesh's
+/// extent): a sixth of a voxel.
+const MOST_TRIANGLES: usize = 6000;
+const SIMPLE_ERROR: f32 = 0.0025;
 
 /// The convex hull of a few points, in the frame of its mesh.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -22,6 +26,14 @@ pub struct ConvexPart {
 
 /// Convex pieces of any mesh: an approximate convex decomposition, or one hull, or the box.
 pub fn convex_parts(mesh: &Mesh) -> Vec<ConvexPart> {
+    if mesh.triangle_count() > MOST_TRIANGLES {
+        parts(&simplified(mesh, MOST_TRIANGLES, SIMPLE_ERROR))
+    } else {
+        parts(mesh)
+    }
+}
+
+fn parts(mesh: &Mesh) -> Vec<ConvexPart> {
     let count = mesh.positions.len() as u32;
     let triangles: Vec<[u32; 3]> = mesh.triangles().filter(|t| t.iter().all(|i| *i < count)).collect();
     let used: Vec<DVec3> =
@@ -128,6 +140,37 @@ mod tests {
             });
             assert!(free, "{part:?}");
         }
+    }
+
+    #[test]
+    fn a_finely_cut_table_has_the_parts_of_the_coarse_one() {
+        let json = r#"{"parts":[{"shape":"box","from":[0,0.9,0],"to":[1,1,1]},
+            {"shape":"box","from":[0,0,0],"to":[0.08,0.92,0.08],"mirror":"xz"}]}"#;
+        let size = Size { width: 1.2, height: 0.75, depth: 0.8 };
+        let coarse = PartModel::from_json(json).unwrap().build(size).unwrap().mesh;
+        let mut fine = coarse.clone();
+        while fine.triangle_count() <= 2 * MOST_TRIANGLES {
+            for group in &mut fine.groups {
+                let old = std::mem::take(&mut group.triangles);
+                for [a, b, c] in old {
+                    let middle = |p: u32, q: u32| (fine.positions[p as usize] + fine.positions[q as usize]) / 2.0;
+                    let n = fine.positions.len() as u32;
+                    let new = [middle(a, b), middle(b, c), middle(c, a)];
+                    fine.positions.extend(new);
+                    fine.normals.extend([Vec3::Y; 3]);
+                    fine.uvs.extend([glam::Vec2::ZERO; 3]);
+                    group.triangles.extend([[a, n, n + 2], [n, b, n + 1], [n + 2, n + 1, c], [n, n + 1, n + 2]]);
+                }
+            }
+        }
+        let bounds = |parts: &[ConvexPart]| {
+            let all = || parts.iter().flat_map(|p| &p.points);
+            (all().fold(Vec3::MAX, |l, p| l.min(*p)), all().fold(Vec3::MIN, |h, p| h.max(*p)))
+        };
+        let (a, b) = (convex_parts(&coarse), convex_parts(&fine));
+        let ((low, high), (fine_low, fine_high)) = (bounds(&a), bounds(&b));
+        assert!(b.len().abs_diff(a.len()) <= 3, "{} and {}", a.len(), b.len());
+        assert!((low - fine_low).abs().max_element() < 0.01 && (high - fine_high).abs().max_element() < 0.01);
     }
 
     #[test]

@@ -15,6 +15,7 @@ use harmony_scene::{
 };
 use harmony_viewer::{CallRow, DroppedObject, Evidence, Fact, ObjectReport, ReportData};
 use image::RgbImage;
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::ctx::PhaseError;
@@ -89,27 +90,25 @@ pub fn write(
     write_json(&run.join("scene.json"), &scene)?;
     write_json(&run.join("camera.json"), &camera_json(state, &scene))?;
     write_json(&run.join("objects.json"), &objects_json(&scene))?;
-    for placed in &state.partial.placed {
-        if let (Some(mesh), Some(object)) =
-            (state.mesh_of(&placed.item.id), scene.objects.iter().find(|o| o.id == placed.item.id))
-        {
-            let mesh = with_material(mesh, object);
-            harmony_io::glb::write_mesh_glb(&run.join(&object.mesh), object.id.as_str(), Arc::new(mesh), Value::Null)?;
-        }
-    }
+    // Textures are compressed here, each on a core of its own.
+    scene.objects.par_iter().try_for_each(|object| {
+        let Some(mesh) = state.mesh_of(&object.id) else { return Ok(()) };
+        let mesh = Arc::new(with_material(mesh, object));
+        harmony_io::glb::write_mesh_glb(&run.join(&object.mesh), object.id.as_str(), mesh, Value::Null)
+    })?;
     write_scene_glb(&run.join("scene_full.glb"), state, Some(&scene))?;
-    picture::write_rgb_png(&run.join("render_flat.png"), &views::flat(state))?;
+    let drawn = views::drawn(state);
+    picture::write_rgb_png(&run.join("render_flat.png"), &drawn.flat)?;
     let view = canonical_camera(&state.partial.room, ImageSize::new(1280, 960), &state.partial.camera);
     let canonical = views::scene_from(state, &view.camera, view.omit);
     picture::write_rgb_png(&run.join("render_canonical.png"), &canonical)?;
     if let Some(lit) = lit {
         picture::write_rgb_png(&run.join("render_lit.png"), lit)?;
     }
-    let shown = views::ids(state);
     let masks: Vec<(ObjectId, Mask)> = scene
         .objects
         .iter()
-        .filter_map(|o| Some((o.id.clone(), state.visible_mask(&o.id, &shown)?.resized(original))))
+        .filter_map(|o| Some((o.id.clone(), state.visible_mask(&o.id, &drawn.ids)?.resized(original))))
         .collect();
     let segments: Vec<Segment<'_>> = scene
         .objects

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use harmony_mesh::{Mesh, PartModel};
-use harmony_placement::PartialScene;
+use harmony_placement::{PartialScene, Shape};
 use harmony_prompts::{InspectedObject, LayoutAnswer};
 use harmony_roles::Detection;
 use harmony_scene::{Camera, Level, Lighting, Mask, ObjectId, PointMap, Similarity, Surface, SurfaceMaterial};
@@ -37,8 +37,8 @@ pub struct Prepared {
     pub inspected: InspectedObject,
     /// Canonical mesh; part models in metres of their expected size.
     pub mesh: Arc<Mesh>,
-    /// Hull points of its convex parts.
-    pub hulls: Vec<Vec<glam::DVec3>>,
+    /// The same with its convex parts, for placement.
+    pub shape: Arc<Shape>,
     /// Part model it was built from.
     pub part_model: Option<PartModel>,
     /// Who made the mesh, in words.

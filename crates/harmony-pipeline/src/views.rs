@@ -6,8 +6,8 @@ use glam::DVec3;
 use harmony_imaging::sheet::{LabelledBox, LineEnds, draw_boxes, draw_polyline, palette};
 use harmony_mesh::{Bounds, Mesh, ShellOptions, room_shell_with};
 use harmony_placement::Placed;
-use harmony_render::{Instance, Lighting, RenderOptions, mesh_view_camera, render};
-use harmony_scene::{Camera, ImageSize, Mask, PixelBox, Room, Size, Support, Surface};
+use harmony_render::{Instance, Lighting, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window};
+use harmony_scene::{Camera, ImageSize, Mask, PixelBox, Pose, Room, Size, Support, Surface};
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 
 use crate::state::{Candidate, SceneState};
@@ -21,17 +21,43 @@ pub fn shell(state: &SceneState, omit: Vec<Surface>) -> Mesh {
     room_shell_with(&state.partial.room, &textures, &ShellOptions { omit, ..ShellOptions::default() })
 }
 
+/// What the scene draws, the shell first.
+fn instances<'a>(state: &'a SceneState, shell: &'a Mesh) -> Vec<Instance<'a>> {
+    let objects = state.partial.placed.iter().filter_map(|placed| {
+        let mesh = state.mesh_of(&placed.item.id)?;
+        Some(Instance::posed(mesh, &placed.pose, placed.item.index))
+    });
+    std::iter::once(Instance::in_room(shell, 1)).chain(objects).collect()
+}
+
+/// Unlit, 4x multisampled.
+const FLAT: RenderOptions =
+    RenderOptions { lighting: Lighting::Unlit, multisample: true, background: OUTSIDE, near: 0.05 };
+
 /// A render of the scene from any camera, unlit, 4x multisampled.
 pub fn scene_from(state: &SceneState, camera: &Camera, omit: Vec<Surface>) -> RgbImage {
     let shell = shell(state, omit);
-    let mut instances = vec![Instance::in_room(&shell, 1)];
-    for placed in &state.partial.placed {
-        if let Some(mesh) = state.mesh_of(&placed.item.id) {
-            instances.push(Instance::posed(mesh, &placed.pose, placed.item.index));
-        }
-    }
-    let options = RenderOptions { multisample: true, background: OUTSIDE, ..RenderOptions::default() };
-    DynamicImage::ImageRgba8(render(camera, &instances, &options).color).to_rgb8()
+    DynamicImage::ImageRgba8(render(camera, &instances(state, &shell), &FLAT).color).to_rgb8()
+}
+
+/// The scene from the photo's camera.
+#[derive(Debug, Clone)]
+pub struct Drawn {
+    /// The flat render.
+    pub flat: Arc<RgbImage>,
+    /// As [`ids`].
+    pub ids: Vec<u32>,
+}
+
+/// [`flat`] and [`ids`] in one pass.
+pub fn drawn(state: &SceneState) -> Drawn {
+    let shell = shell(state, Vec::new());
+    let frame = render(&state.partial.camera, &instances(state, &shell), &FLAT);
+    Drawn { flat: Arc::new(DynamicImage::ImageRgba8(frame.color).to_rgb8()), ids: without_room(frame.ids) }
+}
+
+fn without_room(ids: Vec<u32>) -> Vec<u32> {
+    ids.into_iter().map(|id| if id == 1 { 0 } else { id }).collect()
 }
 
 /// The flat render from the photo's camera.
@@ -40,25 +66,18 @@ pub fn flat(state: &SceneState) -> Arc<RgbImage> {
 }
 
 /// [`flat`]; while the room's faces have no textures yet its edges are drawn, so that one sees what stands where.
-pub fn flat_with_room(state: &SceneState) -> Arc<RgbImage> {
-    let picture = scene_from(state, &state.partial.camera, Vec::new());
+pub fn with_room(state: &SceneState, flat: Arc<RgbImage>) -> Arc<RgbImage> {
     if !state.surfaces.is_empty() {
-        return Arc::new(picture);
+        return flat;
     }
-    Arc::new(with_room_lines(picture, &state.partial.room, &state.partial.camera, false))
+    Arc::new(with_room_lines((*flat).clone(), &state.partial.room, &state.partial.camera, false))
 }
 
 /// Per pixel the index of the nearest object (0 = room), from the photo's camera.
 pub fn ids(state: &SceneState) -> Vec<u32> {
     let shell = shell(state, Vec::new());
-    let mut instances = vec![Instance::in_room(&shell, 1)];
-    for placed in &state.partial.placed {
-        if let Some(mesh) = state.mesh_of(&placed.item.id) {
-            instances.push(Instance::posed(mesh, &placed.pose, placed.item.index));
-        }
-    }
-    let frame = render(&state.partial.camera, &instances, &RenderOptions::default());
-    frame.ids.into_iter().map(|id| if id == 1 { 0 } else { id }).collect()
+    let camera = &state.partial.camera;
+    without_room(render_depth_ids(camera, &instances(state, &shell), &RenderOptions::default()).ids)
 }
 
 /// The empty room from the photo's camera, its walls labelled.
@@ -150,14 +169,13 @@ fn visible_middle(surface: Surface, room: &Room, camera: &Camera) -> Option<glam
 }
 
 /// Photo and render half and half, with the outlines of masks (white) and renders (coloured) and the ids.
-pub fn blend(state: &SceneState) -> Arc<RgbImage> {
-    let render = flat(state);
+pub fn blend(state: &SceneState, drawn: &Drawn) -> Arc<RgbImage> {
+    let (render, ids) = (&drawn.flat, &drawn.ids);
     let size = state.partial.camera.size;
     let mut picture = RgbImage::from_fn(size.width, size.height, |x, y| {
         let (a, b) = (state.photo.get_pixel(x, y).0, render.get_pixel(x, y).0);
         image::Rgb([0, 1, 2].map(|k| u16::midpoint(a[k].into(), b[k].into()) as u8))
     });
-    let ids = ids(state);
     let mut boxes = Vec::new();
     for (i, placed) in state.partial.placed.iter().enumerate() {
         let color = palette(i);
@@ -215,9 +233,35 @@ fn cut(image: &RgbImage, w: PixelBox) -> RgbImage {
 
 /// The scene inside a window with one object turned.
 pub fn turned(state: &SceneState, index: usize, yaw: f64, window: PixelBox) -> RgbaImage {
-    let mut state = state.clone();
-    state.partial.placed[index].pose.yaw += yaw;
-    DynamicImage::ImageRgb8(cut(&flat(&state), window)).to_rgba8()
+    let camera = &state.partial.camera;
+    let shell = shell(state, Vec::new());
+    let mut shown = vec![Instance::in_room(&shell, 1)];
+    for (i, placed) in state.partial.placed.iter().enumerate() {
+        let mut pose = placed.pose;
+        if i == index {
+            pose.yaw += yaw;
+        } else if !near_window(camera, &placed.item.shape.bounds(), &pose, &window) {
+            continue;
+        }
+        if let Some(mesh) = state.mesh_of(&placed.item.id) {
+            shown.push(Instance::posed(mesh, &pose, placed.item.index));
+        }
+    }
+    let part = render_window(camera, &shown, &FLAT, window);
+    DynamicImage::ImageRgb8(DynamicImage::ImageRgba8(part.frame.color).to_rgb8()).to_rgba8()
+}
+
+/// Whether a posed box can be seen in a window: not when it is before the camera and beside it.
+fn near_window(camera: &Camera, bounds: &Bounds, pose: &Pose, window: &PixelBox) -> bool {
+    let mut seen = PixelBox { x0: f64::MAX, y0: f64::MAX, x1: f64::MIN, y1: f64::MIN };
+    for i in 0..8 {
+        let pick = |axis: usize| if i & (1 << axis) == 0 { bounds.min[axis] } else { bounds.max[axis] };
+        let corner = pose.point(DVec3::new(pick(0), pick(1), pick(2)));
+        let Some(p) = camera.project(corner).filter(|_| camera.depth(corner) > 0.1) else { return true };
+        seen = PixelBox { x0: seen.x0.min(p.x), y0: seen.y0.min(p.y), x1: seen.x1.max(p.x), y1: seen.y1.max(p.y) };
+    }
+    // Two pixels cover the samples beside a pixel's centre.
+    seen.x1 >= window.x0 - 2.0 && seen.y1 >= window.y0 - 2.0 && seen.x0 <= window.x1 + 2.0 && seen.y0 <= window.y1 + 2.0
 }
 
 /// One line about the room and camera.

@@ -121,10 +121,9 @@ pub fn collisions(scene: &PartialScene, settings: &PlacementSettings) -> Vec<Col
     out
 }
 
-/// Deepest penetration of one placed object, metres.
-pub(crate) fn deepest(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> f64 {
-    let all = solids(scene);
-    (0..all.len()).map(|i| excess(scene, &all, object, i, settings)).fold(0.0, f64::max)
+/// Deepest penetration of one placed object, metres; `all` are the solids of the placed ones.
+pub(crate) fn deepest(scene: &PartialScene, all: &[Solid], object: usize, settings: &PlacementSettings) -> f64 {
+    (0..all.len()).map(|i| excess(scene, all, object, i, settings)).fold(0.0, f64::max)
 }
 
 /// Directions in which the support of an object lets it go.

@@ -1,11 +1,13 @@
 //! What speaks for a pose.
 
 use harmony_scene::{Confidence, Level};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::anchoring::{Anchoring, Frame, YawRule};
 use crate::cost::size_log_ratio;
 use crate::level::{anchoring_of, neighbours};
+use crate::solid::Solid;
 use crate::view::View;
 use crate::{PartialScene, PlacementSettings, collision};
 
@@ -73,11 +75,27 @@ impl Evidence {
 /// # Panics
 /// When there is no such object.
 pub fn measure(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Evidence {
+    measure_among(scene, &collision::solids(scene), object, settings)
+}
+
+fn view_of(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Option<View> {
+    let item = &scene.placed[object].item;
+    let others = neighbours(scene, item, &[], Some(object));
+    View::new(scene, Some(object), &item.mask, &others, settings.window_px)
+}
+
+/// [`Evidence::silhouette_iou`] alone.
+pub(crate) fn silhouette_iou(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Option<f64> {
+    let placed = &scene.placed[object];
+    Some(view_of(scene, object, settings)?.compare(placed.item.shape.proxy(), &placed.pose).strict_iou)
+}
+
+fn measure_among(scene: &PartialScene, all: &[Solid], object: usize, settings: &PlacementSettings) -> Evidence {
     let placed = &scene.placed[object];
     let item = &placed.item;
-    let others = neighbours(scene, item, &[], Some(object));
-    let view = View::new(scene, Some(object), &item.mask, &others, settings.window_px);
-    let seen = view.map(|v| v.compare(item.shape.proxy(), &placed.pose));
+    let view = view_of(scene, object, settings);
+    let seen = view.as_ref().map(|v| v.compare(item.shape.proxy(), &placed.pose));
+    let depth = view.filter(|_| settings.point_map).and_then(|v| v.depth_residual(item.shape.proxy(), &placed.pose));
     let frame = Frame {
         scene,
         item,
@@ -88,9 +106,9 @@ pub fn measure(scene: &PartialScene, object: usize, settings: &PlacementSettings
     };
     Evidence {
         silhouette_iou: seen.map(|m| m.strict_iou),
-        depth_residual_m: seen.filter(|_| settings.point_map).and_then(|m| m.depth_residual),
+        depth_residual_m: depth,
         contact_gap_m: contact_gap(&frame, placed.pose.position.y),
-        penetration_m: collision::deepest(scene, object, settings),
+        penetration_m: collision::deepest(scene, all, object, settings),
         size_log_ratio: size_log_ratio(item, &placed.pose),
     }
 }
@@ -117,17 +135,19 @@ fn contact_gap(frame: &Frame, bottom: f64) -> f64 {
 /// Measures all objects of a level again.
 pub(crate) fn measure_level(scene: &mut PartialScene, level: Level, settings: &PlacementSettings) {
     let all: Vec<usize> = (0..scene.placed.len()).filter(|i| scene.placed[*i].item.level == level).collect();
-    let measured: Vec<Evidence> = all.iter().map(|i| measure(scene, *i, settings)).collect();
+    let still: &PartialScene = scene;
+    let solids = collision::solids(still);
+    let measured: Vec<Evidence> = all.par_iter().map(|i| measure_among(still, &solids, *i, settings)).collect();
     for (i, evidence) in all.into_iter().zip(measured) {
         scene.placed[i].evidence = evidence;
     }
 }
 
 /// Evidence of a freshly solved object; contact and penetration are measured when the level is complete.
-pub(crate) fn of_solution(solution: &crate::solve::Solution) -> Evidence {
+pub(crate) fn of_solution(solution: &crate::solve::Solution, view: &View) -> Evidence {
     Evidence {
         silhouette_iou: Some(solution.seen.strict_iou),
-        depth_residual_m: solution.seen.depth_residual,
+        depth_residual_m: view.depth_residual(solution.frame.item.shape.proxy(), &solution.pose),
         contact_gap_m: 0.0,
         penetration_m: 0.0,
         size_log_ratio: size_log_ratio(solution.frame.item, &solution.pose),

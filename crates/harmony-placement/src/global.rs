@@ -172,7 +172,7 @@ fn agreement(scene: &PartialScene, settings: &PlacementSettings) -> Option<Vec<f
     use rayon::prelude::*;
     let all: Vec<f64> = (0..scene.placed.len())
         .into_par_iter()
-        .map(|i| crate::measure(scene, i, settings).silhouette_iou.unwrap_or(0.0))
+        .map(|i| crate::evidence::silhouette_iou(scene, i, settings).unwrap_or(0.0))
         .collect();
     (!all.is_empty()).then_some(all)
 }

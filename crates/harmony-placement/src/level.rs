@@ -338,7 +338,7 @@ fn place_one(
         Support::Object { id } if given.is_some_and(|g| g != id) => Some(id.clone()),
         _ => None,
     };
-    let evidence = crate::evidence::of_solution(&solution);
+    let evidence = crate::evidence::of_solution(&solution, &view);
     report.objects.push(ObjectReport {
         id: item.id.clone(),
         evidence,

@@ -9,7 +9,13 @@ use harmony_scene::Vec3;
 /// Meshes up to this many triangles are compared as they are; larger ones through a proxy.
 const PROXY_TRIANGLES: usize = 6000;
 
-/// Cells along the longest side of the proxy's clustering grid: 1 % of the object, below a pixel of the window.
+/// Triangles that a proxy is simplified to, and how far its surface may go for it, share of the object: a quarter of a
+/// pixel of the window in which objects are compared.
+const SIMPLE_TRIANGLES: usize = 3000;
+const SIMPLE_ERROR: f32 = 0.004;
+
+/// Cells along the longest side of the clustering grid for what cannot be simplified so far (foliage): 1 % of the object,
+/// below a pixel of the window.
 const PROXY_CELLS: f64 = 96.0;
 
 /// A canonical mesh with what placement derives from it once.
@@ -34,7 +40,9 @@ impl Shape {
             hulls.push(corners(&bounds).to_vec());
         }
         let proxy = if mesh.triangle_count() > PROXY_TRIANGLES {
-            Arc::new(clustered(&mesh, bounds.size().max_element() / PROXY_CELLS))
+            let simple = harmony_mesh::simplified(&mesh, SIMPLE_TRIANGLES, SIMPLE_ERROR);
+            let fine = simple.triangle_count() > PROXY_TRIANGLES;
+            Arc::new(if fine { clustered(&simple, bounds.size().max_element() / PROXY_CELLS) } else { simple })
         } else {
             Arc::clone(&mesh)
         };

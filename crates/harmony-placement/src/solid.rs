@@ -1,7 +1,6 @@
 //! Convex parts in the room: do they meet, and how far must one go in a direction until they don't.
 
-use std::cell::OnceCell;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use harmony_scene::{Pose as RoomPose, Vec3};
 use parry3d::math::{Pose, Vector};
@@ -31,7 +30,7 @@ struct Part {
 pub(crate) struct Solid {
     item: Arc<Item>,
     pose: RoomPose,
-    parts: OnceCell<Vec<Part>>,
+    parts: OnceLock<Vec<Part>>,
     pub(crate) low: Vec3,
     pub(crate) high: Vec3,
 }
@@ -73,7 +72,7 @@ impl Solid {
     pub(crate) fn new(item: &Arc<Item>, pose: &RoomPose) -> Self {
         let (low, high) = reach(item, pose);
         let (low, high) = (low + pose.position, high + pose.position);
-        Self { item: Arc::clone(item), pose: *pose, parts: OnceCell::new(), low, high }
+        Self { item: Arc::clone(item), pose: *pose, parts: OnceLock::new(), low, high }
     }
 
     fn parts(&self) -> &[Part] {

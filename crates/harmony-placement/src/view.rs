@@ -1,9 +1,12 @@
 //! The window in which one object is compared with its mask and the point map.
 
-use harmony_mesh::Mesh;
+use std::ops::Range;
+
+use harmony_mesh::{Bounds, Mesh};
 use harmony_scene::{Camera, ImageSize, Intrinsics, Mask, PixelBox, Pose, Vec2, Vec3};
 
-use crate::raster::rasterise;
+use crate::raster::{Scratch, Span, rasterise, to_camera, with_scratch};
+use crate::shape::corners;
 use crate::{PartialScene, RoomPoints, Shape};
 
 /// Two surfaces closer than this along the view hide neither each other, metres.
@@ -11,6 +14,9 @@ const HIDING_TOLERANCE: f32 = 0.03;
 
 /// Depth differences beyond this count little more, metres: another surface was hit.
 const DEPTH_SOFT_LIMIT: f64 = 0.4;
+
+/// Fewest pixels with a depth in the point map that say something about an object's own.
+const FEWEST_DEPTHS: u32 = 4;
 
 /// Mask margin around the mask's box, fraction of its size on each side.
 const WINDOW_PADDING: f64 = 0.6;
@@ -64,8 +70,6 @@ pub(crate) struct Match {
     pub(crate) outline: Option<PixelBox>,
     /// Mean soft depth difference over mask and silhouette, metres; `None` without depth there.
     pub(crate) soft_depth: Option<f64>,
-    /// Median absolute depth difference, metres.
-    pub(crate) depth_residual: Option<f64>,
     /// Share of the mask that has depth to compare with.
     pub(crate) depth_share: f64,
 }
@@ -151,7 +155,7 @@ impl View {
         }
         let mut depth = std::mem::take(&mut view.scene);
         for (i, placed) in scene.placed.iter().enumerate() {
-            if Some(i) != skip {
+            if Some(i) != skip && may_be_in(&view.camera, &placed.item.shape.bounds(), &placed.pose) {
                 rasterise(&view.camera, placed.item.shape.proxy(), &placed.pose, &mut depth);
             }
         }
@@ -159,32 +163,43 @@ impl View {
         Some(view)
     }
 
-    /// Planar depth of an object alone in the window, 0 where it isn't.
-    fn draw(&self, mesh: &Mesh, pose: &Pose) -> Vec<f32> {
-        let mut depth = vec![0.0; self.size.pixels()];
-        rasterise(&self.camera, mesh, pose, &mut depth);
-        depth
-    }
-
     /// Box of the (unoccluded) projection of a mesh in image pixels; `None` when it is not in view.
     ///
     /// Where the image's border cuts the mask, only what is inside of the border counts: of a chair of which the back
     /// is in view, the seat below the border says nothing about where the mask should end.
+    #[cfg(test)]
     pub(crate) fn outline(&self, mesh: &Mesh, pose: &Pose) -> Option<PixelBox> {
-        let whole = outline_of(&self.full, mesh.positions.iter().map(|p| p.as_dvec3()), pose);
-        self.cut_outline(whole, mesh, pose)
+        with_scratch(|scratch| {
+            to_camera(&self.full, mesh, pose, &mut scratch.points);
+            self.outline_of_points(mesh, scratch)
+        })
+    }
+
+    /// [`View::outline`] of a mesh whose vertices are in the camera's frame already.
+    fn outline_of_points(&self, mesh: &Mesh, scratch: &mut Scratch) -> Option<PixelBox> {
+        let whole = outline_of_points(&self.full, scratch.points.iter().copied());
+        self.cut_outline(whole, |within| clipped_outline(&self.full, mesh, scratch, within))
     }
 
     /// The same from the hulls of a shape, which is quicker.
     pub(crate) fn outline_of_shape(&self, shape: &Shape, pose: &Pose) -> Option<PixelBox> {
         let whole = outline_of(&self.full, shape.hulls().iter().flatten().copied(), pose);
-        self.cut_outline(whole, shape.proxy(), pose)
+        self.cut_outline(whole, |within| {
+            with_scratch(|scratch| {
+                to_camera(&self.full, shape.proxy(), pose, &mut scratch.points);
+                clipped_outline(&self.full, shape.proxy(), scratch, within)
+            })
+        })
     }
 
-    fn cut_outline(&self, whole: Option<PixelBox>, mesh: &Mesh, pose: &Pose) -> Option<PixelBox> {
+    fn cut_outline(
+        &self,
+        whole: Option<PixelBox>,
+        clipped: impl FnOnce(&PixelBox) -> Option<PixelBox>,
+    ) -> Option<PixelBox> {
         let w = &self.within;
         let inside = |o: &PixelBox| o.x0 >= w.x0 && o.y0 >= w.y0 && o.x1 <= w.x1 && o.y1 <= w.y1;
-        whole.and_then(|o| if inside(&o) { Some(o) } else { clipped_outline(&self.full, mesh, pose, w) })
+        whole.and_then(|o| if inside(&o) { Some(o) } else { clipped(w) })
     }
 
     /// Whether the image's border cuts the mask.
@@ -195,21 +210,34 @@ impl View {
 
     /// Compares a pose with mask and point map.
     pub(crate) fn compare(&self, mesh: &Mesh, pose: &Pose) -> Match {
-        let depth = self.draw(mesh, pose);
-        let (mut both, mut union, mut strict_both, mut strict_union) = (0.0, self.mask_count, 0.0, self.mask_count);
-        let mut differences: Vec<f32> = Vec::new();
-        for (i, z) in depth.iter().copied().enumerate() {
+        with_scratch(|scratch| {
+            // The window's camera stands where the full one does: its vertices are those of the outline.
+            let span = scratch.draw_alone(&self.camera, mesh, pose);
+            let mut out = self.agreement(&scratch.depth, span);
+            out.outline = self.outline_of_points(mesh, scratch);
+            out
+        })
+    }
+
+    /// Agreement of drawn depths with mask and point map; nothing is drawn outside of the span.
+    fn agreement(&self, depth: &[f32], span: Span) -> Match {
+        let (mut both, mut strict_both, mut beside) = (0_u32, 0_u32, 0_u32);
+        let (mut compared, mut soft) = (0_u32, 0.0);
+        for (i, z) in self.rows(span).flat_map(|row| row.clone().zip(&depth[row])) {
+            let z = *z;
             if z <= 0.0 {
                 continue;
             }
             let s = self.scene[i];
-            let behind = s > 0.0 && z > s + HIDING_TOLERANCE;
             if self.mask[i] {
-                both += 1.0;
-                strict_both += f64::from(u8::from(!behind));
+                both += 1;
+                let behind = s > 0.0 && z > s + HIDING_TOLERANCE;
+                strict_both += u32::from(!behind);
                 let r = self.reference[i];
                 if r.is_finite() {
-                    differences.push(z - r);
+                    let a = f64::from((z - r).abs());
+                    soft += a / (1.0 + a / DEPTH_SOFT_LIMIT);
+                    compared += 1;
                 }
                 continue;
             }
@@ -224,44 +252,57 @@ impl View {
                     }
                     Other::AskDepth => self.reference[i] < z - HIDING_TOLERANCE,
                 };
-            if !hidden {
-                union += 1.0;
-                strict_union += 1.0;
+            beside += u32::from(!hidden);
+        }
+        let union = self.mask_count + f64::from(beside);
+        Match {
+            iou: f64::from(both) / union,
+            strict_iou: f64::from(strict_both) / union,
+            outline: None,
+            soft_depth: (compared >= FEWEST_DEPTHS).then(|| soft / f64::from(compared)),
+            depth_share: f64::from(compared) / self.mask_count,
+        }
+    }
+
+    /// Median absolute difference of an object's depths to the point map's over mask and silhouette, metres.
+    pub(crate) fn depth_residual(&self, mesh: &Mesh, pose: &Pose) -> Option<f64> {
+        with_scratch(|scratch| {
+            let span = scratch.draw_alone(&self.camera, mesh, pose);
+            let mut off: Vec<f32> = self
+                .rows(span)
+                .flatten()
+                .filter(|i| self.mask[*i] && scratch.depth[*i] > 0.0 && self.reference[*i].is_finite())
+                .map(|i| (scratch.depth[i] - self.reference[i]).abs())
+                .collect();
+            if off.len() < FEWEST_DEPTHS as usize {
+                return None;
             }
-        }
-        let mut out = Match {
-            iou: both / union,
-            strict_iou: strict_both / strict_union,
-            outline: self.outline(mesh, pose),
-            depth_share: differences.len() as f64 / self.mask_count,
-            ..Match::default()
-        };
-        if differences.len() >= 4 {
-            let n = differences.len() as f64;
-            let soft = differences.iter().map(|d| {
-                let a = f64::from(d.abs());
-                a / (1.0 + a / DEPTH_SOFT_LIMIT)
-            });
-            out.soft_depth = Some(soft.sum::<f64>() / n);
-            let mut absolute: Vec<f32> = differences.iter().map(|d| d.abs()).collect();
-            let middle = absolute.len() / 2;
-            let (_, median, _) = absolute.select_nth_unstable_by(middle, f32::total_cmp);
-            out.depth_residual = Some(f64::from(*median));
-        }
-        out
+            let middle = off.len() / 2;
+            let (_, median, _) = off.select_nth_unstable_by(middle, f32::total_cmp);
+            Some(f64::from(*median))
+        })
+    }
+
+    /// Indices of the window's pixels in a span, row by row.
+    fn rows(&self, span: Span) -> impl Iterator<Item = Range<usize>> + use<> {
+        let w = self.size.width as usize;
+        (span.y[0]..span.y[1]).map(move |y| y * w + span.x[0]..y * w + span.x[1])
     }
 
     /// Depths along the view of the reference and of the rendered front surface, where both are seen: the points
     /// of the paper's `c_ref` and `c_ren`.
     pub(crate) fn front_depths(&self, mesh: &Mesh, pose: &Pose) -> (Vec<f64>, Vec<f64>) {
-        let depth = self.draw(mesh, pose);
         let reference = self.masked_reference();
-        let rendered = depth
-            .iter()
-            .enumerate()
-            .filter(|(i, z)| **z > 0.0 && !(self.scene[*i] > 0.0 && **z > self.scene[*i] + HIDING_TOLERANCE))
-            .map(|(_, z)| f64::from(*z))
-            .collect();
+        let rendered = with_scratch(|scratch| {
+            let span = scratch.draw_alone(&self.camera, mesh, pose);
+            let depth = &scratch.depth;
+            self.rows(span)
+                .flatten()
+                .map(|i| (depth[i], self.scene[i]))
+                .filter(|(z, s)| *z > 0.0 && !(*s > 0.0 && *z > *s + HIDING_TOLERANCE))
+                .map(|(z, _)| f64::from(z))
+                .collect()
+        });
         (reference, rendered)
     }
 
@@ -296,16 +337,29 @@ impl View {
     }
 }
 
+/// Whether a posed box can be seen in an image: not when all its corners are before the camera and it is beside the image.
+fn may_be_in(camera: &Camera, bounds: &Bounds, pose: &Pose) -> bool {
+    let corners = corners(bounds).map(|p| camera.to_camera(pose.point(p)));
+    if corners.iter().any(|c| c.z <= 2.0 * crate::raster::NEAR) {
+        return true;
+    }
+    let Some(o) = outline_of_points(camera, corners.into_iter()) else { return true };
+    let (w, h) = (f64::from(camera.size.width), f64::from(camera.size.height));
+    // A pixel covers the rounding.
+    o.x1 >= -1.0 && o.y1 >= -1.0 && o.x0 <= w + 1.0 && o.y0 <= h + 1.0
+}
+
 /// Box of the whole projection of canonical points in image pixels; `None` when none is before the camera.
 pub(crate) fn outline_of(camera: &Camera, points: impl Iterator<Item = Vec3>, pose: &Pose) -> Option<PixelBox> {
     let linear = camera.rotation * pose.linear();
     let offset = camera.to_camera(pose.position);
+    outline_of_points(camera, points.map(|p| linear * p + offset))
+}
+
+/// The same of points in the camera's frame.
+fn outline_of_points(camera: &Camera, points: impl Iterator<Item = Vec3>) -> Option<PixelBox> {
     let (mut low, mut high) = (Vec2::MAX, Vec2::MIN);
-    for p in points {
-        let c = linear * p + offset;
-        if c.z < crate::raster::NEAR {
-            continue;
-        }
+    for c in points.filter(|c| c.z >= crate::raster::NEAR) {
         let pixel = pixel_of(camera, c);
         low = low.min(pixel);
         high = high.max(pixel);
@@ -313,25 +367,49 @@ pub(crate) fn outline_of(camera: &Camera, points: impl Iterator<Item = Vec3>, po
     (low.x <= high.x).then_some(PixelBox { x0: low.x, y0: low.y, x1: high.x, y1: high.y })
 }
 
-/// Box of the part of a mesh's projection that is inside of `within`, image pixels; `None` when none is.
-fn clipped_outline(camera: &Camera, mesh: &Mesh, pose: &Pose, within: &PixelBox) -> Option<PixelBox> {
-    let linear = camera.rotation * pose.linear();
-    let offset = camera.to_camera(pose.position);
-    let points: Vec<Vec3> = mesh.positions.iter().map(|p| linear * p.as_dvec3() + offset).collect();
+/// Bit of a vertex that is not before the camera; the lower four say beyond which sides of a box it is.
+const BEHIND: u8 = 16;
+
+/// Box of the part of a mesh's projection that is inside of `within`, image pixels; `None` when none is. The vertices are
+/// in the camera's frame.
+fn clipped_outline(camera: &Camera, mesh: &Mesh, scratch: &mut Scratch, within: &PixelBox) -> Option<PixelBox> {
+    let Scratch { points, pixels, sides, .. } = scratch;
+    let planes = [(Vec2::X, -within.x0), (Vec2::Y, -within.y0), (Vec2::NEG_X, within.x1), (Vec2::NEG_Y, within.y1)];
+    pixels.clear();
+    pixels.extend(points.iter().map(|c| pixel_of(camera, *c)));
+    sides.clear();
+    sides.extend(points.iter().zip(pixels.iter()).map(|(c, pixel)| {
+        if c.z > crate::raster::NEAR {
+            let inside = |i: usize| planes[i].0.dot(*pixel) + planes[i].1 >= 0.0;
+            (0..4).map(|i| u8::from(!inside(i)) << i).sum()
+        } else {
+            BEHIND
+        }
+    }));
     let (mut low, mut high) = (Vec2::MAX, Vec2::MIN);
     let (mut polygon, mut spare) = (Vec::with_capacity(8), Vec::with_capacity(8));
-    for t in mesh.triangles() {
-        let [Some(a), Some(b), Some(c)] = t.map(|i| points.get(i as usize).copied()) else { continue };
+    for t in mesh.groups.iter().flat_map(|g| &g.triangles) {
+        let t = t.map(|i| i as usize);
+        let [Some(a), Some(b), Some(c)] = t.map(|i| sides.get(i).copied()) else { continue };
+        // Most triangles are wholly inside, or wholly beyond one side.
+        if a | b | c == 0 {
+            for p in t.map(|i| pixels[i]) {
+                low = low.min(p);
+                high = high.max(p);
+            }
+            continue;
+        }
+        if a & b & c != 0 {
+            continue;
+        }
         polygon.clear();
-        if a.z.min(b.z).min(c.z) > crate::raster::NEAR {
-            polygon.extend([a, b, c].map(|p| pixel_of(camera, p)));
+        if (a | b | c) & BEHIND == 0 {
+            polygon.extend(t.map(|i| pixels[i]));
         } else {
-            polygon.extend(crate::raster::clip([a, b, c]).into_iter().map(|p| pixel_of(camera, p)));
+            polygon.extend(crate::raster::clip(t.map(|i| points[i])).into_iter().map(|p| pixel_of(camera, p)));
         }
         // Sutherland and Hodgman, one side of the box after the other.
-        for (normal, limit) in
-            [(Vec2::X, -within.x0), (Vec2::Y, -within.y0), (Vec2::NEG_X, within.x1), (Vec2::NEG_Y, within.y1)]
-        {
+        for (normal, limit) in planes {
             spare.clear();
             for i in 0..polygon.len() {
                 let (p, q) = (polygon[i], polygon[(i + 1) % polygon.len()]);

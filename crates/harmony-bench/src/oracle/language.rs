@@ -28,20 +28,22 @@ impl VisionLanguage for Oracle {
     async fn ask(&self, request: &VlmRequest) -> Result<VlmAnswer, RoleError> {
         let facts = &request.facts["facts"];
         let kind: Option<QuestionKind> = serde_json::from_value(request.facts["question"].clone()).ok();
-        let value = match kind {
-            Some(QuestionKind::Layout) => json!(self.layout()),
-            Some(QuestionKind::List) => json!(self.list(level(facts))),
-            Some(QuestionKind::Inspect) => json!(self.inspect(facts)),
-            Some(QuestionKind::Fronts) => json!(self.fronts(facts)),
-            Some(QuestionKind::Orient) => json!(self.orient(facts)),
-            Some(QuestionKind::Review) => json!(self.review(facts)),
-            _ => {
-                return Err(RoleError::NotCapable {
-                    player: "oracle".to_owned(),
-                    reason: format!("{kind:?} is a question that the truth does not answer"),
-                });
-            }
-        };
+        let value = self.spent.measured(|| {
+            Ok(match kind {
+                Some(QuestionKind::Layout) => json!(self.layout()),
+                Some(QuestionKind::List) => json!(self.list(level(facts))),
+                Some(QuestionKind::Inspect) => json!(self.inspect(facts)),
+                Some(QuestionKind::Fronts) => json!(self.fronts(facts)),
+                Some(QuestionKind::Orient) => json!(self.orient(facts)),
+                Some(QuestionKind::Review) => json!(self.review(facts)),
+                _ => {
+                    return Err(RoleError::NotCapable {
+                        player: "oracle".to_owned(),
+                        reason: format!("{kind:?} is a question that the truth does not answer"),
+                    });
+                }
+            })
+        })?;
         Ok(VlmAnswer { raw: value.to_string(), value, usage: Usage::default() })
     }
 }

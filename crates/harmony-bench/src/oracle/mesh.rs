@@ -27,7 +27,7 @@ impl MeshGenerator for Oracle {
             player: "oracle".to_owned(),
             reason: format!("{id} is no object of the room"),
         })?;
-        let mesh = self.generated(&self.room.objects[object]);
+        let mesh = self.spent.measured(|| self.generated(&self.room.objects[object]));
         Ok(GeneratedMesh {
             mesh: Arc::new(mesh),
             convex: None,
@@ -51,9 +51,13 @@ impl Oracle {
         self.draws.rng(&format!("quarters {}", kind(object))).random_range(0..4)
     }
 
-    /// An object as the generator gives it, in the generator's frame and unit; its vertices are those of the truth in order.
+    /// An object as the generator gives it, in the generator's frame and unit; its vertices are those of the truth in order, unless
+    /// [`Oracle::with_faces`] wants others.
     pub fn generated(&self, object: &TruthObject) -> Mesh {
-        let mut mesh = (*object.mesh).clone();
+        let mut mesh = match self.faces {
+            Some(faces) => super::dense::densified(&object.mesh, faces),
+            None => (*object.mesh).clone(),
+        };
         // Equal models have equal tilts and scales, as one generated mesh copied: a set stays a set.
         let mut rng = self.draws.rng(&format!("mesh {}", kind(object)));
         self.make_up_back(object, &mut mesh, &mut rng);
@@ -66,6 +70,9 @@ impl Oracle {
         let linear = (tilt * turn * scale).as_mat3();
         let normal_of = (tilt * turn).as_mat3();
         mesh.map(|p| linear * (p - centre.as_vec3()), |n| normal_of * n);
+        if self.faces.is_some() {
+            super::dense::textured(&mut mesh, &mut rng);
+        }
         mesh
     }
 

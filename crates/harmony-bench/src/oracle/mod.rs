@@ -6,6 +6,7 @@
 //! room width and depth 10 % off, camera hints 8 % off, directions of fronts 10 degrees off and rounded to 15,
 //! and a review that notices 70 % of gross faults and raises a false alarm for 3 % of the objects.
 
+mod dense;
 mod language;
 mod mesh;
 mod noise;
@@ -21,6 +22,7 @@ use harmony_scene::{ImageSize, Level, PixelBox};
 
 pub use noise::{Draws, Noise, NoiseLevel, normal, smooth_field};
 
+use crate::spent::{Meter, Seconds};
 use crate::truth::{FEWEST_PIXELS, TruthRoom};
 
 /// Other names for a kind of object.
@@ -63,6 +65,10 @@ pub struct Oracle {
     boxes: Vec<Option<PixelBox>>,
     /// Ids of the run and what they are, learned when the candidates are shown.
     known: Mutex<BTreeMap<String, usize>>,
+    /// Generated meshes have so many faces and a texture; else those of the truth and none.
+    faces: Option<usize>,
+    /// What its answers have cost.
+    spent: Meter,
 }
 
 impl Oracle {
@@ -70,7 +76,18 @@ impl Oracle {
     pub fn new(room: TruthRoom, noise: Noise, seed: u64, exact_height: bool) -> Self {
         let boxes = room.objects.iter().map(|o| o.bounds(&room)).collect();
         let draws = Draws::new(seed, &room.name);
-        Self { room, noise, draws, exact_height, boxes, known: Mutex::default() }
+        Self { room, noise, draws, exact_height, boxes, known: Mutex::default(), faces: None, spent: Meter::default() }
+    }
+
+    /// The same with generated meshes of so many faces, textured.
+    #[must_use]
+    pub fn with_faces(self, faces: usize) -> Self {
+        Self { faces: Some(faces), ..self }
+    }
+
+    /// What its answers have cost so far.
+    pub fn spent(&self) -> Seconds {
+        self.spent.total()
     }
 
     /// The whole cast; the roles that an oracle cannot play better are this program's own.

@@ -7,7 +7,7 @@ use async_trait::async_trait;
 use glam::{DMat3, DVec3};
 use harmony_roles::{
     DetectRequest, Detection, Detections, Detector, GeometryAnswer, GeometryEstimator, GeometryRequest, PlayerCard,
-    RoleError, SegmentRequest, SegmentedMask, Segmenter,
+    RoleError, SegmentPrompt, SegmentRequest, SegmentedMask, Segmenter,
 };
 use harmony_scene::{ImageSize, Intrinsics, Mask, PixelBox, PointMap, PointMapKind};
 use rand::Rng;
@@ -28,7 +28,7 @@ impl GeometryEstimator for Oracle {
     }
 
     async fn estimate(&self, _: &GeometryRequest) -> Result<GeometryAnswer, RoleError> {
-        Ok(GeometryAnswer::Points(Arc::new(self.point_map())))
+        Ok(GeometryAnswer::Points(Arc::new(self.spent.measured(|| self.point_map()))))
     }
 }
 
@@ -269,13 +269,10 @@ impl Segmenter for Oracle {
 
     async fn segment(&self, request: &SegmentRequest) -> Result<Vec<SegmentedMask>, RoleError> {
         let image = ImageSize::new(request.image.width(), request.image.height());
-        Ok(request
-            .prompts
-            .iter()
-            .map(|prompt| match self.recognise(None, &prompt.label, &prompt.bounds, image) {
-                Some(object) => SegmentedMask { mask: self.mask_of(object, image), score: Some(0.95) },
-                None => SegmentedMask { mask: Mask::empty(image), score: Some(0.0) },
-            })
-            .collect())
+        let mask = |prompt: &SegmentPrompt| match self.recognise(None, &prompt.label, &prompt.bounds, image) {
+            Some(object) => SegmentedMask { mask: self.mask_of(object, image), score: Some(0.95) },
+            None => SegmentedMask { mask: Mask::empty(image), score: Some(0.0) },
+        };
+        Ok(self.spent.measured(|| request.prompts.iter().map(mask).collect()))
     }
 }

@@ -5,6 +5,8 @@
 //! the planes meet, the map holds how far they are. One robust least squares over focal length, rotation, the distances
 //! to the faces, the map's scale and the room's height weighs them, each in units of its own uncertainty.
 
+use std::cell::{Ref, RefCell};
+
 use harmony_scene::{Camera, Extents, ImageSize, PointMap, PointMapKind, Similarity, Surface, Vec2, Vec3};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -152,6 +154,20 @@ struct Problem<'a> {
     seen: [bool; 6],
     measured: [bool; 6],
     kind: PointMapKind,
+    along: RefCell<Along>,
+}
+
+/// What focal length and rotation alone make of lines and cells, for those asked last: derivatives by the other unknowns
+/// ask for the same ones.
+#[derive(Default)]
+struct Along {
+    /// `None`: nothing was asked, or the cells have got other faces since.
+    of: Option<[f64; 4]>,
+    /// Residuals of the lines.
+    lines: Vec<f64>,
+    /// Of each cell, the logarithm of its depth over the distance to its face; `None` without a face, NaN where the ray
+    /// does not meet it.
+    cells: Vec<Option<f64>>,
 }
 
 /// Refines a calibration by photo, pins and map together (key `cam.joint`, beyond the paper).
@@ -217,6 +233,7 @@ impl<'a> Problem<'a> {
             seen,
             measured,
             kind: points.kind,
+            along: RefCell::default(),
         };
         start.iter().all(|v| v.is_finite()).then_some(problem)
     }
@@ -241,26 +258,20 @@ impl<'a> Problem<'a> {
     fn residuals(&self, p: &[f64], limit: f64, out: &mut Vec<f64>) {
         let solved = Self::unpack(p);
         let rotation = solved.rotation();
-        let room_from_camera = rotation.transpose();
         for pin in &self.pins {
             out.push(robust(solved.distance_to_edge(&rotation, pin.edge, pin.point) / pin.sigma, limit));
         }
-        let from = out.len();
-        self.lines.residuals(&p[..4], out);
-        for r in &mut out[from..from + self.lines.count()] {
-            *r *= LINES_WEIGHT;
-        }
-        for cell in &self.cells {
-            let Some(face) = cell.face else {
-                out.push(0.0);
-                continue;
-            };
-            let ray = room_from_camera * Vec3::new(cell.at.x / solved.focal, cell.at.y / solved.focal, 1.0);
-            let off = match depth_of(&solved, face, ray) {
-                Some(expected) => (cell.depth.ln() + p[LN_SCALE] - expected.ln()) / self.cell_sigma,
-                None => limit,
-            };
-            out.push(robust(off, limit));
+        let along = self.along(p, &solved);
+        out.extend_from_slice(&along.lines);
+        let ln_distances = Surface::ALL.map(|face| distance_to(&solved, face).map_or(f64::NAN, f64::ln));
+        for (cell, share) in self.cells.iter().zip(&along.cells) {
+            out.push(match (cell.face, share) {
+                (Some(face), Some(share)) => {
+                    let off = (share + p[LN_SCALE] - ln_distances[index(face)]) / self.cell_sigma;
+                    robust(if off.is_nan() { limit } else { off }, limit)
+                }
+                _ => 0.0,
+            });
         }
         // What holds the rest: where a face is not seen, its distance stays about what it was.
         let keep = |i: usize, sigma: f64| (p[i] - self.start[i]) / sigma;
@@ -289,8 +300,32 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// Lines and cells for the focal length and rotation of some unknowns.
+    fn along(&self, p: &[f64], solved: &CameraBox) -> Ref<'_, Along> {
+        let of = [p[LN_FOCAL], p[YAW], p[TILT], p[ROLL]];
+        if self.along.borrow().of != Some(of) {
+            let mut along = self.along.borrow_mut();
+            let Along { lines, cells, .. } = &mut *along;
+            lines.clear();
+            self.lines.residuals(&p[..4], lines);
+            for r in &mut lines[..self.lines.count()] {
+                *r *= LINES_WEIGHT;
+            }
+            let room_from_camera = solved.rotation().transpose();
+            cells.clear();
+            cells.extend(self.cells.iter().map(|cell| {
+                let face = cell.face?;
+                let ray = room_from_camera * Vec3::new(cell.at.x / solved.focal, cell.at.y / solved.focal, 1.0);
+                Some(towards(face, ray).map_or(f64::NAN, |towards| (cell.depth * towards).ln()))
+            }));
+            along.of = Some(of);
+        }
+        self.along.borrow()
+    }
+
     /// Gives every cell the face it lies on, if any.
     fn assign(&mut self, p: &[f64], reach: f64) {
+        self.along.get_mut().of = None;
         let solved = Self::unpack(p);
         let room_from_camera = solved.rotation().transpose();
         for i in 0..self.cells.len() {
@@ -488,15 +523,32 @@ fn angle_deg(turn: harmony_scene::Mat3) -> f64 {
 
 /// Planar depth at which a ray (room axes, planar depth 1) from the camera meets a face; `None` when it doesn't.
 fn depth_of(b: &CameraBox, face: Surface, ray: Vec3) -> Option<f64> {
-    let (distance, towards) = match face {
-        Surface::Left => (b.left, -ray.x),
-        Surface::Right => (b.right, ray.x),
-        Surface::Floor => (b.floor, -ray.y),
-        Surface::Ceiling => (b.ceiling, ray.y),
-        Surface::Back => (b.back, -ray.z),
+    Some(distance_to(b, face)? / towards(face, ray)?)
+}
+
+/// Distance from the camera to a face; that of the front wall is not known.
+fn distance_to(b: &CameraBox, face: Surface) -> Option<f64> {
+    match face {
+        Surface::Left => Some(b.left),
+        Surface::Right => Some(b.right),
+        Surface::Floor => Some(b.floor),
+        Surface::Ceiling => Some(b.ceiling),
+        Surface::Back => Some(b.back),
+        Surface::Front => None,
+    }
+}
+
+/// How far a ray goes towards a face for each unit of planar depth; `None` when it hardly does.
+fn towards(face: Surface, ray: Vec3) -> Option<f64> {
+    let towards = match face {
+        Surface::Left => -ray.x,
+        Surface::Right => ray.x,
+        Surface::Floor => -ray.y,
+        Surface::Ceiling => ray.y,
+        Surface::Back => -ray.z,
         Surface::Front => return None,
     };
-    (towards > 0.02).then(|| distance / towards)
+    (towards > 0.02).then_some(towards)
 }
 
 /// Median depths of square cells, and how many lie along the longer side.

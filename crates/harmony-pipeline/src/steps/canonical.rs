@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_mesh::{catalogue, convex_parts};
+use harmony_placement::Shape;
 use harmony_prompts::{FrontsAnswer, FrontsVars, InspectedObject, fronts};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture};
 use harmony_scene::{MaterialCategory, PbrFactors, Physical, PlacementType, SurfaceMaterial};
@@ -84,13 +85,14 @@ pub async fn canonicalise(
 /// How far a cushion leans that stands against a back, radians.
 const LEAN: f64 = 0.3;
 
-/// Lets a cushion that stands against a back lean: its mesh turns about its lower edge, its size follows.
-fn lean(c: &mut Completed, g: &mut GeneratedMesh) {
+/// Lets a cushion that stands against a back lean: its mesh turns about its lower edge, its size follows. Tells whether
+/// it does.
+fn lean(c: &mut Completed, g: &mut GeneratedMesh) -> bool {
     let leans = c.inspected.placement_type == PlacementType::AgainstBack
         && harmony_mesh::template_name(&c.inspected.kind) == Some("cushion");
     let size = &mut c.inspected.size_m;
     if !leans || size.depth > 0.7 * size.height {
-        return;
+        return false;
     }
     let (sin, cos) = LEAN.sin_cos();
     (size.height, size.depth) = (size.height * cos + size.depth * sin, size.height * sin + size.depth * cos);
@@ -98,22 +100,32 @@ fn lean(c: &mut Completed, g: &mut GeneratedMesh) {
     harmony_mesh::canonicalise(&mut mesh, glam::DMat3::from_rotation_x(-LEAN));
     g.mesh = Arc::new(mesh);
     g.convex = None;
+    true
 }
 
-/// The object as placement and report need it; it has no index yet.
+/// A mesh with its convex parts, as placement wants it.
+pub fn shape_of(g: &GeneratedMesh) -> Arc<Shape> {
+    let made = if g.convex.is_none() { convex_parts(&g.mesh) } else { Vec::new() };
+    Arc::new(Shape::from_parts(Arc::clone(&g.mesh), g.convex.as_ref().unwrap_or(&made)))
+}
+
+/// The object as placement and report need it; it has no index yet. `shape` is that of the mesh.
 ///
 /// # Errors
 /// Unwritable files.
-pub async fn assemble(ctx: &PhaseCtx<'_>, mut c: Completed, mut g: GeneratedMesh) -> Result<Prepared, PhaseError> {
+pub async fn assemble(
+    ctx: &PhaseCtx<'_>,
+    mut c: Completed,
+    mut g: GeneratedMesh,
+    shape: Arc<Shape>,
+) -> Result<Prepared, PhaseError> {
     let id = c.candidate.id.clone();
-    let (c, g, hulls, view) = ctx
+    let (c, g, shape, view) = ctx
         .computed(move || {
-            lean(&mut c, &mut g);
-            let parts = g.convex.clone().unwrap_or_else(|| convex_parts(&g.mesh));
-            let hulls: Vec<Vec<glam::DVec3>> =
-                parts.into_iter().map(|part| part.points.into_iter().map(glam::Vec3::as_dvec3).collect()).collect();
+            let leans = lean(&mut c, &mut g);
+            let shape = if leans { shape_of(&g) } else { shape };
             let view = views::mesh_view(&g.mesh, 0, 256);
-            (c, g, hulls, view)
+            (c, g, shape, view)
         })
         .await?;
     ctx.write_picture_rgba(&format!("meshes/{id}.png"), &view)?;
@@ -125,7 +137,7 @@ pub async fn assemble(ctx: &PhaseCtx<'_>, mut c: Completed, mut g: GeneratedMesh
         candidate: c.candidate,
         inspected: c.inspected,
         mesh: g.mesh.clone(),
-        hulls,
+        shape,
         part_model: g.part_model.clone(),
         mesh_source: g.source.clone(),
         index: 0,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_mesh::catalogue;
-use harmony_placement::{Item, LevelReport, Shape, Traits, YawHint, place_level};
+use harmony_placement::{Item, LevelReport, Traits, YawHint, place_level};
 use harmony_prompts::{FrontPanel, FrontsAnswer, FrontsVars, Occlusion, orient};
 use harmony_roles::Picture;
 use harmony_scene::{
@@ -113,7 +113,7 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
         id: p.candidate.id.clone(),
         index: p.index,
         level,
-        shape: Arc::new(Shape::new(p.mesh.clone(), p.hulls.clone())),
+        shape: Arc::clone(&p.shape),
         size: Size { width: o.size_m.width, height: o.size_m.height, depth: o.size_m.depth },
         mask: p.candidate.mask.clone(),
         occluders: None,
@@ -238,7 +238,13 @@ pub async fn write_files(
         .collect();
     ctx.write_json("placements.json", &json!({ "outcome": outcome, "objects": rows }))?;
     let shown = state.clone();
-    let (flat, blend) = ctx.computed(move || (views::flat(&shown), views::blend(&shown))).await?;
+    let (flat, blend) = ctx
+        .computed(move || {
+            let drawn = views::drawn(&shown);
+            let blend = views::blend(&shown, &drawn);
+            (drawn.flat, blend)
+        })
+        .await?;
     ctx.write_picture("render_flat.png", &flat)?;
     ctx.write_picture("render_blend.png", &blend)
 }

@@ -14,7 +14,7 @@ use harmony_scene::{Level, ObjectId, Size, WarningKind};
 use image::RgbaImage;
 use serde_json::{Value, json};
 
-use super::canonical::{assemble, canonicalise};
+use super::canonical::{assemble, canonicalise, shape_of};
 use super::inspect::Inspection;
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Candidate, Prepared, SceneState};
@@ -167,13 +167,15 @@ async fn chain(
         }
         return Ok(outcomes);
     };
+    let made = mesh.clone();
+    let shape = ctx.computed(move || shape_of(&made)).await?;
     for member in members {
         let (mut mesh, mut detilt) = (mesh.clone(), detilt.clone());
         if member.candidate.id != maker {
             mesh.source = format!("{}, the mesh of {maker}", mesh.source);
             detilt["mesh_of"] = json!(maker);
         }
-        outcomes.push(Outcome::Ready(Box::new(assemble(ctx, member, mesh).await?), detilt));
+        outcomes.push(Outcome::Ready(Box::new(assemble(ctx, member, mesh, Arc::clone(&shape)).await?), detilt));
     }
     Ok(outcomes)
 }

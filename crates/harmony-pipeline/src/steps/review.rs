@@ -1,5 +1,7 @@
 //! The reflective feedback loop. Paper Sec. 3.3: ask, try each action, measure, keep or refuse.
 
+use std::sync::Arc;
+
 use harmony_placement::{ReviewAction, apply, judge};
 use harmony_prompts::{ReviewActionAnswer, ReviewActionKind, ReviewAnswer, ReviewVars, review};
 use harmony_roles::Picture;
@@ -73,7 +75,12 @@ async fn ask(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState, round: usize)
         findings: findings.clone(),
     });
     let shown = state.clone();
-    let (reconstruction, both) = ctx.computed(move || (views::flat_with_room(&shown), views::blend(&shown))).await?;
+    let (reconstruction, both) = ctx
+        .computed(move || {
+            let drawn = views::drawn(&shown);
+            (views::with_room(&shown, Arc::clone(&drawn.flat)), views::blend(&shown, &drawn))
+        })
+        .await?;
     let pictures = vec![
         Picture { caption: "IMAGE 1: the photo".into(), image: state.photo.clone() },
         Picture { caption: "IMAGE 2: the reconstruction".into(), image: reconstruction },

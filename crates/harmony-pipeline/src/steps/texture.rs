@@ -36,6 +36,10 @@ pub async fn everything(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<()
 
 async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) -> Result<(), PhaseError> {
     let camera = state.partial.camera;
+    let modelled = |id: &ObjectId| state.prepared.get(id).is_some_and(|p| p.part_model.is_some());
+    if !ids.iter().any(modelled) {
+        return Ok(());
+    }
     let shown = views::ids(state);
     let mut jobs = Vec::new();
     for id in ids {
