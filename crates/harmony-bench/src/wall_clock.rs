@@ -374,7 +374,7 @@ impl Detector for Studio {
             score: Some(0.9),
             outline: None,
         });
-        Ok(Detections { detections: found.collect() })
+        Ok(Detections { detections: found.collect(), ..Detections::default() })
     }
 }
 

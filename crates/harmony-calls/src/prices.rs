@@ -76,7 +76,8 @@ impl Prices {
     /// What a try is taken to cost before it is made, where nothing is known from earlier ones.
     pub fn expected(&self, role: Role, card: &PlayerCard) -> Option<f64> {
         let (input_tokens, output_tokens) = match role {
-            Role::VisionLanguage => QUESTION_TOKENS,
+            // A detector may be a language model that is asked for boxes; others have no price for tokens.
+            Role::VisionLanguage | Role::Detector => QUESTION_TOKENS,
             _ => (0, 0),
         };
         self.cost(role, card, Usage { input_tokens, output_tokens, ..Usage::default() })
@@ -140,6 +141,19 @@ mod tests {
         // 6000 x 5e-6 + 4000 x 0.5e-6 + 2000 x 30e-6 + 0.01
         let cost = prices.cost(Role::VisionLanguage, &card("p", "m"), usage).unwrap();
         assert!((cost - 0.102).abs() < 1e-12, "{cost}");
+    }
+
+    #[test]
+    fn boxes_from_a_language_model_cost_what_its_tokens_cost() {
+        let mut prices = Prices::default();
+        prices.models.insert("m".into(), Price { input: 5.0, output: 30.0, ..Price::default() });
+        prices.models.insert("dino".into(), Price { call: 0.01, ..Price::default() });
+        let usage = Usage { input_tokens: 2000, output_tokens: 100, ..Usage::default() };
+        let cost = prices.cost(Role::Detector, &card("p", "m"), usage).unwrap();
+        assert!((cost - 0.013).abs() < 1e-12, "{cost}");
+        let expected = |model: &str| prices.expected(Role::Detector, &card("p", model)).unwrap();
+        assert!((expected("m") - (0.03 + 0.075)).abs() < 1e-12, "6000 in, 2500 out: {}", expected("m"));
+        assert!((expected("dino") - 0.01).abs() < 1e-12);
     }
 
     #[test]

@@ -511,7 +511,9 @@ async fn locate_anything_gives_boxes_and_no_scores() {
     let text = "<ref>leather couch</ref><box><100><200><500><800></box><ref>floor lamp</ref><box>none</box>";
     let server = Loopback::always(json(200, &spoken("/chat/completions", text))).await;
     let options = LocateOptions { service: server.service("/v1"), model: "m".into(), concurrency: 1 };
-    let found = LocatePlayer::new(&http(), options.clone()).unwrap().detect(&detect()).await.unwrap().detections;
+    let answer = LocatePlayer::new(&http(), options.clone()).unwrap().detect(&detect()).await.unwrap();
+    assert_eq!((answer.usage.input_tokens, answer.usage.output_tokens), (1000, 100));
+    let found = answer.detections;
     assert_eq!(found.len(), 1);
     let b = found[0].bounds;
     assert_eq!((found[0].label.as_str(), found[0].score), ("sofa", None));
@@ -547,8 +549,14 @@ async fn a_language_model_gives_boxes_in_its_own_way() {
     ] {
         let text = value!({"boxes": [{"label": "sofa", key: numbers}]}).to_string();
         let server = Loopback::start(move |seen| json(200, &spoken(&seen.path, &text))).await;
-        let detector = VlmBoxes::new(Arc::new(vlm(&server, Format::Gemini)), style);
-        let found = detector.detect(&detect()).await.unwrap().detections;
+        let language = vlm(&server, Format::Gemini);
+        let card = VisionLanguage::card(&language);
+        let detector = VlmBoxes::new(Arc::new(language), style);
+        // Prices and rates are looked up by the card: they are the language model's.
+        assert_eq!(detector.card(), card);
+        let answer = detector.detect(&detect()).await.unwrap();
+        assert_eq!((answer.usage.input_tokens, answer.usage.output_tokens), (1000, 100), "{style:?}");
+        let found = answer.detections;
         let b = found[0].bounds;
         assert_eq!((b.x0, b.y0, b.x1, b.y1, found[0].score), (40.0, 60.0, 200.0, 240.0, None), "{style:?}");
     }

@@ -7,7 +7,7 @@ use harmony_scene::{Level, PixelBox};
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 
-use crate::{PlayerCard, RoleError};
+use crate::{PlayerCard, RoleError, Usage};
 
 /// One kind of thing to look for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -55,6 +55,9 @@ pub struct Detection {
 pub struct Detections {
     /// The boxes.
     pub detections: Vec<Detection>,
+    /// What it used; belongs to the call's bill, not to the answer, and is not kept with it.
+    #[serde(skip)]
+    pub usage: Usage,
 }
 
 /// Finds boxes for phrases in a photo.

@@ -96,23 +96,25 @@ pub fn empty() -> Vec<u8> {
 /// Five million faces: a wavy sheet, its faces repeated.
 pub fn huge() -> Arc<Vec<u8>> {
     static FILE: OnceLock<Arc<Vec<u8>>> = OnceLock::new();
-    Arc::clone(FILE.get_or_init(|| {
-        let n = HUGE_SIDE;
-        let positions: Vec<[f32; 3]> = (0..n * n)
-            .map(|i| {
-                let (x, z) = ((i % n) as f32 / n as f32 - 0.5, (i / n) as f32 / n as f32 - 0.5);
-                [2.0 * x, 0.3 * (20.0 * x).sin() * (17.0 * z).cos(), 2.0 * z]
-            })
-            .collect();
-        let cell = |i: usize| {
-            let cells = ((n - 1) * (n - 1)) as usize;
-            let (at, second) = ((i / 2 % cells) as u32, i % 2 == 1);
-            let corner = at / (n - 1) * n + at % (n - 1);
-            if second { [corner + 1, corner + n, corner + n + 1] } else { [corner, corner + n, corner + 1] }
-        };
-        let triangles: Vec<[u32; 3]> = (0..HUGE_FACES).map(cell).collect();
-        Arc::new(plain(&positions, &triangles))
-    }))
+    Arc::clone(FILE.get_or_init(|| Arc::new(sheet(HUGE_SIDE, HUGE_FACES))))
+}
+
+/// A wavy sheet of `n` x `n` corners and so many faces; they repeat when there are more than the corners give.
+pub fn sheet(n: u32, faces: usize) -> Vec<u8> {
+    let positions: Vec<[f32; 3]> = (0..n * n)
+        .map(|i| {
+            let (x, z) = ((i % n) as f32 / n as f32 - 0.5, (i / n) as f32 / n as f32 - 0.5);
+            [2.0 * x, 0.3 * (20.0 * x).sin() * (17.0 * z).cos(), 2.0 * z]
+        })
+        .collect();
+    let cell = |i: usize| {
+        let cells = ((n - 1) * (n - 1)) as usize;
+        let (at, second) = ((i / 2 % cells) as u32, i % 2 == 1);
+        let corner = at / (n - 1) * n + at % (n - 1);
+        if second { [corner + 1, corner + n, corner + n + 1] } else { [corner, corner + n, corner + 1] }
+    };
+    let triangles: Vec<[u32; 3]> = (0..faces).map(cell).collect();
+    plain(&positions, &triangles)
 }
 
 #[cfg(test)]

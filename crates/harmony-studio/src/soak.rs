@@ -1,7 +1,10 @@
 //! Runs with random faults: each ends with a scene or a clear error, pays nothing twice, hangs nowhere, and keeps its
 //! memory.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::OpenOptions;
+use std::io::Write as _;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -26,7 +29,7 @@ use harmony_players::vlm::wire::chat::Server;
 use harmony_players::vlm::{Format, VlmOptions, VlmPlayer};
 use harmony_roles::{Detector, ImageEditor, MeshGenerator, Role, RoleError, VisionLanguage};
 use harmony_scene::WarningKind;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::faults::{Fault, FaultPlan, Part, drawn};
 use crate::mind::Mind;
@@ -47,6 +50,9 @@ const GRACE: Duration = Duration::from_millis(500);
 /// What a run may take beyond its deadline and grace: computing is not torn down.
 const COMPUTING: Duration = Duration::from_secs(30);
 
+/// Below this line of the page, what people wrote stays when the table is made anew.
+const NOTES: &str = "<!-- notes -->";
+
 /// Command line of `harmony-studio faults`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct SoakOptions {
@@ -62,13 +68,16 @@ pub struct SoakOptions {
     /// No run is begun after so many minutes.
     #[arg(long)]
     pub minutes: Option<f64>,
-    /// Where the table is written (Markdown); a line a run goes to the same name with `.jsonl`.
+    /// Where the table is written (Markdown); what stands there below the line `<!-- notes -->` stays.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    /// Where a line is written as each run ends; runs that are there already are not made again.
+    #[arg(long)]
+    pub rows: Option<PathBuf>,
 }
 
 /// How one run ended.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ended {
     /// Seed.
     pub seed: u64,
@@ -86,6 +95,8 @@ pub struct Ended {
     pub seconds: f64,
     /// Largest memory, MiB; of the process, studio included.
     pub peak_mib: u64,
+    /// Memory of the process after the run, MiB.
+    pub after_mib: u64,
     /// Requests that the studio got.
     pub requests: usize,
     /// What must not be; empty = all is well.
@@ -99,26 +110,47 @@ pub struct Ended {
 pub fn command(options: &SoakOptions) -> anyhow::Result<bool> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting")?;
     let ended = runtime.block_on(all(options, &|line| {
-        let _ = std::io::Write::write_all(&mut std::io::stderr(), format!("{line}\n").as_bytes());
+        let _ = std::io::stderr().write_all(format!("{line}\n").as_bytes());
     }))?;
     if let Some(out) = &options.out {
-        std::fs::write(out, table(options, &ended)).context("writing the table")?;
-        let lines: Result<Vec<String>, _> = ended.iter().map(serde_json::to_string).collect();
-        std::fs::write(out.with_extension("jsonl"), lines?.join("\n")).context("writing the runs")?;
+        let page = std::fs::read_to_string(out).unwrap_or_default();
+        let notes = page.split_once(NOTES).map_or("\n", |(_, notes)| notes);
+        std::fs::write(out, table(options, &ended) + "\n" + NOTES + notes).context("writing the table")?;
     }
     Ok(ended.iter().all(|run| run.wrong.is_empty()))
 }
 
-/// All runs, in order of their seeds.
+/// Runs of these seeds that a file of rows holds. A last line that was not written whole is cut off.
+fn earlier(rows: &Path, seeds: &Range<u64>) -> anyhow::Result<Vec<Ended>> {
+    let Ok(text) = std::fs::read_to_string(rows) else { return Ok(Vec::new()) };
+    let whole = text.rfind('\n').map_or(0, |end| end + 1);
+    if whole < text.len() {
+        std::fs::write(rows, &text[..whole]).context("writing the runs")?;
+    }
+    let mut ended: Vec<Ended> =
+        text[..whole].lines().map(serde_json::from_str).collect::<Result<_, _>>().context("reading earlier runs")?;
+    ended.retain(|run| seeds.contains(&run.seed));
+    Ok(ended)
+}
+
+/// All runs, in order of their seeds; those that the file of rows holds are not made again.
 ///
 /// # Errors
-/// A room that cannot be made.
+/// A room that cannot be made, rows that cannot be read or written.
 pub async fn all(options: &SoakOptions, tell: &(dyn Fn(String) + Sync)) -> anyhow::Result<Vec<Ended>> {
     let folder = tempfile::tempdir()?;
     let room = Arc::new(rooms::small(folder.path())?);
-    let mut ended = Vec::new();
+    let seeds = options.seed..options.seed + options.runs;
+    let mut ended = options.rows.as_deref().map_or_else(|| Ok(Vec::new()), |rows| earlier(rows, &seeds))?;
+    let made: BTreeSet<u64> = ended.iter().map(|run| run.seed).collect();
+    let mut seeds = seeds.filter(|seed| !made.contains(seed));
+    let mut rows = match &options.rows {
+        Some(rows) => {
+            Some(OpenOptions::new().create(true).append(true).open(rows).context("opening the file of rows")?)
+        }
+        None => None,
+    };
     let mut working = tokio::task::JoinSet::new();
-    let mut seeds = options.seed..options.seed + options.runs;
     let begun = Instant::now();
     let in_time = || options.minutes.is_none_or(|minutes| begun.elapsed().as_secs_f64() < minutes * 60.0);
     loop {
@@ -129,10 +161,13 @@ pub async fn all(options: &SoakOptions, tell: &(dyn Fn(String) + Sync)) -> anyho
             let (room, at) = (Arc::clone(&room), folder.path().join(format!("run_{seed}")));
             let runtime = tokio::runtime::Handle::current();
             // A run is not `Send` throughout: each has its own thread.
-            working.spawn_blocking(move || runtime.block_on(one(&room, seed, &at)));
+            working.spawn_blocking(move || runtime.block_on(one(&room, seed, plan(seed), &at)));
         }
         let Some(done) = working.join_next().await else { break };
         let run = done.map_err(|error| anyhow::anyhow!("a run broke off: {error}"))??;
+        if let Some(rows) = &mut rows {
+            rows.write_all((serde_json::to_string(&run)? + "\n").as_bytes()).context("writing a run")?;
+        }
         if !run.wrong.is_empty() || ended.len() % 20 == 0 {
             tell(format!(
                 "{:>4} of {}: seed {} {} {:.1} s {} MiB {}",
@@ -276,10 +311,12 @@ pub fn quick_settings() -> Settings {
     settings
 }
 
-/// One run.
-async fn one(room: &TruthRoom, seed: u64, out: &Path) -> anyhow::Result<Ended> {
+/// One run: `seed` says who plays, `faults` what befalls them. The folder `out` is made and taken away again.
+///
+/// # Errors
+/// A folder that cannot be written, a studio that cannot be started.
+pub async fn one(room: &TruthRoom, seed: u64, faults: FaultPlan, out: &Path) -> anyhow::Result<Ended> {
     let mind = Arc::new(Mind::new(room.clone(), NoiseLevel::Real.noise(), seed, false)?);
-    let faults = plan(seed);
     let studio = Studio::start(Arc::clone(&mind), StudioOptions { faults, ..StudioOptions::default() }, 0).await?;
     let who = players(&studio, seed)?;
     let offline = offline_cast();
@@ -341,7 +378,8 @@ async fn one(room: &TruthRoom, seed: u64, out: &Path) -> anyhow::Result<Ended> {
         reason: None,
         objects: 0,
         seconds: seconds.as_secs_f64(),
-        peak_mib: peak_mib(),
+        peak_mib: status_mib("VmHWM"),
+        after_mib: 0,
         requests: 0,
         wrong: Vec::new(),
     };
@@ -393,6 +431,7 @@ async fn one(room: &TruthRoom, seed: u64, out: &Path) -> anyhow::Result<Ended> {
     tokio::time::sleep(Duration::from_millis(20)).await;
     judge(&studio, &calls, &mut ended);
     std::fs::remove_dir_all(out)?;
+    ended.after_mib = status_mib("VmRSS");
     Ok(ended)
 }
 
@@ -431,15 +470,15 @@ fn judge(studio: &Studio, calls: &Calls, ended: &mut Ended) {
 }
 
 /// Forgets the largest memory so far (Linux); elsewhere the figure is 0.
-fn forget_peak() {
+pub fn forget_peak() {
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
-/// Largest memory since then, MiB.
-fn peak_mib() -> u64 {
+/// A row of the process's state in MiB (Linux): `VmHWM`, the largest memory since it was forgotten; `VmRSS`, memory now.
+pub fn status_mib(row: &str) -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    line.and_then(|line| line.trim().trim_end_matches(" kB").trim().parse::<u64>().ok()).map_or(0, |kb| kb / 1024)
+    let value = status.lines().find_map(|line| line.strip_prefix(row)?.strip_prefix(':'));
+    value.and_then(|value| value.trim().trim_end_matches(" kB").trim().parse::<u64>().ok()).map_or(0, |kb| kb / 1024)
 }
 
 /// The table, in Markdown.

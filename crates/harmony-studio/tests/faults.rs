@@ -5,7 +5,7 @@ use harmony_studio::soak::{SoakOptions, all};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn runs_with_faults_end_well_and_pay_nothing_twice() {
-    let options = SoakOptions { runs: 20, seed: 9001, jobs: 2, minutes: None, out: None };
+    let options = SoakOptions { runs: 20, seed: 9001, jobs: 2, minutes: None, out: None, rows: None };
     let ended = all(&options, &|line| eprintln!("{line}")).await.unwrap();
     let wrong: Vec<_> = ended.iter().filter(|run| !run.wrong.is_empty()).collect();
     assert!(wrong.is_empty(), "{wrong:#?}");

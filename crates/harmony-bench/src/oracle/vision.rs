@@ -257,7 +257,7 @@ impl Detector for Oracle {
                 });
             }
         }
-        Ok(Detections { detections })
+        Ok(Detections { detections, ..Detections::default() })
     }
 }
 

@@ -148,4 +148,8 @@ impl Recordable for DetectRequest {
         }
         Ok(())
     }
+
+    fn usage(answer: &Detections) -> Usage {
+        answer.usage
+    }
 }

@@ -98,7 +98,7 @@ impl Detector for Everyone {
         let x1 = if self.hostile { f64::NAN } else { f64::from(request.image.width()) / 3.0 };
         let bounds = harmony_scene::PixelBox { x0: 1.0, y0: 2.0, x1, y1: 9.5 };
         let one = Detection { label: "chair".into(), phrase: "chair".into(), bounds, score: Some(0.1), outline: None };
-        Ok(Detections { detections: vec![one] })
+        Ok(Detections { detections: vec![one], ..Detections::default() })
     }
 }
 

@@ -237,8 +237,16 @@ impl<'a> Services<'a> {
                 known.add(role, player.service(), player.clone());
                 Some(player)
             }
-            Some(Meshes::Folder) => Some(Arc::new(MeshFolder::new(path()?)?)),
-            Some(Meshes::Catalogue) => Some(Arc::new(Catalogue::open(&path()?)?)),
+            Some(Meshes::Folder) => {
+                let player = Arc::new(MeshFolder::new(path()?)?);
+                known.checks.push((role, "mesh folder".to_owned(), player.clone()));
+                Some(player)
+            }
+            Some(Meshes::Catalogue) => {
+                let player = Arc::new(Catalogue::open(&path()?)?);
+                known.checks.push((role, "catalogue".to_owned(), player.clone()));
+                Some(player)
+            }
         })
     }
 
@@ -262,7 +270,9 @@ impl<'a> Services<'a> {
             None | Some(Boxes::Offline | Boxes::WithList | Boxes::Owlv2) => None,
             Some(Boxes::VlmBoxes) => {
                 let style = config.boxes.unwrap_or_else(|| self.usual_boxes());
-                Some(Arc::new(VlmBoxes::new(Arc::clone(language), style)))
+                let player = Arc::new(VlmBoxes::new(Arc::clone(language), style));
+                known.checks.push((Role::Detector, "vlm_boxes".to_owned(), player.clone()));
+                Some(player)
             }
             Some(Boxes::LocateAnything) => {
                 let options = LocateOptions { service: service("locate_anything")?, model, concurrency };

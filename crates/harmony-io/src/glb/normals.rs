@@ -8,6 +8,14 @@ use harmony_mesh::Mesh;
 /// Faces that meet at a larger angle are shaded apart, degrees.
 const CREASE_DEG: f32 = 40.0;
 
+/// A normal of length one; `None` for one without a direction.
+///
+/// What has that length within rounding stays to the bit: dividing by a length once more would change last places, and a
+/// file that is read and written again has to be the same file.
+pub(super) fn unit(normal: Vec3) -> Option<Vec3> {
+    if normal.is_normalized() { Some(normal) } else { normal.try_normalize() }
+}
+
 /// The mesh with normals; vertices on creases are doubled. Faces are joined where they share a vertex *position*, for
 /// files without normals often repeat their vertices.
 pub(super) fn creased(mesh: &Mesh) -> Mesh {

@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::accessor::Source;
 use super::document::{Document, Node, Primitive};
 use super::material::Materials;
-use super::normals::creased;
+use super::normals::{creased, unit};
 use super::{GlbError, LoadedGlb, LoadedNode, ReadLimits};
 
 /// Required extensions that geometry does not depend on, or that are understood.
@@ -269,9 +269,7 @@ impl Reader<'_> {
                     copy.normals
                 };
                 let given = normals.into_iter().map(Vec3::from_array);
-                // What is a unit normal already stays to the bit: a file that is read and written is the same file.
-                let unit = |n: Vec3| if n.is_normalized() { Some(n) } else { n.try_normalize() };
-                part.normals = given.zip(smooth).map(|(n, s)| unit(n).filter(|n| n.is_finite()).unwrap_or(s)).collect();
+                part.normals = given.zip(smooth).map(|(n, s)| unit(n).unwrap_or(s)).collect();
             }
             None => part = creased(&part),
         }

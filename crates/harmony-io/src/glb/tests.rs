@@ -214,6 +214,33 @@ fn unusable_scenes_are_refused_before_they_are_written() {
     assert!(back.nodes[0].mesh.check().is_ok());
 }
 
+#[test]
+fn what_was_read_is_written_to_the_bit() {
+    // Directions all around, of lengths that are one only within rounding, and some that are not one at all.
+    let mut mesh = crate_box(chequer(4));
+    let corners = mesh.clone();
+    (0..40).for_each(|_| mesh.append(&corners));
+    for (i, n) in mesh.normals.iter_mut().enumerate() {
+        let (a, b) = (i as f32 * 0.37, i as f32 * 0.11 - 3.0);
+        *n = Vec3::new(a.cos() * b.cos(), b.sin(), a.sin() * b.cos()) * if i % 5 == 0 { 1.7 } else { 1.0 };
+    }
+    let once = |mesh: Mesh| read_glb(&glb_bytes(&scene(&Arc::new(mesh))).unwrap(), &ReadLimits::default()).unwrap();
+    let first = (*once(mesh.clone()).nodes[0].mesh).clone();
+    assert!(first.normals.iter().all(|n| n.is_normalized()));
+    let kept = mesh.normals.iter().filter(|n| n.is_normalized());
+    assert!(kept.clone().any(|n| n.normalize() != *n), "lengths are off by rounding, else nothing is shown");
+    assert!(kept.clone().all(|n| first.normals.contains(n)));
+    let mut again = first.clone();
+    for round in 0..4 {
+        again = (*once(again).nodes[0].mesh).clone();
+        assert_eq!(
+            (&again.positions, &again.normals, &again.uvs),
+            (&first.positions, &first.normals, &first.uvs),
+            "{round}"
+        );
+    }
+}
+
 /// A GLB file from a JSON document and a binary chunk.
 fn glb(doc: &Value, binary: &[u8]) -> Vec<u8> {
     let mut text = serde_json::to_vec(doc).unwrap();

@@ -12,6 +12,7 @@ use super::document::{
     ARRAY_BUFFER, Accessor, Asset, Buffer, BufferView, Document, ELEMENT_ARRAY_BUFFER, FLOAT, ImageEntry,
     MaterialEntry, MeshEntry, Node, Pbr, Primitive, Scene, Texture, TextureRef, UNSIGNED_INT, UNSIGNED_SHORT,
 };
+use super::normals::unit;
 use super::{GlbError, GlbNode, GlbScene, TextureEncoding, lights};
 use crate::picture::{rgb_jpeg, rgb_png, rgba_png};
 
@@ -129,8 +130,7 @@ impl Writer {
         mesh.check().map_err(|source| GlbError::Mesh { node: name.to_owned(), source })?;
         let mut attributes = BTreeMap::new();
         attributes.insert("POSITION".to_owned(), self.vectors(&mesh.positions, true));
-        let unit = |n: &Vec3| if n.is_finite() { n.normalize_or(Vec3::Y) } else { Vec3::Y };
-        let normals: Vec<Vec3> = mesh.normals.iter().map(unit).collect();
+        let normals: Vec<Vec3> = mesh.normals.iter().map(|n| unit(*n).unwrap_or(Vec3::Y)).collect();
         attributes.insert("NORMAL".to_owned(), self.vectors(&normals, false));
         let textured = mesh.groups.iter().any(|g| mesh.materials[g.material].texture.is_some());
         if textured || self.textures == TextureEncoding::Lossless {

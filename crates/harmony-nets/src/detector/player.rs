@@ -98,7 +98,7 @@ impl<B: Backend + 'static> Detector for Owlv2Detector<B> {
     async fn detect(&self, request: &DetectRequest) -> Result<Detections, RoleError> {
         let (seen, image, phrases) = (self.seen.clone(), request.image.clone(), request.phrases.clone());
         let detections = player::computed(PLAYER, move || seen.detect(&image, &phrases)).await?;
-        Ok(Detections { detections })
+        Ok(Detections { detections, ..Detections::default() })
     }
 }
 

@@ -13,6 +13,7 @@ use image::imageops::{FilterType, resize};
 use serde_json::{Value, json};
 
 use super::boxes::{BoxStyle, ordered, phrase_of};
+use crate::check::{Check, Checked};
 use crate::work::computed;
 
 /// Qwen2.5-VL brings both sides of a picture to multiples of this; one that has such sides stays as it is.
@@ -22,6 +23,9 @@ const PIXEL_BLOCK: u32 = 28;
 const SAME: f64 = 0.8;
 
 /// A language model as a detector. It gives no scores.
+///
+/// Its card is the language model's: prices, rates and places are those of the model that is asked, whatever it is asked
+/// for.
 pub struct VlmBoxes {
     language: Arc<dyn VisionLanguage>,
     style: BoxStyle,
@@ -114,8 +118,7 @@ pub fn read(answer: &Value, request: &DetectRequest, seen: ImageSize, style: Box
 #[async_trait]
 impl Detector for VlmBoxes {
     fn card(&self) -> PlayerCard {
-        let card = self.language.card();
-        PlayerCard { player: "vlm_boxes".to_owned(), model: format!("{}, {}", card.player, card.model), ..card }
+        self.language.card()
     }
 
     async fn detect(&self, request: &DetectRequest) -> Result<Detections, RoleError> {
@@ -126,7 +129,19 @@ impl Detector for VlmBoxes {
         let seen = computed("vlm_boxes", move || picture(&image, style)).await?;
         let answer = self.language.ask(&question(request, &seen, style)).await?;
         let size = ImageSize::new(seen.width(), seen.height());
-        Ok(Detections { detections: read(&answer.value, request, size, style) })
+        Ok(Detections { detections: read(&answer.value, request, size, style), usage: answer.usage })
+    }
+}
+
+#[async_trait]
+impl Check for VlmBoxes {
+    /// Whether the language model is there is its own check's business.
+    async fn check(&self, paid: bool) -> Result<Checked, RoleError> {
+        if !paid {
+            return Ok(Checked { detail: "the language model is asked for boxes".to_owned(), usage: None });
+        }
+        let found = self.detect(&super::grounding::check_request()).await?;
+        Ok(Checked { detail: format!("{} boxes for a red ball", found.detections.len()), usage: Some(found.usage) })
     }
 }
 

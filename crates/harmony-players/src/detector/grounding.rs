@@ -110,7 +110,7 @@ impl Detector for GroundingPlayer {
         let detections = found.ok_or_else(|| {
             self.service.unusable("the answer is no list of scores, labels and boxes", &answer.to_string())
         })?;
-        Ok(Detections { detections })
+        Ok(Detections { detections, ..Detections::default() })
     }
 }
 

@@ -156,7 +156,8 @@ impl Detector for LocatePlayer {
             let (label, phrase) = (phrase.label.clone(), phrase.phrase.clone());
             Some(Detection { label, phrase, bounds, score: None, outline: None })
         });
-        Ok(Detections { detections: ordered(found.collect(), &request.phrases, SAME) })
+        let detections = ordered(found.collect(), &request.phrases, SAME);
+        Ok(Detections { detections, usage: chat::tokens(&answer).usage() })
     }
 }
 
@@ -168,7 +169,7 @@ impl Check for LocatePlayer {
             return Ok(Checked { detail: "the server answers".to_owned(), usage: None });
         }
         let found = self.detect(&super::grounding::check_request()).await?;
-        Ok(Checked { detail: format!("{} boxes for a red ball", found.detections.len()), usage: None })
+        Ok(Checked { detail: format!("{} boxes for a red ball", found.detections.len()), usage: Some(found.usage) })
     }
 }
 

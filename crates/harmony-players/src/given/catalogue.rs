@@ -24,6 +24,7 @@ use serde::Deserialize;
 use zip::ZipArchive;
 
 use super::obj::read_obj;
+use crate::check::{Check, Checked};
 use crate::mesh::finish::{AxisName, SourceFrame};
 use crate::work::computed;
 
@@ -364,6 +365,14 @@ impl MeshGenerator for Catalogue {
     async fn generate(&self, request: &MeshRequest) -> Result<GeneratedMesh, RoleError> {
         let (this, request) = (self.clone(), request.clone());
         computed(PLAYER, move || this.make(&request)).await?
+    }
+}
+
+#[async_trait]
+impl Check for Catalogue {
+    async fn check(&self, _paid: bool) -> Result<Checked, RoleError> {
+        // It was read when it was opened.
+        Ok(Checked { detail: format!("{} models", self.entries.len()), usage: None })
     }
 }
 

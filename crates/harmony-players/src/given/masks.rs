@@ -187,7 +187,7 @@ impl Detector for MaskFiles {
                 });
             }
         }
-        Ok(Detections { detections })
+        Ok(Detections { detections, ..Detections::default() })
     }
 }
 

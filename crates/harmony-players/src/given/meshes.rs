@@ -9,6 +9,8 @@ use harmony_io::ReadLimits;
 use harmony_roles::{GeneratedMesh, MeshFrame, MeshGenerator, MeshRequest, PlayerCard, RoleError, Usage};
 use harmony_scene::ObjectId;
 
+use crate::check::{Check, Checked};
+
 /// Meshes that were made before: `chair_02.glb` for the object of that id, `chair.glb` for any object whose label that
 /// is. They are taken as generators leave them: to be de-tilted, turned and scaled.
 #[derive(Debug, Clone)]
@@ -23,11 +25,7 @@ impl MeshFolder {
     /// # Errors
     /// [`RoleError::NotSetUp`] when it can't be listed.
     pub fn new(folder: PathBuf) -> Result<Self, RoleError> {
-        let files = glb_files(&folder).map_err(|error| RoleError::NotSetUp {
-            player: "mesh folder".to_owned(),
-            reason: error.to_string(),
-            hint: "check the path of the folder with the GLB files".to_owned(),
-        })?;
+        let files = glb_files(&folder).map_err(|error| not_set_up(error.to_string()))?;
         let mut hasher = harmony_calls::KeyHasher::new(harmony_roles::Role::MeshGenerator);
         for (file, bytes) in files {
             hasher.text("file", &file);
@@ -44,6 +42,23 @@ impl MeshFolder {
         let stem = label.as_str().rsplit_once('_').map(|(stem, _)| stem.to_owned());
         let names = by_id.map(|id| id.to_string()).into_iter().chain(stem);
         names.map(|name| self.folder.join(format!("{name}.glb"))).find(|path| path.is_file())
+    }
+}
+
+fn not_set_up(reason: String) -> RoleError {
+    let hint = "check the path of the folder with the GLB files".to_owned();
+    RoleError::NotSetUp { player: "mesh folder".to_owned(), reason, hint }
+}
+
+#[async_trait]
+impl Check for MeshFolder {
+    /// A folder without a file is most likely another one than was meant.
+    async fn check(&self, _paid: bool) -> Result<Checked, RoleError> {
+        let count = glb_files(&self.folder).map_err(|error| not_set_up(error.to_string()))?.len();
+        if count == 0 {
+            return Err(not_set_up(format!("there is no GLB file in {}", self.folder.display())));
+        }
+        Ok(Checked { detail: format!("{count} GLB files"), usage: None })
     }
 }
 

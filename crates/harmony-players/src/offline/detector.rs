@@ -63,7 +63,8 @@ fn assign(phrases: &[PhraseRequest], regions: &[Region], level: Level, height: f
     }
     // By phrase; best first within one, as they were found.
     found.sort_by_key(|(p, _)| *p);
-    Detections { detections: found.into_iter().map(|(_, detection)| detection).collect() }
+    let detections = found.into_iter().map(|(_, detection)| detection).collect();
+    Detections { detections, ..Detections::default() }
 }
 
 /// Whether a region lies where things of a level are seen: 0 to 1.

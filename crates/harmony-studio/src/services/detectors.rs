@@ -78,11 +78,12 @@ pub(crate) async fn locate(call: &Call<'_>) -> Made {
         text = text.replace("<box>", "").replace("</box>", "").replace("<ref>", "").replace("</ref>", "");
     }
     let finish = if cut || call.is(Fault::CutAnswer) { "length" } else { "stop" };
+    let (input, output) = (1200, 6 * found.len());
     let body = json!({
         "choices": [{"index": 0, "message": {"role": "assistant", "content": text}, "finish_reason": finish}],
-        "usage": {"prompt_tokens": 1200, "completion_tokens": 6 * found.len(), "total_tokens": 1200 + 6 * found.len()},
+        "usage": {"prompt_tokens": input, "completion_tokens": output, "total_tokens": input + output},
     });
-    let mut made = Made::paid(Part::Detector, Reply::json(200, &body), (0, 0));
+    let mut made = Made::paid(Part::Detector, Reply::json(200, &body), (input as u64, output as u64));
     made.usable = !cut;
     made
 }
