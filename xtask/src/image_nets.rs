@@ -5,7 +5,7 @@ use std::process::Command;
 
 use anyhow::{Result, ensure};
 
-use crate::parity::{cache, checked, python};
+use crate::parity::{cache, checked, in_turn, python};
 
 /// Packages beside those of the VGGT comparison.
 const PACKAGES: [&str; 6] = ["transformers", "lpips", "scipy", "pillow", "hydra-core", "iopath"];
@@ -69,13 +69,10 @@ pub fn run(rounds: usize) -> Result<()> {
         }
     }
     for (net, script, words) in NETS.into_iter().filter(|(net, ..)| rounds > 0 && TIMED.contains(net)) {
-        for round in 1..=rounds {
-            println!("{net}, round {round}, ours:");
-            let folder = cache.join("parity-data").join(net);
-            checked(ours("time", net, &folder).arg("2").env("RAYON_NUM_THREADS", "2"))?;
-            println!("{net}, round {round}, PyTorch:");
-            checked(theirs(script).arg("time").args(words).arg("2"))?;
-        }
+        let folder = cache.join("parity-data").join(net);
+        println!("{net}:");
+        let (mut ours, mut theirs) = (ours("turns", net, &folder), theirs(script));
+        in_turn(rounds, ours.env("RAYON_NUM_THREADS", "2"), theirs.arg("turns").args(words).arg(&folder))?;
     }
     ensure!(failed.is_empty(), "further apart than allowed: {failed:?}");
     Ok(())
