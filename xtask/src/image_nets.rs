@@ -8,7 +8,8 @@ use anyhow::{Result, ensure};
 use crate::parity::{cache, checked, in_turn, python};
 
 /// Packages beside those of the VGGT comparison.
-const PACKAGES: [&str; 6] = ["transformers", "lpips", "scipy", "pillow", "hydra-core", "iopath"];
+/// Pillow 13 resizes along y first in some cases.
+const PACKAGES: [&str; 6] = ["transformers", "lpips", "scipy", "pillow==12.0.0", "hydra-core", "iopath"];
 
 /// A network: its name for the example, the script, and the script's words for it.
 const NETS: [(&str, &str, &[&str]); 8] = [
@@ -32,9 +33,10 @@ pub fn run(rounds: usize) -> Result<()> {
     let cache = cache()?;
     let python = python(&cache)?;
     let ready = cache.join("parity/ready-images");
-    if !ready.is_file() {
+    let wanted = PACKAGES.join("\n");
+    if std::fs::read_to_string(&ready).ok().as_deref() != Some(wanted.as_str()) {
         checked(Command::new(&python).args(["-m", "pip", "install", "--quiet"]).args(PACKAGES))?;
-        std::fs::write(&ready, PACKAGES.join("\n"))?;
+        std::fs::write(&ready, wanted)?;
     }
     let sam2 = std::env::var_os("HARMONY_SAM2").map_or_else(|| cache.join("sam2"), PathBuf::from);
     ensure!(

@@ -6,7 +6,8 @@ Usage: clip.py small OUT.safetensors       the little arrays of tests/clip.rs
        clip.py full FOLDER                 ViT-B/32: model.safetensors, inputs and outputs
        clip.py turns FOLDER                one image on two threads, once for each line on stdin
 
-Packages: torch transformers safetensors pillow.
+Packages: torch transformers safetensors pillow. The pictures kept were made with Pillow 12.0.0; 13 resizes along y first in
+some cases.
 """
 
 import json
