@@ -5,10 +5,11 @@ use std::process::Command;
 
 use anyhow::{Result, ensure};
 
-use crate::parity::{cache, checked, python};
+use crate::parity::{cache, checked, in_turn, python};
 
 /// Packages beside those of the VGGT comparison.
-const PACKAGES: [&str; 6] = ["transformers", "lpips", "scipy", "pillow", "hydra-core", "iopath"];
+/// Pillow 13 resizes along y first in some cases.
+const PACKAGES: [&str; 6] = ["transformers", "lpips", "scipy", "pillow==12.0.0", "hydra-core", "iopath"];
 
 /// A network: its name for the example, the script, and the script's words for it.
 const NETS: [(&str, &str, &[&str]); 8] = [
@@ -32,9 +33,10 @@ pub fn run(rounds: usize) -> Result<()> {
     let cache = cache()?;
     let python = python(&cache)?;
     let ready = cache.join("parity/ready-images");
-    if !ready.is_file() {
+    let wanted = PACKAGES.join("\n");
+    if std::fs::read_to_string(&ready).ok().as_deref() != Some(wanted.as_str()) {
         checked(Command::new(&python).args(["-m", "pip", "install", "--quiet"]).args(PACKAGES))?;
-        std::fs::write(&ready, PACKAGES.join("\n"))?;
+        std::fs::write(&ready, wanted)?;
     }
     let sam2 = std::env::var_os("HARMONY_SAM2").map_or_else(|| cache.join("sam2"), PathBuf::from);
     ensure!(
@@ -69,13 +71,10 @@ pub fn run(rounds: usize) -> Result<()> {
         }
     }
     for (net, script, words) in NETS.into_iter().filter(|(net, ..)| rounds > 0 && TIMED.contains(net)) {
-        for round in 1..=rounds {
-            println!("{net}, round {round}, ours:");
-            let folder = cache.join("parity-data").join(net);
-            checked(ours("time", net, &folder).arg("2").env("RAYON_NUM_THREADS", "2"))?;
-            println!("{net}, round {round}, PyTorch:");
-            checked(theirs(script).arg("time").args(words).arg("2"))?;
-        }
+        let folder = cache.join("parity-data").join(net);
+        println!("{net}:");
+        let (mut ours, mut theirs) = (ours("turns", net, &folder), theirs(script));
+        in_turn(rounds, ours.env("RAYON_NUM_THREADS", "2"), theirs.arg("turns").args(words).arg(&folder))?;
     }
     ensure!(failed.is_empty(), "further apart than allowed: {failed:?}");
     Ok(())

@@ -47,7 +47,12 @@ pub fn run(rounds: usize) -> Result<()> {
     theirs.args(["-W", "ignore"]).arg(&script).arg("time").arg(&reference).arg(&out).arg(rounds.to_string());
     let mut ours = ours("time");
     ours.env("RAYON_NUM_THREADS", "2");
-    let mut sides = [Side::start(&mut ours)?, Side::start(&mut theirs)?];
+    in_turn(rounds, &mut ours, &mut theirs)
+}
+
+/// Passes of both sides in turn, one line each.
+pub(crate) fn in_turn(rounds: usize, ours: &mut Command, theirs: &mut Command) -> Result<()> {
+    let mut sides = [Side::start(ours)?, Side::start(theirs)?];
     for round in 0..rounds {
         for side in &mut sides {
             println!("round {}: {}", round + 1, side.pass()?);

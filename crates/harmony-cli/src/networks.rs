@@ -20,6 +20,7 @@ mod native;
 mod report;
 #[cfg(feature = "nets")]
 mod similarity;
+mod status;
 
 /// Models that can play a role, the preferred one first. The one that may be used for anything goes first.
 const GEOMETRY: [&str; 2] = ["vggt-1b-commercial", "vggt-1b"];
@@ -285,52 +286,18 @@ pub fn looking(_: &Store) -> harmony_bench::metrics::similarity::Looking {
     harmony_bench::metrics::similarity::Looking { similarity: None, absent }
 }
 
-/// Devices, weights and expected times, for people.
+/// Devices, weights and expected times.
 #[cfg(feature = "nets")]
-pub use report::lines as report;
+pub use report::status;
 
-/// Devices, weights and expected times, for people.
+/// Devices, weights and expected times.
 #[cfg(not(feature = "nets"))]
-pub fn report(store: &Store) -> Vec<String> {
-    let mut lines = vec![WITHOUT.to_owned()];
-    lines.extend(present(store));
-    lines
-}
-
-/// Which models are there.
-pub fn present(store: &Store) -> Vec<String> {
-    let mut lines = vec![format!("models folder: {}", store.folder().display())];
-    for model in table::MODELS {
-        let words = match state_words(store, model) {
-            Ok(Some(words)) => words,
-            Ok(None) => continue,
-            Err(error) => error.to_string(),
-        };
-        lines.push(format!("{:<18} {words}", model.id));
+pub fn status(store: &Store) -> status::Status {
+    status::Status {
+        absent: Some(WITHOUT),
+        devices: Vec::new(),
+        folder: store.folder().to_path_buf(),
+        weights: status::weights(store),
+        expected: Vec::new(),
     }
-    if lines.len() == 1 {
-        lines.push("no weights there: `harmony models list`, `harmony models pull NAME`".to_owned());
-    }
-    lines
-}
-
-fn state_words(store: &Store, model: &Model) -> Result<Option<String>, ModelError> {
-    let (mut day, mut here, mut bad) = (None, 0, None);
-    for file in model.files {
-        match store.state(model, file)? {
-            FileState::Missing { .. } => {}
-            FileState::WrongSize { wanted, found } => {
-                (here, bad) = (here + 1, Some(format!("{} has {found} bytes, wanted {wanted}", file.name)));
-            }
-            FileState::Unchecked => (here, bad) = (here + 1, bad.or_else(|| Some("not checked yet".to_owned()))),
-            FileState::Verified(known) => (here, day) = (here + 1, Some(known.day())),
-        }
-    }
-    let licence = if store.check_licence(model).is_err() { ", licence not accepted" } else { "" };
-    Ok(match (here, bad, day) {
-        (0, ..) => None,
-        (n, ..) if n < model.files.len() => Some("in part: harmony models pull".to_owned()),
-        (_, Some(bad), _) => Some(format!("{bad}: harmony models verify{licence}")),
-        (_, None, day) => Some(format!("verified {}{licence}", day.unwrap_or_default())),
-    })
 }

@@ -213,4 +213,21 @@ fn the_doctor_tells_of_devices_weights_and_times() {
     for words in ["GFLOP/s", "no GPU", "no weights there", "ESTIMATE", "vggt-1b", "geometry_estimator: no network"] {
         assert!(text.contains(words), "{words} is not in {text}");
     }
+
+    // The same for programs.
+    let output = case.harmony(&["doctor", "--json", "--config", &config]);
+    assert!(output.status.success(), "{}", said(&output));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let roles = report["players"].as_array().unwrap();
+    assert!(roles.iter().any(|p| p["role"] == "geometry_estimator" && p["available"] == true), "{report}");
+    assert!(report["notes"].as_array().unwrap().iter().any(|n| n.as_str().unwrap().contains("geometry_estimator")));
+    let networks = &report["networks"];
+    assert!(networks["devices"][0]["operations_per_s"].as_f64().unwrap() > 1e6, "{report}");
+    assert_eq!(networks["devices"][1]["name"], "no GPU");
+    assert!(networks["devices"][1]["problem"].is_string(), "{report}");
+    assert_eq!(networks["folder"], case.path("models").display().to_string());
+    assert_eq!(networks["weights"], serde_json::json!([]));
+    let expected = networks["expected"].as_array().unwrap();
+    let vggt = expected.iter().find(|e| e["model"] == "vggt-1b").unwrap();
+    assert!(vggt["seconds"].as_f64().unwrap() > 0.0 && vggt["here"] == false, "{report}");
 }

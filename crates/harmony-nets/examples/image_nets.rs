@@ -4,6 +4,8 @@
 //! image_nets parity NET FOLDER [DEVICE]  compares with the arrays that tests/parity/{sam2,clip,owlv2,lpips_nets}.py left
 //!                                        in FOLDER
 //! image_nets time NET FOLDER [ROUNDS] [DEVICE]
+//! image_nets turns NET FOLDER            one pass for each line on stdin, with time and peak memory: the encoder of SAM 2
+//!                                        or CLIP on one image, OWLv2 on one image and four phrases
 //! image_nets profile NET FOLDER DEVICE   kernels of one pass, the longest first
 //! ```
 //!
@@ -36,6 +38,8 @@ type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
 const LIMIT: f64 = 1e-4;
 const LIMIT_BF16: f64 = 2e-2;
 
+#[path = "measure/mod.rs"]
+mod measure;
 #[path = "../tests/image_nets/seeded.rs"]
 mod seeded;
 
@@ -54,7 +58,7 @@ fn main() -> ExitCode {
 
 fn run(args: &[String]) -> Outcome<bool> {
     let [mode, net, folder, rest @ ..] = args else {
-        return Err("usage: image_nets parity|time|profile NET FOLDER [ROUNDS] [DEVICE]".into());
+        return Err("usage: image_nets parity|time|turns|profile NET FOLDER [ROUNDS] [DEVICE]".into());
     };
     let (rounds, device) = match rest {
         [] => (3, "cpu"),
@@ -105,6 +109,7 @@ fn work<B: Backend>(
             Ok(report.good)
         }
         "time" => time(net, folder, backend, rounds).map(|()| true),
+        "turns" => turns(net, folder, backend).map(|()| true),
         other => Err(format!("no such mode: {other}").into()),
     }
 }
@@ -287,6 +292,38 @@ fn lpips<B: Backend>(folder: &Path, backend: &Arc<B>, report: &mut Report) -> Ou
     Ok(())
 }
 
+/// A pass for each line on stdin, from normalised pixels to values on the host.
+fn turns<B: Backend>(net: &str, folder: &Path, backend: &Arc<B>) -> Outcome {
+    match net.split_once('_').unwrap_or((net, "")) {
+        ("sam2", size) => {
+            let net = load_sam2(size, folder, backend.clone())?;
+            let photo = photo(1280, 960);
+            let pixels = preprocess(&photo, net.config().image_size);
+            measure::turns(|| {
+                let image = net.encode_pixels(pixels.clone(), photo.dimensions())?;
+                Ok(backend.read(&image.embedding)?.len())
+            })
+        }
+        ("clip", _) => {
+            let weights = WeightFile::open(&folder.join("model.safetensors"))?;
+            let net = ClipImageEncoder::load(backend.clone(), &weights, &ClipConfig::vit_b32())?;
+            let pixels = [pixels(0, 224)];
+            measure::turns(|| Ok(net.embed_pixels(&pixels)?.len()))
+        }
+        ("owlv2", size) => {
+            let net = load_owlv2(size, folder, backend.clone())?;
+            let wanted = WeightFile::open(&folder.join(format!("owlv2_{size}.safetensors")))?;
+            let ids = ids(&wanted, 16, END)?;
+            let pixels = pixels(0, net.config().vision.image_size);
+            measure::turns(|| {
+                let image = net.encode_pixels(pixels.clone())?;
+                Ok(net.logits(&image, &net.embed_text(&ids)?)?.len())
+            })
+        }
+        _ => Err(format!("no timing of {net}").into()),
+    }
+}
+
 /// Boxes of a photo of 1280 x 960: rows and columns of them, as many as furniture of a full room.
 fn boxes() -> Vec<Prompt> {
     let at = |i: usize| {
@@ -386,10 +423,7 @@ fn time<B: Backend>(net: &str, folder: &Path, backend: &Arc<B>, rounds: usize) -
     for (name, values) in parts {
         println!("ours {net} {name}: {:.2} ms", middle(values));
     }
-    let status = std::fs::read_to_string("/proc/self/status")?;
-    let peak = status.lines().find_map(|l| l.strip_prefix("VmHWM:")).unwrap_or("? kB").trim();
-    let kib: f64 = peak.trim_end_matches(" kB").parse()?;
-    println!("peak_mib {:.0}", kib / 1024.0);
+    println!("{}", measure::peak_memory());
     Ok(())
 }
 

@@ -5,13 +5,15 @@
 
 #![expect(clippy::print_stdout, reason = "a program")]
 
-use std::io::BufRead;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use harmony_nets::WeightFile;
 use harmony_nets::cpu::Cpu;
 use harmony_nets::vggt::{Frame, FrameGeometry, Heads, Vggt};
+
+#[path = "measure/mod.rs"]
+mod measure;
 
 type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
 
@@ -37,14 +39,7 @@ fn main() -> Outcome {
         let found = network.run(&backend, &frames, Heads { depth: true, points: true })?;
         return compare(&expected, &found);
     }
-    for line in std::io::stdin().lock().lines() {
-        line?;
-        let (start, cpu) = (Instant::now(), cpu_time());
-        network.run(&backend, &frames, Heads { depth: true, points: false })?;
-        let (wall, cpu) = (start.elapsed().as_secs_f64(), cpu_time().saturating_sub(cpu).as_secs_f64());
-        println!("harmony {wall:.2} s, {cpu:.2} CPU-s, {}", peak_memory());
-    }
-    Ok(())
+    measure::turns(|| Ok(network.run(&backend, &frames, Heads { depth: true, points: false })?.len()))
 }
 
 fn compare(expected: &WeightFile, found: &[FrameGeometry]) -> Outcome {
@@ -75,22 +70,4 @@ fn compare(expected: &WeightFile, found: &[FrameGeometry]) -> Outcome {
         good &= worst <= 1e-4;
     }
     if good { Ok(()) } else { Err("a head is off by more than 1e-4".into()) }
-}
-
-/// CPU time of this process, where the system tells it.
-fn cpu_time() -> Duration {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
-    let ticks = |i: usize| fields.get(i).and_then(|f| f.parse::<u64>().ok()).unwrap_or(0);
-    Duration::from_millis((ticks(11) + ticks(12)) * 10)
-}
-
-/// The most memory that this process has held; mapped weights that were read count.
-fn peak_memory() -> String {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let value = |key: &str| {
-        let line = status.lines().find(|l| l.starts_with(key));
-        line.and_then(|l| l.split_whitespace().nth(1)).and_then(|v| v.parse::<u64>().ok()).map_or(0, |k| k / 1024)
-    };
-    format!("peak {} MiB (now: {} own, {} mapped file)", value("VmHWM"), value("RssAnon"), value("RssFile"))
 }

@@ -23,6 +23,8 @@ mod player;
 pub mod reference;
 #[cfg(any(feature = "sam2", feature = "clip"))]
 pub mod resample;
+#[cfg(any(feature = "sam2", feature = "clip"))]
+mod residual;
 #[cfg(feature = "sam2")]
 pub mod sam2;
 mod tensor;

@@ -18,7 +18,7 @@ const LIMIT: f64 = 1e-5;
 
 fn trunk(net: LpipsNet) -> Seeded {
     let prefix = if net == LpipsNet::Alex { "alex." } else { "vgg." };
-    Seeded { prefix, gain: 2f32.sqrt(), positive: |key| key.starts_with("lin"), ..Seeded::default() }
+    Seeded { prefix, gain: |_| 2f32.sqrt(), positive: |key| key.starts_with("lin"), ..Seeded::default() }
 }
 
 /// The second picture of the script: mirrored, its upper half inverted.

@@ -33,13 +33,18 @@ fn small() -> Sam2Config {
     }
 }
 
+/// As `special` of the script.
 fn seeded() -> Seeded {
     Seeded {
         small: |key| {
-            ["pos_embed", "embed.weight", "embeddings", "token", "no_mem_embed", "gaussian"]
-                .iter()
-                .any(|part| key.contains(part))
+            ["_token.weight", "mask_tokens.weight", "embed.weight"].iter().any(|end| key.ends_with(end))
+                || ["pos_embed", "point_embeddings", "no_mem_embed", "gaussian"].iter().any(|part| key.contains(part))
         },
+        gain: |key| {
+            let end = key.ends_with("attn.proj.weight") || key.ends_with("mlp.layers.1.weight");
+            if end && key.contains(".trunk.blocks.") { 0.2 } else { 1.0 }
+        },
+        about_one: |key| key.ends_with("pred_obj_score_head.layers.2.bias"),
         ..Seeded::default()
     }
 }

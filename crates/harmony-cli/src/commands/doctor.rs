@@ -6,6 +6,7 @@ use anyhow::{Context, Result};
 use harmony_players::check::Checked;
 use harmony_players::{RoleStatus, casting_report, offline_cast};
 use harmony_roles::{PlayerCard, Role, RoleError};
+use serde_json::json;
 
 use crate::cast::{self, Known};
 use crate::config::players::Boxes;
@@ -72,12 +73,16 @@ pub fn run(args: &Args) -> Result<u8> {
         });
     }
     report.sort_by_key(|status| (Role::ALL.iter().position(|role| *role == status.role), status.player.offline));
+    let status = networks::status(&store);
     if args.json {
+        let networks = serde_json::to_value(&status)?;
+        let report =
+            json!({ "profile": profile.name(), "players": report, "notes": played.notes, "networks": networks });
         say!("{}", serde_json::to_string_pretty(&report)?)?;
     } else {
         print(&report, profile)?;
         say!("\nnetworks inside this program")?;
-        for line in played.notes.iter().cloned().chain(networks::report(&store)) {
+        for line in played.notes.into_iter().chain(status.lines()) {
             say!("  {line}")?;
         }
     }

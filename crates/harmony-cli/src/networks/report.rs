@@ -11,7 +11,7 @@ use harmony_nets::sam2::{Sam2Config, Sam2Size};
 use harmony_nets::vggt::VggtConfig;
 use harmony_nets::{HostTensor, NetError};
 
-use super::present;
+use super::status::{Device, Expected, Status, weights};
 
 /// Rows, inputs and outputs of the product that is timed: a feed-forward layer of VGGT for one photo.
 const PRODUCT: [usize; 3] = [1041, 1024, 4096];
@@ -21,39 +21,35 @@ const RUNS: usize = 3;
 const PATCHES: [usize; 2] = [28, 37];
 
 /// Devices, weights, expected times.
-pub fn lines(store: &Store) -> Vec<String> {
-    let mut lines = Vec::new();
+pub fn status(store: &Store) -> Status {
     let cpu = Cpu::new();
-    let speed = speed(&cpu, RUNS);
-    lines.push(match &speed {
-        Ok(speed) => format!("{}: products at {:.0} GFLOP/s (measured now)", cpu.device(), speed / 1e9),
-        Err(error) => format!("{}: {error}", cpu.device()),
-    });
-    let mut best = speed.ok();
-    match gpu() {
-        Ok((words, speed)) => {
-            lines.push(words);
-            best = Some(speed);
-        }
-        Err(why) => lines.push(format!("no GPU: {why}")),
+    let device = match speed(&cpu, RUNS) {
+        Ok(speed) => Device { name: cpu.device(), operations_per_s: Some(speed), problem: None },
+        Err(error) => Device { name: cpu.device(), operations_per_s: None, problem: Some(error.to_string()) },
+    };
+    let gpu = match gpu() {
+        Ok((name, speed)) => Device { name, operations_per_s: Some(speed), problem: None },
+        Err(why) => Device { name: "no GPU".to_owned(), operations_per_s: None, problem: Some(why) },
+    };
+    let devices = vec![device, gpu];
+    let best = devices.iter().rev().find_map(|d| d.operations_per_s);
+    let expected = |speed: f64| {
+        let here = |id| table::find(id).is_some_and(|m| store.has(m).unwrap_or(false));
+        let each = |(model, work, operations): (_, _, f64)| Expected {
+            model,
+            work,
+            seconds: operations / speed,
+            here: here(model),
+        };
+        work().into_iter().map(each).collect()
+    };
+    Status {
+        absent: None,
+        expected: best.map_or_else(Vec::new, expected),
+        devices,
+        folder: store.folder().to_path_buf(),
+        weights: weights(store),
     }
-    lines.extend(present(store));
-    if let Some(speed) = best {
-        lines.push(
-            "expected times (an ESTIMATE: operations divided by the speed of products above; real ones are longer):"
-                .to_owned(),
-        );
-        for (id, what, operations) in work() {
-            let here = table::find(id).is_some_and(|m| store.has(m).unwrap_or(false));
-            let mark = if here { "" } else { "  (weights not here)" };
-            lines.push(format!("{id:<18} {what}: {}{mark}", seconds(operations / speed)));
-        }
-    }
-    lines
-}
-
-fn seconds(s: f64) -> String {
-    if s < 1.0 { format!("{:.0} ms", s * 1e3) } else { format!("{s:.1} s") }
 }
 
 /// Operations a second of a matrix product.
@@ -84,13 +80,7 @@ fn gpu() -> Result<(String, f64), String> {
         driver.split_whitespace().find(|w| w.split('.').count() >= 2 && w.starts_with(|c: char| c.is_ascii_digit()));
     let driver = driver.map_or_else(String::new, |d| format!(", driver {d}"));
     let gib = |bytes: usize| bytes as f64 / f64::from(1 << 30);
-    let words = format!(
-        "{}{driver}, {:.1} of {:.1} GiB free: products at {:.0} GFLOP/s (measured now)",
-        cuda.device(),
-        gib(free),
-        gib(total),
-        speed / 1e9
-    );
+    let words = format!("{}{driver}, {:.1} of {:.1} GiB free", cuda.device(), gib(free), gib(total));
     Ok((words, speed))
 }
 

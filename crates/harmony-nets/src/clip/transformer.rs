@@ -1,9 +1,10 @@
 //! Pre-norm transformer blocks, the same in both towers.
 
 use super::layout::Layout;
-use crate::backend::{Act, AttentionSpec, Backend, Binary, Qkv};
+use crate::NetError;
+use crate::backend::{Act, AttentionSpec, Backend, Qkv};
 use crate::params::{Mlp, Norm, Params};
-use crate::{DType, NetError};
+use crate::residual::{added, wide};
 
 /// Epsilon of all of CLIP's norms.
 pub(super) const EPS: f32 = 1e-5;
@@ -50,25 +51,21 @@ impl<B: Backend> Transformer<B> {
         Ok(Self { blocks: (0..layers).map(block).collect::<Result<_, _>>()?, heads, causal })
     }
 
-    /// `[N, tokens, width]` to the same. What goes around the layers and is added up is kept in f32, also where layers
-    /// compute in bf16: over 24 blocks its rounding would be the largest error.
+    /// `[N, tokens, width]` to the same, in f32.
     pub(super) fn forward(&self, b: &B, x: B::Tensor) -> Result<B::Tensor, NetError> {
         let spec = AttentionSpec { causal: self.causal, ..AttentionSpec::heads(self.heads) };
         let narrow = b.preferred();
-        let added = |x: B::Tensor, layer: &dyn Fn(Option<B::Tensor>) -> Result<B::Tensor, NetError>| {
-            if narrow == DType::F32 { layer(Some(x)) } else { b.binary(x, &layer(None)?, Binary::Add) }
-        };
-        let mut x = if narrow == DType::F32 { x } else { b.cast(&x, DType::F32)? };
+        let mut x = wide(b, x)?;
         for block in &self.blocks {
             let normed = b.cast(&block.norm1.apply(b, &x)?, narrow)?;
             let qkv = b.linear(&normed, &block.qkv, Act::None, None)?;
             drop(normed);
             let attended = b.attention(Qkv::Packed(&qkv), &spec)?;
             drop(qkv);
-            x = added(x, &|residual| b.linear(&attended, &block.out, Act::None, residual))?;
+            x = added(b, x, |residual| b.linear(&attended, &block.out, Act::None, residual))?;
             drop(attended);
             let normed = b.cast(&block.norm2.apply(b, &x)?, narrow)?;
-            x = added(x, &|residual| block.mlp.apply(b, &normed, residual))?;
+            x = added(b, x, |residual| block.mlp.apply(b, &normed, residual))?;
         }
         Ok(x)
     }

@@ -4,6 +4,7 @@
 use super::Sam2Config;
 use crate::backend::{Act, AttentionSpec, Backend, Binary, Pool, Qkv, Resize, TensorHandle, Window};
 use crate::params::{Mlp, Norm, Params};
+use crate::residual::{added, wide};
 use crate::{DType, HostTensor, NetError};
 
 const EPS: f32 = 1e-6;
@@ -54,9 +55,9 @@ impl<B: Backend> Hiera<B> {
         Ok(Self { patches, positions: positions(p, config)?, blocks, ends })
     }
 
-    /// `[1, side, side, 3]` to the ends of the four stages, finest first.
+    /// `[1, side, side, 3]` to the ends of the four stages, finest first, in f32.
     pub(super) fn forward(&self, b: &B, image: B::Tensor) -> Result<Vec<B::Tensor>, NetError> {
-        let mut x = b.conv2d(&image, &self.patches, Act::None, None)?;
+        let mut x = wide(b, b.conv2d(&image, &self.patches, Act::None, None)?)?;
         drop(image);
         x = b.binary(x, &self.positions, Binary::Add)?;
         let mut ends = Vec::with_capacity(4);
@@ -87,8 +88,7 @@ fn positions<B: Backend>(p: &Params<'_, B>, config: &Sam2Config) -> Result<B::Te
     };
     let tiled: Vec<f32> = (0..n).flat_map(|y| (0..n).flat_map(move |x| at(y, x))).collect();
     let tiled = b.load(&HostTensor::from_f32(&[n, n, c], tiled), DType::F32)?;
-    let sum = b.reshape(&b.binary(stretched, &tiled, Binary::Add)?, &[n, n, c])?;
-    b.cast(&sum, b.preferred())
+    b.reshape(&b.binary(stretched, &tiled, Binary::Add)?, &[n, n, c])
 }
 
 impl<B: Backend> Block<B> {
@@ -107,18 +107,18 @@ impl<B: Backend> Block<B> {
     }
 
     fn forward(&self, b: &B, x: B::Tensor) -> Result<B::Tensor, NetError> {
-        let normed = self.norm1.apply(b, &x)?;
+        let normed = b.cast(&self.norm1.apply(b, &x)?, b.preferred())?;
         let shortcut = match &self.shortcut {
             // From the normalised input, unlike in other blocks.
-            Some(proj) => b.pool2d(&b.linear(&normed, proj, Act::None, None)?, Pool::Max, HALVE)?,
+            Some(proj) => wide(b, b.pool2d(&b.linear(&normed, proj, Act::None, None)?, Pool::Max, HALVE)?)?,
             None => x,
         };
         let attended = self.attend(b, &normed, shortcut.dim(1), shortcut.dim(2))?;
         drop(normed);
-        let x = b.linear(&attended, &self.out, Act::None, Some(shortcut))?;
+        let x = added(b, shortcut, |residual| b.linear(&attended, &self.out, Act::None, residual))?;
         drop(attended);
-        let normed = self.norm2.apply(b, &x)?;
-        self.mlp.apply(b, &normed, Some(x))
+        let normed = b.cast(&self.norm2.apply(b, &x)?, b.preferred())?;
+        added(b, x, |residual| self.mlp.apply(b, &normed, residual))
     }
 
     /// Attention inside windows, to `[1, height, width, channels]`.

@@ -99,7 +99,8 @@ pub struct RawPrediction {
 }
 
 impl<B: Backend> Sam2<B> {
-    /// Puts the weights on the device. Large layers compute in the device's preferred type, the mask decoder in f32.
+    /// Puts the weights on the device. Layers of the image encoder compute in the device's preferred type, with
+    /// residuals in f32; the mask decoder is f32.
     ///
     /// # Errors
     /// [`NetError::Weights`] for a key that is missing or has another shape (a checkpoint of another size has), and what
@@ -148,8 +149,7 @@ impl<B: Backend> Sam2<B> {
     pub fn encode_pixels(&self, pixels: Pixels, size: (u32, u32)) -> Result<Encoded<B>, NetError> {
         let stages = self.stages(pixels)?;
         let [embedding, fine, finest] = self.neck.forward(&self.backend, stages)?;
-        let f32 = |x| self.backend.cast(&x, DType::F32);
-        Ok(Encoded { embedding: f32(embedding)?, fine: f32(fine)?, finest: f32(finest)?, size })
+        Ok(Encoded { embedding, fine, finest, size })
     }
 
     /// Features at the ends of the four stages, finest first: taps for tests.

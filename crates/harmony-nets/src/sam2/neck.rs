@@ -3,6 +3,7 @@
 use super::Sam2Config;
 use crate::backend::{Act, Backend, Binary, Resize, TensorHandle};
 use crate::params::Params;
+use crate::residual::added;
 use crate::{HostTensor, NetError};
 
 /// The neck.
@@ -31,25 +32,24 @@ impl<B: Backend> Neck<B> {
             let (weight, bias) = fold(&level(i)?, &after, [out, w, c[i]]);
             p.loaded(weight, Some(bias))
         };
-        let no_memory = p.tensor("no_mem_embed", &[1, 1, w])?;
-        let no_memory = p.backend.reshape(&no_memory, &[w])?;
+        let no_memory = p.backend.reshape(&p.tensor("no_mem_embed", &[1, 1, w])?, &[w])?;
         Ok(Self {
             coarsest: plain(3)?,
             coarse: plain(2)?,
             fine: folded(1, "conv_s1", w / 4)?,
             finest: folded(0, "conv_s0", w / 8)?,
-            no_memory: p.backend.cast(&no_memory, p.backend.preferred())?,
+            no_memory,
         })
     }
 
-    /// The four stages, finest first, to the image embedding and the two fine levels.
+    /// The four stages, finest first and f32, to the image embedding and the two fine levels, f32 as well.
     pub(super) fn forward(&self, b: &B, stages: Vec<B::Tensor>) -> Result<[B::Tensor; 3], NetError> {
         let [finest, fine, coarse, coarsest] = <[B::Tensor; 4]>::try_from(stages)
             .map_err(|s| NetError::shape("SAM 2 neck", format!("{} stages, wanted four", s.len())))?;
         let linear = |x: &B::Tensor, w: &B::Linear, residual| b.linear(x, w, Act::None, residual);
         let above = linear(&coarsest, &self.coarsest, None)?;
         let above = b.resize(&above, coarse.dim(1), coarse.dim(2), Resize::Nearest)?;
-        let embedding = linear(&coarse, &self.coarse, Some(above))?;
+        let embedding = added(b, above, |residual| linear(&coarse, &self.coarse, residual))?;
         let embedding = b.binary(embedding, &self.no_memory, Binary::Add)?;
         Ok([embedding, linear(&fine, &self.fine, None)?, linear(&finest, &self.finest, None)?])
     }

@@ -16,17 +16,19 @@ pub use seeded::{photo, uniform};
 pub struct Seeded {
     /// In front of every key before it is hashed.
     pub prefix: &'static str,
-    /// Factor on matrices and filters.
-    pub gain: f32,
+    /// Factor on matrices and filters, by key.
+    pub gain: fn(&str) -> f32,
     /// Keys of positions, tokens and the like: values of up to one half.
     pub small: fn(&str) -> bool,
     /// Keys whose sign is dropped.
     pub positive: fn(&str) -> bool,
+    /// Keys of values about one, like those of norms.
+    pub about_one: fn(&str) -> bool,
 }
 
 impl Default for Seeded {
     fn default() -> Self {
-        Self { prefix: "", gain: 1.0, small: |_| false, positive: |_| false }
+        Self { prefix: "", gain: |_| 1.0, small: |_| false, positive: |_| false, about_one: |_| false }
     }
 }
 
@@ -43,8 +45,8 @@ impl WeightSource for Seeded {
         } else if (self.small)(key) {
             (0.0, 0.5)
         } else if shape.len() >= 2 {
-            (0.0, (3.0 / fan_in as f64).sqrt() as f32 * self.gain)
-        } else if key.ends_with(".weight") {
+            (0.0, (3.0 / fan_in as f64).sqrt() as f32 * (self.gain)(key))
+        } else if key.ends_with(".weight") || (self.about_one)(key) {
             (1.0, 0.1)
         } else {
             (0.0, 0.1)

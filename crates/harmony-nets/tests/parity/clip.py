@@ -4,16 +4,15 @@ Usage: clip.py small OUT.safetensors       the little arrays of tests/clip.rs
        clip.py preprocess OUT.safetensors  the image processor (PIL backend) on small pictures
        clip.py tokens FOLDER               a made-up vocabulary, and what the tokenizer makes of sentences
        clip.py full FOLDER                 ViT-B/32: model.safetensors, inputs and outputs
-       clip.py time [ROUNDS]               seconds of one image on two threads, and peak memory
+       clip.py turns FOLDER                one image on two threads, once for each line on stdin
 
-Packages: torch transformers safetensors pillow.
+Packages: torch transformers safetensors pillow. The pictures kept were made with Pillow 12.0.0; 13 resizes along y first in
+some cases.
 """
 
 import json
 import os
-import resource
 import sys
-import time
 
 import numpy as np
 import torch
@@ -162,16 +161,14 @@ def main():
         print("levels apart:", np.abs(a - b).max() * 0.26 * 255)
     elif mode == "tokens":
         tokens(sys.argv[2])
-    elif mode == "time":
-        model, _ = build(False)
+    elif mode == "turns":
+        from safetensors.torch import load_file
+        from transformers import CLIPModel
+
+        model = CLIPModel(config(False)).eval()
+        model.load_state_dict(load_file(f"{sys.argv[2]}/model.safetensors"), assign=True)
         pixels = pixels_of(224, 1)
-        rounds = int(sys.argv[2]) if len(sys.argv) > 2 else 5
-        with torch.no_grad():
-            for _ in range(rounds):
-                start = time.perf_counter()
-                model.get_image_features(pixel_values=pixels)
-                print(f"image_s {time.perf_counter() - start:.4f}", flush=True)
-        print(f"peak_mib {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f}")
+        seeded.turns(lambda: model.get_image_features(pixel_values=pixels))
     else:
         sys.exit(__doc__)
 

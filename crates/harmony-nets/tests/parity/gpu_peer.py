@@ -135,14 +135,8 @@ def sam2(folder):
     x, y = columns.reshape(-1) * 200.0 + 20.0, rows.reshape(-1) * 180.0 + 30.0
     boxes = np.stack([x, y, x + 190.0, y + 160.0], -1)
     with torch.inference_mode(), autocast():
-        small = script.photo(480, 320)
-        predictor.set_image(small)
-        feats = predictor._features
-        for name, feat in (("image_embed", feats["image_embed"]), ("high_res0", feats["high_res_feats"][0]), ("high_res1", feats["high_res_feats"][1])):
-            print(f"peer sam2_large bf16 error {name}: {l2(feat[0].permute(1, 2, 0), expected[name]):.1e}")
-        _, ious, low = predictor.predict(box=script.BOX * 5, multimask_output=True, return_logits=True)
-        print(f"peer sam2_large bf16 error box.multi.low: {l2(torch.as_tensor(low), expected['box.multi.low']):.1e}")
-        print(f"peer sam2_large bf16 error box.multi.iou: {l2(torch.as_tensor(ious), expected['box.multi.iou']):.1e}")
+        for name, value in script.record(model, script.photo(480, 320), False).items():
+            print(f"peer sam2_large bf16 error {name}: {l2(torch.as_tensor(value), expected[name]):.1e}")
         image = script.photo(1280, 960)
         pixels = predictor._transforms(image)[None]
 

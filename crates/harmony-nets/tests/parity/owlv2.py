@@ -3,15 +3,13 @@
 Usage: owlv2.py small OUT.safetensors        the little arrays of tests/detector.rs
        owlv2.py preprocess OUT.safetensors   the image processor (torchvision backend) on small pictures
        owlv2.py full SIZE FOLDER             SIZE = base, large: model.safetensors, inputs and outputs
-       owlv2.py time SIZE [ROUNDS]           seconds of one image with four phrases on two threads, and peak memory
+       owlv2.py turns SIZE FOLDER            one image with four phrases on two threads, once for each line on stdin
 
 Packages: torch torchvision transformers safetensors pillow.
 """
 
 import os
-import resource
 import sys
-import time
 
 import numpy as np
 import torch
@@ -112,16 +110,15 @@ def main():
             out = processor(PIL.Image.fromarray(photo(w, h)), return_tensors="np")["pixel_values"][0]
             arrays[name] = out.transpose(1, 2, 0).astype(np.float32)
         save(sys.argv[2], arrays, PIL, torchvision)
-    elif mode == "time":
-        model, _ = build(sys.argv[2])
+    elif mode == "turns":
+        from safetensors.torch import load_file
+        from transformers import Owlv2ForObjectDetection
+
+        model = Owlv2ForObjectDetection(config(sys.argv[2])).eval()
+        model.load_state_dict(load_file(f"{sys.argv[3]}/model.safetensors"), assign=True)
         ids, mask = phrases(sys.argv[2])
         pixels = pixels_of(model)
-        with torch.no_grad():
-            for _ in range(int(sys.argv[3]) if len(sys.argv) > 3 else 3):
-                start = time.perf_counter()
-                model(input_ids=ids, pixel_values=pixels, attention_mask=mask)
-                print(f"image_s {time.perf_counter() - start:.3f}", flush=True)
-        print(f"peak_mib {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f}")
+        seeded.turns(lambda: model(input_ids=ids, pixel_values=pixels, attention_mask=mask))
     else:
         sys.exit(__doc__)
 

@@ -27,13 +27,14 @@ def uniform(key: str, shape) -> np.ndarray:
     return ((z >> np.uint64(40)).astype(np.float32) / np.float32(1 << 23) - np.float32(1)).reshape(shape)
 
 
-def tensor(key: str, shape) -> np.ndarray:
-    """A weight whose layer keeps the size of its input: matrices and filters by fan-in, norms about one."""
+def tensor(key: str, shape, factor=1.0) -> np.ndarray:
+    """A weight whose layer keeps the size of its input, or `factor` times that: matrices and filters by fan-in, norms
+    about one."""
     shape = tuple(shape)
     u = uniform(key, shape)
     if len(shape) >= 2:
         fan_in = max(int(np.prod(shape[1:], dtype=np.int64)), 1)
-        return u * np.float32(np.sqrt(3.0 / fan_in))
+        return u * (np.float32(np.sqrt(3.0 / fan_in)) * np.float32(factor))
     if len(shape) == 1 and key.endswith(".weight"):
         return np.float32(1) + np.float32(0.1) * u
     return np.float32(0.1) * u
@@ -57,6 +58,23 @@ def fill(module, rename=lambda key: key, special=None):
         filled[key] = torch.from_numpy(np.ascontiguousarray(array)).reshape(value.shape)
     module.load_state_dict(filled, strict=True)
     return filled
+
+
+def turns(run):
+    """Calls `run` once for each line on stdin and answers each with a line: wall-clock and processor time, peak memory."""
+    import resource
+    import sys
+    import time
+
+    import torch
+
+    with torch.inference_mode():
+        for _ in sys.stdin:
+            cpu, wall = time.process_time(), time.perf_counter()
+            run()
+            wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+            print(f"torch {wall:.3f} s, {cpu:.2f} CPU-s, peak {peak:.0f} MiB", flush=True)
 
 
 def versions(*modules) -> dict:
