@@ -132,6 +132,7 @@ pub(crate) fn clip(triangle: [DVec3; 3]) -> Vec<DVec3> {
     out
 }
 
+#[expect(clippy::needless_bitwise_bool, reason = "without branches several pixels go at a time")]
 fn fill(depth: &mut [f32], w: usize, h: usize, a: Corner, b: Corner, c: Corner) {
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     if area.is_nan() || area.abs() <= 1e-12 {
