@@ -40,7 +40,7 @@ fn config(file: &Path, role: &str, section: &str) -> String {
     let mut text = String::from("profile = \"paper\"\n");
     for other in ROLES {
         let own = if other == role { section } else { "player = \"offline\"\n" };
-        text += &format!("[players.{other}]\n{own}\n");
+        text.extend([format!("[players.{other}]\n{own}\n")]);
     }
     std::fs::write(file, text).unwrap();
     file.to_str().unwrap().to_owned()
