@@ -7,7 +7,7 @@
 use std::path::PathBuf;
 
 use harmony_calls::Cast;
-use harmony_models::{FileState, Model, ModelError, Store, table};
+use harmony_models::{FileState, Model, ModelError, Store};
 use harmony_roles::{Role, RoleError};
 
 use crate::cast::Known;
@@ -193,7 +193,7 @@ fn choose(wanted: &Wanted<'_>, ask: &Ask<'_>) -> Result<Weights, RoleError> {
     let ids: Vec<&str> = ask.model.map_or_else(|| ask.ids.to_vec(), |id| vec![id]);
     let mut reasons = Vec::new();
     for id in &ids {
-        let model = table::find(id).filter(|m| ask.ids.contains(&m.id)).ok_or_else(|| {
+        let model = harmony_models::table::find(id).filter(|m| ask.ids.contains(&m.id)).ok_or_else(|| {
             not_set_up(id, format!("{id} is no model for this role"), format!("models are {}", ask.ids.join(", ")))
         })?;
         match state(store, model).map_err(|e| wrong(id, &e))? {
