@@ -540,15 +540,24 @@ fn distance_to(b: &CameraBox, face: Surface) -> Option<f64> {
 
 /// How far a ray goes towards a face for each unit of planar depth; `None` when it hardly does.
 fn towards(face: Surface, ray: Vec3) -> Option<f64> {
-    let towards = match face {
-        Surface::Left => -ray.x,
-        Surface::Right => ray.x,
-        Surface::Floor => -ray.y,
-        Surface::Ceiling => ray.y,
-        Surface::Back => -ray.z,
-        Surface::Front => return None,
-    };
-    (towards > 0.02).then_some(towards)
+    outward(face, ray).filter(|towards| *towards > 0.02)
+}
+
+/// The part of a ray (room axes) across a face, out of the room; that of the front wall is not asked for.
+fn outward(face: Surface, ray: Vec3) -> Option<f64> {
+    match face {
+        Surface::Left => Some(-ray.x),
+        Surface::Right => Some(ray.x),
+        Surface::Floor => Some(-ray.y),
+        Surface::Ceiling => Some(ray.y),
+        Surface::Back => Some(-ray.z),
+        Surface::Front => None,
+    }
+}
+
+/// 1 / planar depth of a face, beyond its ends too, along a ray (room axes, planar depth 1): linear in the ray.
+pub(super) fn inverse_depth_of(b: &CameraBox, face: Surface, ray: Vec3) -> Option<f64> {
+    Some(outward(face, ray)? / distance_to(b, face)?)
 }
 
 /// Median depths of square cells, and how many lie along the longer side.
