@@ -189,20 +189,23 @@ impl Reader<'_> {
         }
         let mut mesh = Mesh::default();
         let mut materials: Vec<Option<usize>> = Vec::new();
+        // Where the vertices of each primitive begin.
+        let mut starts: Vec<(&Primitive, usize)> = Vec::new();
         for primitive in &entry.primitives {
-            self.primitive(primitive, index, &mut mesh, &mut materials)?;
+            self.primitive(primitive, index, &mut mesh, &mut materials, &mut starts)?;
         }
         let mesh = Arc::new(mesh);
         self.meshes[index] = Some(Arc::clone(&mesh));
         Ok(mesh)
     }
 
-    fn primitive(
+    fn primitive<'p>(
         &mut self,
-        primitive: &Primitive,
+        primitive: &'p Primitive,
         mesh_index: usize,
         mesh: &mut Mesh,
         materials: &mut Vec<Option<usize>>,
+        starts: &mut Vec<(&'p Primitive, usize)>,
     ) -> Result<(), GlbError> {
         let mode = primitive.mode.unwrap_or(4);
         if !(4..=6).contains(&mode) {
@@ -291,10 +294,7 @@ impl Reader<'_> {
             mesh.materials.push(material);
             materials.len() - 1
         });
-        let base = mesh.positions.len() as u32;
-        mesh.positions.append(&mut part.positions);
-        mesh.normals.append(&mut part.normals);
-        mesh.uvs.append(&mut part.uvs);
+        let base = add_vertices(mesh, &mut part, primitive, starts) as u32;
         mesh.groups.extend(part.groups.into_iter().map(|g| Group {
             material: slot,
             triangles: g.triangles.into_iter().map(|t| t.map(|i| i + base)).collect(),
@@ -305,6 +305,31 @@ impl Reader<'_> {
         }
         Ok(())
     }
+}
+
+/// Adds a part's vertices, unless an earlier primitive of the mesh has the same ones; where they begin.
+fn add_vertices<'p>(
+    mesh: &mut Mesh,
+    part: &mut Mesh,
+    primitive: &'p Primitive,
+    starts: &mut Vec<(&'p Primitive, usize)>,
+) -> usize {
+    let same = |(other, start): &&(&Primitive, usize)| {
+        let span = *start..*start + part.positions.len();
+        other.attributes == primitive.attributes
+            && mesh.positions.get(span.clone()) == Some(&part.positions[..])
+            && mesh.normals.get(span.clone()) == Some(&part.normals[..])
+            && mesh.uvs.get(span) == Some(&part.uvs[..])
+    };
+    if let Some((_, start)) = starts.iter().find(same) {
+        return *start;
+    }
+    let start = mesh.positions.len();
+    starts.push((primitive, start));
+    mesh.positions.append(&mut part.positions);
+    mesh.normals.append(&mut part.normals);
+    mesh.uvs.append(&mut part.uvs);
+    start
 }
 
 fn triangles(order: &[u32], mode: u32) -> Vec<[u32; 3]> {
