@@ -80,7 +80,7 @@ pub struct PhaseReport {
     pub name: String,
     /// How it ended.
     pub status: PhaseStatus,
-    /// Wall time, seconds.
+    /// What the players' answers took, one after the other, seconds; computing is not in it.
     pub seconds: f64,
     /// One line about the outcome, such as `7 placed, 1 dropped`.
     pub outcome: String,

@@ -41,7 +41,7 @@ pub(crate) fn overview(scene: &Scene, report: &ReportData) -> String {
         (scene.warnings.len().to_string(), "warnings".to_owned()),
         (report.calls.len().to_string(), per_object(report.calls.len())),
         (dollars(cost), "for model calls".to_owned()),
-        (duration(seconds), "in all phases".to_owned()),
+        (duration(seconds), "for players' answers".to_owned()),
     ];
     for (value, name) in tiles {
         let _ = write!(out, "<div class=\"card tile\"><b>{}</b><span>{}</span></div>", esc(&value), esc(&name));
