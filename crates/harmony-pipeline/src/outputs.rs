@@ -107,7 +107,7 @@ pub fn write(
     }
     let masks: Vec<(ObjectId, Mask)> = scene
         .objects
-        .iter()
+        .par_iter()
         .filter_map(|o| Some((o.id.clone(), state.visible_mask(&o.id, &drawn.ids)?.resized(original))))
         .collect();
     let segments: Vec<Segment<'_>> = scene

@@ -11,6 +11,8 @@ use harmony_scene::{Camera, Level, Lighting, Mask, ObjectId, PointMap, Similarit
 use image::{RgbImage, RgbaImage};
 use serde_json::Value;
 
+use crate::views::Gallery;
+
 /// An object that was found, before it has a mesh.
 #[derive(Debug, Clone)]
 pub struct Candidate {
@@ -93,6 +95,8 @@ pub struct SceneState {
     pub lighting: Option<Lighting>,
     /// Next free object index.
     pub next_index: u32,
+    /// The pictures drawn last.
+    pub drawn: Gallery,
 }
 
 impl SceneState {
@@ -106,16 +110,19 @@ impl SceneState {
         let mut mask = own.candidate.mask.minus(&self.photo_frame);
         let area = mask.count();
         let lies_flat = is_flat(&own.inspected.kind);
+        let width = mask.size().width as usize;
+        let rows = mask.bounds().map_or(0..0, |b| b.y0 as usize * width..b.y1 as usize * width);
         for (other, prepared) in &self.prepared {
-            if other == id || self.partial.find(other).is_none() {
+            let claimed = &prepared.candidate.mask.bits()[rows.clone()];
+            if other == id || self.partial.find(other).is_none() || !claimed.contains(&true) {
                 continue;
             }
             let later = prepared.candidate.level > own.candidate.level;
             let smaller = prepared.candidate.mask.count() < area;
             // A rug lies under everything, however small its visible part is.
             let nearer = (later || smaller) && !is_flat(&prepared.inspected.kind);
-            let claimed = prepared.candidate.mask.bits();
-            for ((bit, claimed), shown) in mask.bits_mut().iter_mut().zip(claimed).zip(shown) {
+            let seen = &mut mask.bits_mut()[rows.clone()];
+            for ((bit, claimed), shown) in seen.iter_mut().zip(claimed).zip(&shown[rows.clone()]) {
                 let shows_own = *shown == own.index && !lies_flat;
                 *bit &= !(*claimed && !shows_own && (nearer || *shown == prepared.index));
             }

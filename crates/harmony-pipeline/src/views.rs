@@ -1,13 +1,14 @@
 //! Pictures and lines of text about the scene, for questions, files and the report.
 
-use std::sync::Arc;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec3;
 use harmony_imaging::sheet::{LabelledBox, LineEnds, draw_boxes, draw_polyline, palette};
 use harmony_mesh::{Bounds, Mesh, ShellOptions, room_shell_with};
 use harmony_placement::Placed;
 use harmony_render::{Instance, Lighting, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window};
-use harmony_scene::{Camera, ImageSize, Mask, PixelBox, Pose, Room, Size, Support, Surface};
+use harmony_scene::{Camera, ImageSize, PixelBox, Pose, Room, Size, Support, Surface};
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 
 use crate::state::{Candidate, SceneState};
@@ -46,23 +47,80 @@ pub struct Drawn {
     /// The flat render.
     pub flat: Arc<RgbImage>,
     /// As [`ids`].
-    pub ids: Vec<u32>,
+    pub ids: Arc<[u32]>,
+}
+
+/// The scene as it was drawn last, shared by the copies of a state: a review, a level's files and the next question
+/// mostly show the same.
+#[derive(Debug, Clone, Default)]
+pub struct Gallery(Arc<Mutex<Option<(Shown, Drawn)>>>);
+
+/// Everything that [`Drawn`] depends on.
+#[derive(Debug)]
+struct Shown {
+    camera: Camera,
+    room: Room,
+    surfaces: Vec<(Surface, Arc<RgbaImage>)>,
+    objects: Vec<(u32, Pose, Arc<Mesh>)>,
+}
+
+impl Shown {
+    fn of(state: &SceneState) -> Self {
+        let objects =
+            state.partial.placed.iter().filter_map(|placed| {
+                Some((placed.item.index, placed.pose, Arc::clone(state.mesh_of(&placed.item.id)?)))
+            });
+        Self {
+            camera: state.partial.camera,
+            room: state.partial.room.clone(),
+            surfaces: state.surfaces.iter().map(|(surface, texture)| (*surface, Arc::clone(texture))).collect(),
+            objects: objects.collect(),
+        }
+    }
+
+    /// Meshes and textures are compared by where they lie: they never change once they are shared.
+    fn is(&self, other: &Self) -> bool {
+        self.camera == other.camera
+            && self.room == other.room
+            && self.surfaces.len() == other.surfaces.len()
+            && self.surfaces.iter().zip(&other.surfaces).all(|(a, b)| a.0 == b.0 && Arc::ptr_eq(&a.1, &b.1))
+            && self.objects.len() == other.objects.len()
+            && self.objects.iter().zip(&other.objects).all(|(a, b)| (a.0, a.1) == (b.0, b.1) && Arc::ptr_eq(&a.2, &b.2))
+    }
+}
+
+impl Gallery {
+    fn find(&self, shown: &Shown) -> Option<Drawn> {
+        let last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        last.as_ref().filter(|(what, _)| what.is(shown)).map(|(_, drawn)| drawn.clone())
+    }
+
+    fn keep(&self, shown: Shown, drawn: &Drawn) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((shown, drawn.clone()));
+    }
 }
 
 /// [`flat`] and [`ids`] in one pass.
 pub fn drawn(state: &SceneState) -> Drawn {
+    let shown = Shown::of(state);
+    if let Some(drawn) = state.drawn.find(&shown) {
+        return drawn;
+    }
     let shell = shell(state, Vec::new());
     let frame = render(&state.partial.camera, &instances(state, &shell), &FLAT);
-    Drawn { flat: Arc::new(DynamicImage::ImageRgba8(frame.color).to_rgb8()), ids: without_room(frame.ids) }
+    let flat = Arc::new(DynamicImage::ImageRgba8(frame.color).to_rgb8());
+    let drawn = Drawn { flat, ids: without_room(frame.ids) };
+    state.drawn.keep(shown, &drawn);
+    drawn
 }
 
-fn without_room(ids: Vec<u32>) -> Vec<u32> {
+fn without_room(ids: Vec<u32>) -> Arc<[u32]> {
     ids.into_iter().map(|id| if id == 1 { 0 } else { id }).collect()
 }
 
 /// The flat render from the photo's camera.
 pub fn flat(state: &SceneState) -> Arc<RgbImage> {
-    Arc::new(scene_from(state, &state.partial.camera, Vec::new()))
+    drawn(state).flat
 }
 
 /// [`flat`]; while the room's faces have no textures yet its edges are drawn, so that one sees what stands where.
@@ -74,7 +132,10 @@ pub fn with_room(state: &SceneState, flat: Arc<RgbImage>) -> Arc<RgbImage> {
 }
 
 /// Per pixel the index of the nearest object (0 = room), from the photo's camera.
-pub fn ids(state: &SceneState) -> Vec<u32> {
+pub fn ids(state: &SceneState) -> Arc<[u32]> {
+    if let Some(drawn) = state.drawn.find(&Shown::of(state)) {
+        return drawn.ids;
+    }
     let shell = shell(state, Vec::new());
     let camera = &state.partial.camera;
     without_room(render_depth_ids(camera, &instances(state, &shell), &RenderOptions::default()).ids)
@@ -176,13 +237,16 @@ pub fn blend(state: &SceneState, drawn: &Drawn) -> Arc<RgbImage> {
         let (a, b) = (state.photo.get_pixel(x, y).0, render.get_pixel(x, y).0);
         image::Rgb([0, 1, 2].map(|k| u16::midpoint(a[k].into(), b[k].into()) as u8))
     });
+    let windows = windows_of(ids, size);
     let mut boxes = Vec::new();
     for (i, placed) in state.partial.placed.iter().enumerate() {
         let color = palette(i);
-        let drawn = Mask::from_fn(size, |x, y| ids[y as usize * size.width as usize + x as usize] == placed.item.index);
-        outline(&mut picture, &placed.item.mask, [255, 255, 255]);
-        outline(&mut picture, &drawn, color);
-        if let Some(bounds) = drawn.bounds().or_else(|| placed.item.mask.bounds()) {
+        let (index, mask) = (placed.item.index, &placed.item.mask);
+        let (drawn_in, seen_in) = (windows.get(&index).copied(), mask.bounds());
+        let own = |x: usize, y: usize| ids[y * size.width as usize + x] == index;
+        outline(&mut picture, seen_in, [255, 255, 255], |x, y| mask.get(x as i64, y as i64));
+        outline(&mut picture, drawn_in, color, own);
+        if let Some(bounds) = drawn_in.or(seen_in) {
             let c = bounds.centre();
             let bounds = PixelBox { x0: c.x, y0: c.y, x1: c.x + 1.0, y1: c.y + 1.0 };
             boxes.push(LabelledBox { bounds, label: placed.item.id.to_string(), color });
@@ -191,11 +255,32 @@ pub fn blend(state: &SceneState, drawn: &Drawn) -> Arc<RgbImage> {
     Arc::new(draw_boxes(&picture, &boxes))
 }
 
-fn outline(picture: &mut RgbImage, mask: &Mask, color: [u8; 3]) {
-    let edge = mask.minus(&mask.dilated(-1));
-    for (pixel, on) in picture.pixels_mut().zip(edge.bits()) {
-        if *on {
-            pixel.0 = color;
+/// The tight box of each id in an image of ids.
+fn windows_of(ids: &[u32], size: ImageSize) -> BTreeMap<u32, PixelBox> {
+    let mut windows: BTreeMap<u32, PixelBox> = BTreeMap::new();
+    for (y, row) in ids.chunks_exact(size.width.max(1) as usize).enumerate() {
+        let mut x = 0;
+        for run in row.chunk_by(|a, b| a == b) {
+            let (x0, x1, y0, y1) = (x as f64, (x + run.len()) as f64, y as f64, y as f64 + 1.0);
+            x += run.len();
+            let window = windows.entry(run[0]).or_insert(PixelBox { x0, y0, x1, y1 });
+            *window = PixelBox { x0: window.x0.min(x0), y0: window.y0, x1: window.x1.max(x1), y1 };
+        }
+    }
+    windows
+}
+
+/// Colours the set pixels that have one beside them, or across a corner, that is not set. All set ones lie in `window`.
+fn outline(picture: &mut RgbImage, window: Option<PixelBox>, color: [u8; 3], set: impl Fn(usize, usize) -> bool) {
+    let Some(window) = window else { return };
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    for y in window.y0 as usize..(window.y1 as usize).min(height) {
+        for x in window.x0 as usize..(window.x1 as usize).min(width) {
+            let mut around = (y.saturating_sub(1)..(y + 2).min(height))
+                .flat_map(|v| (x.saturating_sub(1)..(x + 2).min(width)).map(move |u| (u, v)));
+            if set(x, y) && around.any(|(u, v)| !set(u, v)) {
+                picture.put_pixel(x as u32, y as u32, image::Rgb(color));
+            }
         }
     }
 }
@@ -312,4 +397,38 @@ pub fn apparent_size(state: &SceneState, c: &Candidate) -> Option<Size> {
         height: b.height() * depth / camera.intrinsics.fy,
         depth: 0.0,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::Mask;
+
+    use super::*;
+
+    #[test]
+    fn an_outline_is_what_erosion_takes_away() {
+        let size = ImageSize::new(40, 30);
+        // A disc that the border cuts, and a dot; each with its own id.
+        let shapes = [(5.0, 12.0, 9.0), (30.0, 20.0, 0.6)];
+        let inside = |i: usize, x: f64, y: f64| (x - shapes[i].0).hypot(y - shapes[i].1) < shapes[i].2;
+        let ids: Vec<u32> = (0..size.pixels())
+            .map(|k| {
+                let (x, y) = ((k % 40) as f64, (k / 40) as f64);
+                if inside(0, x, y) { 10 } else { 11 * u32::from(inside(1, x, y)) }
+            })
+            .collect();
+        let windows = windows_of(&ids, size);
+        for id in [10, 11] {
+            let mask = Mask::from_fn(size, |x, y| ids[y as usize * 40 + x as usize] == id);
+            assert_eq!(windows.get(&id).copied(), mask.bounds());
+            let edge = mask.minus(&mask.dilated(-1));
+            assert!(edge.count() > 0);
+            let mut picture = RgbImage::new(40, 30);
+            outline(&mut picture, mask.bounds(), [9; 3], |x, y| ids[y * 40 + x] == id);
+            for (pixel, on) in picture.pixels().zip(edge.bits()) {
+                assert_eq!(pixel.0 == [9; 3], *on);
+            }
+        }
+        assert_eq!(windows.get(&12), None);
+    }
 }

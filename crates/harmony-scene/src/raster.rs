@@ -147,17 +147,17 @@ impl Mask {
 
     /// Tight box of the set pixels, or `None` when empty.
     pub fn bounds(&self) -> Option<PixelBox> {
-        let (mut x0, mut y0, mut x1, mut y1) = (u32::MAX, u32::MAX, 0, 0);
-        for (i, on) in self.bits.iter().enumerate() {
-            if *on {
-                let (x, y) = (i as u32 % self.size.width, i as u32 / self.size.width);
-                x0 = x0.min(x);
-                y0 = y0.min(y);
-                x1 = x1.max(x + 1);
-                y1 = y1.max(y + 1);
-            }
+        let width = self.size.width as usize;
+        let (mut x0, mut x1) = (width, 0);
+        let (mut y0, mut y1) = (usize::MAX, 0);
+        for (y, row) in self.bits.chunks_exact(width.max(1)).enumerate().filter(|(_, row)| row.contains(&true)) {
+            y0 = y0.min(y);
+            y1 = y + 1;
+            // Only what is outside of the box so far can widen it.
+            x0 = row[..x0].iter().position(|on| *on).unwrap_or(x0);
+            x1 = row[x1..].iter().rposition(|on| *on).map_or(x1, |x| x1 + x + 1);
         }
-        (x1 > 0).then(|| PixelBox { x0: x0.into(), y0: y0.into(), x1: x1.into(), y1: y1.into() })
+        (y1 > 0).then(|| PixelBox { x0: x0 as f64, y0: y0 as f64, x1: x1 as f64, y1: y1 as f64 })
     }
 
     /// Mean position of the set pixels (pixel centres), or `None` when empty.
@@ -236,25 +236,34 @@ impl Mask {
         let (w, h) = (self.size.width as usize, self.size.height as usize);
         let grow = radius >= 0;
         let r = radius.unsigned_abs() as usize;
-        let pass = |src: &[bool], len: usize, stride: usize, lines: usize, line_stride: usize| {
-            let mut out = vec![false; src.len()];
-            for line in 0..lines {
-                let base = line * line_stride;
-                let mut prefix = Vec::with_capacity(len + 1);
-                prefix.push(0_u32);
-                for k in 0..len {
-                    prefix.push(prefix[k] + u32::from(src[base + k * stride]));
-                }
-                for k in 0..len {
-                    let (a, b) = (k.saturating_sub(r), (k + r + 1).min(len));
-                    let on = prefix[b] - prefix[a];
-                    out[base + k * stride] = if grow { on > 0 } else { on as usize == b - a };
-                }
+        let decide = |on: u32, of: usize| if grow { on > 0 } else { on as usize == of };
+        let reach = |k: usize, len: usize| (k.saturating_sub(r), (k + r + 1).min(len));
+        // A square is a row of columns; both passes go along the rows, where memory is.
+        let mut rows = vec![false; self.bits.len()];
+        let mut sums = vec![0_u32; w + 1];
+        for (from, to) in self.bits.chunks_exact(w.max(1)).zip(rows.chunks_exact_mut(w.max(1))) {
+            for (k, on) in from.iter().enumerate() {
+                sums[k + 1] = sums[k] + u32::from(*on);
             }
-            out
-        };
-        let rows = pass(&self.bits, w, 1, h, w);
-        let bits = pass(&rows, h, w, w, 1);
+            for (k, out) in to.iter_mut().enumerate() {
+                let (a, b) = reach(k, w);
+                *out = decide(sums[b] - sums[a], b - a);
+            }
+        }
+        let mut bits = vec![false; self.bits.len()];
+        let mut counts = vec![0_u32; w];
+        let (mut first, mut end) = (0, 0);
+        for y in 0..h {
+            let (a, b) = reach(y, h);
+            for row in end..b {
+                counts.iter_mut().zip(&rows[row * w..]).for_each(|(count, on)| *count += u32::from(*on));
+            }
+            for row in first..a {
+                counts.iter_mut().zip(&rows[row * w..]).for_each(|(count, on)| *count -= u32::from(*on));
+            }
+            (first, end) = (a, b);
+            bits[y * w..(y + 1) * w].iter_mut().zip(&counts).for_each(|(out, count)| *out = decide(*count, b - a));
+        }
         Self { size: self.size, bits }
     }
 
@@ -269,6 +278,35 @@ impl Mask {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn boxes_and_squares_are_those_of_the_definition() {
+        let size = ImageSize::new(23, 17);
+        for seed in 0..60_u32 {
+            // Some dozen pixels, fewer in every second mask; the last masks are empty.
+            let keep = if seed < 56 { 3 + seed % 2 * 20 } else { 0 };
+            let hash = |x: u32, y: u32| (x * 7919 + y * 104_729 + seed * 1_299_709).wrapping_mul(2_654_435_761) >> 20;
+            let mask = Mask::from_fn(size, |x, y| keep > 0 && hash(x, y) % keep == 0);
+            let all = || (0..17_i64).flat_map(|y| (0..23_i64).map(move |x| (x, y)));
+            let set: Vec<(i64, i64)> = all().filter(|(x, y)| mask.get(*x, *y)).collect();
+            let bounds = (!set.is_empty()).then(|| PixelBox {
+                x0: set.iter().map(|p| p.0).min().unwrap() as f64,
+                y0: set.iter().map(|p| p.1).min().unwrap() as f64,
+                x1: set.iter().map(|p| p.0).max().unwrap() as f64 + 1.0,
+                y1: set.iter().map(|p| p.1).max().unwrap() as f64 + 1.0,
+            });
+            assert_eq!(mask.bounds(), bounds);
+            for radius in [0, 1, 3, 30] {
+                let (grown, shrunk) = (mask.dilated(radius), mask.dilated(-radius));
+                for (x, y) in all() {
+                    let r = i64::from(radius);
+                    let mut around = all().filter(|(u, v)| (u - x).abs() <= r && (v - y).abs() <= r);
+                    assert_eq!(grown.get(x, y), around.clone().any(|(u, v)| mask.get(u, v)), "{x} {y} {radius}");
+                    assert_eq!(shrunk.get(x, y), around.all(|(u, v)| mask.get(u, v)), "{x} {y} -{radius}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn dilation_and_erosion_change_a_square_by_the_radius() {

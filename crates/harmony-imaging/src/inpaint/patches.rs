@@ -22,6 +22,8 @@ const BANDS: usize = 8;
 const LEAST_CANDIDATES: usize = 48;
 /// What adding a constant costs, relative to what it saves.
 const OFFSET_COST: f32 = 0.15;
+/// What sums of floats may be off by, when patches are told apart early.
+const ROUNDING: f32 = 1.001;
 
 /// Where each target patch is copied from.
 #[derive(Debug, Clone)]
@@ -116,8 +118,11 @@ impl<'a> Matcher<'a> {
         self.valid[source] && self.canvas.label[source] == self.canvas.label[target]
     }
 
-    /// Mean squared difference of two patches after the best constant, and the constant.
-    fn compare(&self, target: usize, source: usize) -> (f32, Texel) {
+    /// Mean squared difference of two patches after the best constant, and the constant; `None` when the difference
+    /// is not below `limit`, which mostly shows before all rows have been looked at.
+    fn compare(&self, target: usize, source: usize, limit: f32) -> Option<(f32, Texel)> {
+        // No constant brings the rows so far below their variance, and no patch has more pixels than a whole one.
+        let most = limit * ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f32 * ROUNDING;
         let (w, h) = (self.canvas.width as i32, self.canvas.height as i32);
         let (tx, ty) = (target as i32 % w, target as i32 / w);
         let (x0, x1) = ((-RADIUS).max(-tx), RADIUS.min(w - 1 - tx));
@@ -138,6 +143,10 @@ impl<'a> Matcher<'a> {
                 }
                 n += weight;
             }
+            let variance = |c: usize| squares[c] - sum[c] * sum[c] / n.max(1.0);
+            if variance(0) + variance(1) + variance(2) > most {
+                return None;
+            }
         }
         let n = n.max(1.0);
         let mut cost = 0.0;
@@ -147,7 +156,7 @@ impl<'a> Matcher<'a> {
             cost += squares[c] / n - 2.0 * b * sum[c] / n + b * b + OFFSET_COST * b * b;
             offset[c] = b;
         }
-        (cost, offset)
+        (cost < limit).then_some((cost, offset))
     }
 
     /// One pass of propagation and random search; `pass` alternates the direction.
@@ -175,11 +184,10 @@ impl<'a> Matcher<'a> {
                 let x = i % w;
                 let mut best = (cost[local], source[local] as usize, offset[local]);
                 let mut consider = |candidate: usize| {
-                    if candidate != best.1 {
-                        let (c, o) = self.compare(i, candidate);
-                        if c < best.0 {
-                            best = (c, candidate, o);
-                        }
+                    if candidate != best.1
+                        && let Some((cost, offset)) = self.compare(i, candidate, best.0)
+                    {
+                        best = (cost, candidate, offset);
                     }
                 };
                 // The neighbours already visited, in this band or as they were.
@@ -225,8 +233,10 @@ impl<'a> Matcher<'a> {
     pub(super) fn evaluate(&self, matches: &mut Matches) {
         let source = &matches.source;
         matches.cost.par_iter_mut().zip(matches.offset.par_iter_mut()).enumerate().for_each(|(i, (cost, offset))| {
-            if source[i] != NONE {
-                (*cost, *offset) = self.compare(i, source[i] as usize);
+            if source[i] != NONE
+                && let Some(found) = self.compare(i, source[i] as usize, f32::INFINITY)
+            {
+                (*cost, *offset) = found;
             }
         });
     }
@@ -259,6 +269,13 @@ impl<'a> Matcher<'a> {
         };
         let known: Vec<bool> = self.canvas.hole.iter().map(|b| !b).collect();
         let depth = distance_to(&known, w, h);
+        // What a patch's word weighs: patches nearer to the known are surer.
+        let weights: Vec<f32> = (matches.source.par_iter().zip(&matches.cost).zip(&depth))
+            .map(|((source, cost), depth)| {
+                let sure = (1.0 + 0.3 * depth.min(60.0)).recip();
+                if *source == NONE { 0.0 } else { sure * (-2.0 * cost / scale).max(-30.0).exp() }
+            })
+            .collect();
         let radius = if vote == Vote::Sharp { 1 } else { RADIUS };
         (0..w * h)
             .into_par_iter()
@@ -281,9 +298,7 @@ impl<'a> Matcher<'a> {
                         if s == NONE || self.canvas.label[q] != self.canvas.label[i] {
                             continue;
                         }
-                        // Patches nearer to the known are surer.
-                        let sure = (1.0 + 0.3 * depth[q].min(60.0)).recip();
-                        let weight = sure * (-2.0 * matches.cost[q] / scale).max(-30.0).exp();
+                        let weight = weights[q];
                         let color = &self.canvas.pixels[(s as i32 + dy * w as i32 + dx) as usize];
                         for c in 0..3 {
                             sum[c] += weight * (color[c] + matches.offset[q][c]);

@@ -28,7 +28,7 @@ pub struct TextureSettings {
 
 impl Default for TextureSettings {
     fn default() -> Self {
-        Self { working_px: 768, seed: 0x5eed }
+        Self { working_px: 512, seed: 0x5eed }
     }
 }
 

@@ -1,11 +1,12 @@
 //! A [`GlbScene`] as bytes.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 use harmony_mesh::{Material, Mesh};
 use image::{DynamicImage, RgbaImage};
+use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use super::document::{
@@ -27,7 +28,7 @@ const MAX_NAME: usize = 200;
 
 /// Puts a scene together.
 pub(super) fn glb_bytes(scene: &GlbScene<'_>) -> Result<Vec<u8>, GlbError> {
-    let mut w = Writer { textures: scene.textures, ..Writer::default() };
+    let mut w = Writer { textures: scene.textures, compressed: compressed(scene), ..Writer::default() };
     let mut roots = Vec::new();
     if !scene.shell.is_empty() {
         let children = scene.shell.iter().map(|n| w.mesh_node(n)).collect::<Result<Vec<_>, _>>()?;
@@ -73,6 +74,8 @@ struct Writer {
     /// Entry by mesh; looked up only, never iterated. The value keeps the pointer's owner alive.
     meshes: HashMap<*const Mesh, (Arc<Mesh>, usize)>,
     images: HashMap<*const RgbaImage, (Arc<RgbaImage>, Embedded)>,
+    /// What [`compressed`] made; each is taken out once.
+    compressed: HashMap<*const RgbaImage, Compressed>,
     materials: BTreeMap<String, usize>,
 }
 
@@ -90,6 +93,32 @@ enum Alpha {
     /// Cut-outs: nearly every texel is on or off.
     Mask,
     Blend,
+}
+
+/// A texture as it goes into the file.
+struct Compressed {
+    alpha: Alpha,
+    file: Result<(Vec<u8>, &'static str), GlbError>,
+}
+
+impl Compressed {
+    fn new(image: &RgbaImage, encoding: TextureEncoding) -> Self {
+        let alpha = alpha_of(image);
+        Self { alpha, file: encoded(image, alpha, encoding) }
+    }
+}
+
+/// The textures of a scene, each on a core of its own: nothing else in a file takes as long.
+fn compressed(scene: &GlbScene<'_>) -> HashMap<*const RgbaImage, Compressed> {
+    let mut textures: Vec<&Arc<RgbaImage>> = Vec::new();
+    let mut known = HashSet::new();
+    for mesh in scene.shell.iter().chain(&scene.objects).map(|node| &node.mesh) {
+        let materials = mesh.groups.iter().filter_map(|group| mesh.materials.get(group.material));
+        let new = materials.filter_map(|material| material.texture.as_ref());
+        textures.extend(new.filter(|t| !t.is_empty() && known.insert(Arc::as_ptr(t))));
+    }
+    let made: Vec<Compressed> = textures.par_iter().map(|t| Compressed::new(t, scene.textures)).collect();
+    textures.into_iter().map(Arc::as_ptr).zip(made).collect()
 }
 
 impl Writer {
@@ -284,11 +313,12 @@ impl Writer {
         if let Some((_, embedded)) = self.images.get(&Arc::as_ptr(image)) {
             return Ok(*embedded);
         }
-        let alpha = alpha_of(image);
-        let texture = if image.width() == 0 || image.height() == 0 {
+        let made = self.compressed.remove(&Arc::as_ptr(image));
+        let Compressed { alpha, file } = made.unwrap_or_else(|| Compressed::new(image, self.textures));
+        let texture = if image.is_empty() {
             None
         } else {
-            let (bytes, mime) = encoded(image, alpha, self.textures)?;
+            let (bytes, mime) = file?;
             let view = self.view(&bytes, None);
             self.doc.images.push(ImageEntry {
                 name: format!("texture_{}", self.doc.images.len()),

@@ -19,6 +19,7 @@ use serde_json::{Value, json};
 
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Layout, SceneState};
+use crate::views::Gallery;
 
 /// Typical lens of a phone or a real-estate photo, as a fraction of the longer side; used when nothing else is known.
 const TYPICAL_FOCAL: f64 = 0.82;
@@ -130,6 +131,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         summaries: Vec::new(),
         lighting: None,
         next_index: 10,
+        drawn: Gallery::default(),
     };
     write_files(ctx, &state)?;
     Ok(state)

@@ -100,14 +100,17 @@ pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<Rg
     let extents = state.partial.room.extents;
     let px_per_m = ctx.settings.surface_px_per_m;
     let textures = tokio::task::spawn_blocking(move || {
-        Surface::ALL.map(|surface| {
+        use rayon::prelude::*;
+        let complete = |surface: &Surface| {
+            let surface = *surface;
             let longest = surface.size(&extents).max_element();
             let px_per_m = px_per_m.min(1536.0 / longest.max(0.1));
             let rect = SurfaceRect::whole(surface, &extents);
             let seen = surface_texture(&source, &camera, &extents, &rect, px_per_m, &visible);
             let observed = seen.pixels().filter(|p| p.0[3] > 127).count();
             (surface, observed, complete_surface(&seen, &TextureSettings::default()))
-        })
+        };
+        Surface::ALL.par_iter().map(complete).collect::<Vec<_>>()
     })
     .await
     .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
