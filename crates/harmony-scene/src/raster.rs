@@ -157,7 +157,7 @@ impl Mask {
             x0 = row[..x0].iter().position(|on| *on).unwrap_or(x0);
             x1 = row[x1..].iter().rposition(|on| *on).map_or(x1, |x| x1 + x + 1);
         }
-        (y1 > 0).then(|| PixelBox { x0: x0 as f64, y0: y0 as f64, x1: x1 as f64, y1: y1 as f64 })
+        (y1 > 0).then_some(PixelBox { x0: x0 as f64, y0: y0 as f64, x1: x1 as f64, y1: y1 as f64 })
     }
 
     /// Mean position of the set pixels (pixel centres), or `None` when empty.
