@@ -27,11 +27,12 @@ pub(crate) fn phases(scene: &Scene, report: &ReportData) -> String {
             1..=3 => format!("<div class=\"more\">{list}</div>"),
             n => format!("<details class=\"more\"><summary>{n} warnings</summary>{list}</details>"),
         };
-        let time = if phase.seconds > 0.0 { format!("answers {}", duration(phase.seconds)) } else { String::new() };
+        let time = if phase.seconds > 0.0 { duration(phase.seconds) } else { String::new() };
         let _ = write!(
             out,
             "<div class=\"phase\"><b class=\"{class}\" title=\"{word}\">{sign}</b><span><b>{}</b> <span \
-             class=\"soft\">{word}</span> {}</span><span class=\"time\">{time}</span>{more}</div>",
+             class=\"soft\">{word}</span> {}</span><span class=\"time\" title=\"what the players' \
+             answers took\">{time}</span>{more}</div>",
             esc(&phase.name.replace('_', " ")),
             esc(&phase.outcome),
         );
