@@ -82,9 +82,9 @@ pub fn product(size: Size, rows: &impl Rows, columns: Columns<'_>, finish: Finis
     let kernel = Kernel::best();
     let threads = rayon::current_num_threads();
     let shared = Shared::new(out);
-    // Columns are cut where there are many, so that no thread packs the same weights; else rows.
+    // The longer side is cut, for every task packs all of the other; few columns are left together.
     let parts = threads * 2;
-    let tasks: Vec<[usize; 4]> = if n >= parts * 128 {
+    let tasks: Vec<[usize; 4]> = if n >= parts * 128 && n >= m {
         split(n, parts, kernel.nr).map(|(a, b)| [0, m, a, b]).collect()
     } else {
         split(m, parts.max(m.div_ceil(4 * ROWS)), kernel.mr).map(|(a, b)| [a, b, 0, n]).collect()
