@@ -113,8 +113,12 @@ impl SceneState {
         let width = mask.size().width as usize;
         let rows = mask.bounds().map_or(0..0, |b| b.y0 as usize * width..b.y1 as usize * width);
         for (other, prepared) in &self.prepared {
+            if other == id || self.partial.find(other).is_none() {
+                continue;
+            }
+            // What is placed has a mask of the camera's size.
             let claimed = &prepared.candidate.mask.bits()[rows.clone()];
-            if other == id || self.partial.find(other).is_none() || !claimed.contains(&true) {
+            if !claimed.contains(&true) {
                 continue;
             }
             let later = prepared.candidate.level > own.candidate.level;
