@@ -56,7 +56,7 @@ fn main() {
         listener.lock().unwrap().push((text, wall, processor));
     });
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().thread_stack_size(8 << 20).build().unwrap();
-    let outcome = runtime.block_on(Box::pin(play.run(&out.join("run"), &harmony_players::offline_cast(), &progress)));
+    let outcome = runtime.block_on(Box::pin(play.run(&out.join("run"), &harmony_players::flat_cast(), &progress)));
     let outcome = outcome.unwrap();
     let (end, after) = (clock(), oracle.spent());
     if let Some((phase, reason, _)) = &outcome.failure {

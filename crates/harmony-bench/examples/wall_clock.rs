@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use harmony_bench::wall_clock::{Pace, Played, overhead, play};
 use harmony_calls::Cast;
-use harmony_players::offline_cast;
+use harmony_players::flat_cast;
 use harmony_roles::Role;
 
 /// Objects on walls, furniture, ceiling, decorations: the room of the test, and others.
@@ -32,7 +32,7 @@ fn main() {
         .start_paused(real.is_none())
         .build()
         .expect("a runtime can be made");
-    let offline = offline_cast();
+    let offline = flat_cast();
     let faster = real.unwrap_or(1.0);
     tell_overhead(&offline);
     println!("lower bound = the larger of the longest chain (all players unlimited) and the busiest player's work");

@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a test")]
 
 use harmony_bench::wall_clock::{Pace, Played, play};
-use harmony_players::offline_cast;
+use harmony_players::flat_cast;
 
 /// Thirty objects: wall, furniture, ceiling, decoration. The proportions are near those of the recorded rooms in
 /// `examples/`, with one lamp more under the ceiling: ceiling objects fill the gap before the decorations, and a room
@@ -13,7 +13,7 @@ const ROOM: [usize; 4] = [6, 10, 2, 12];
 
 async fn played(pace: Pace) -> Played {
     let out = tempfile::tempdir().unwrap();
-    let played = play(ROOM, pace, &offline_cast(), out.path()).await.unwrap();
+    let played = play(ROOM, pace, &flat_cast(), out.path()).await.unwrap();
     assert_eq!(played.failure, None);
     assert_eq!(played.work[&harmony_roles::Role::MeshGenerator].0, 30, "every object is meshed once");
     played

@@ -7,10 +7,11 @@ use std::time::Duration;
 use anyhow::Result;
 use harmony_calls::{Cast, Secret};
 use harmony_io::{PointMapOptions, load_masks, load_point_map, points::parse_intrinsics};
-use harmony_lighting::CyclesRenderer;
 use harmony_models::Store;
 use harmony_players::check::{Check, Checked};
-use harmony_players::{FilesEvent, FilesOptions, FilesPlayer, MaskFiles, PointMapFile, offline_cast};
+use harmony_players::{
+    FilesEvent, FilesOptions, FilesPlayer, MaskFiles, PointMapFile, flat_cast, offline_cast, path_tracer,
+};
 use harmony_roles::{Role, RoleError};
 use harmony_scene::ImageSize;
 
@@ -86,7 +87,7 @@ pub struct Casting {
 /// # Errors
 /// A file that was given and cannot be used.
 pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
-    let offline = offline_cast();
+    let offline = if request.path_tracer { offline_cast() } else { flat_cast() };
     let mut cast = offline.clone();
     let mut notes = Vec::new();
     let mut inputs = blake3::Hasher::new();
@@ -150,7 +151,7 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
         }
         cast.segmenter = player;
     }
-    let path_tracer = request.path_tracer && CyclesRenderer::find().is_some();
+    let path_tracer = request.path_tracer && path_tracer().is_some();
     let inputs = inputs.finalize().to_hex().to_string();
     let Known { checks, secrets } = known;
     let absent = own.notes;

@@ -13,7 +13,7 @@ mod templates;
 mod upright;
 
 pub use bvh::{Bvh, Hit};
-pub use clean::{CleanReport, canonicalise, clean, simplified};
+pub use clean::{CleanReport, canonicalise, clean, simple_form};
 pub use convex::{ConvexPart, MAX_HULL_POINTS, convex_parts};
 pub use mesh::{Bounds, Group, Material, Mesh, MeshError};
 pub use part_model::{

@@ -5,6 +5,8 @@
 //! straight. What furniture has are level and plumb faces, and the plane it stands on: the up direction is sought that
 //! makes most of the surface level or plumb, and the principal axis is one of the candidates only.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::Mesh;
@@ -169,7 +171,7 @@ fn aligned(faces: &Faces, up: DVec3, softness_deg: f64) -> f64 {
         .map(|(n, area)| {
             let c = n.dot(up).abs().min(1.0);
             // Angle to the nearer of level (c = 1) and plumb (c = 0).
-            let off = c.acos().min(c.asin()) / sigma;
+            let off = if c > FRAC_1_SQRT_2 { c.acos() } else { c.asin() } / sigma;
             area * (-0.5 * off * off).exp()
         })
         .sum()

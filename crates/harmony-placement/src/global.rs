@@ -16,6 +16,7 @@ use harmony_scene::{Camera, Extents, Level, Mask, PixelBox, PointMapKind, Pose, 
 use crate::anchoring::{Anchoring, USUAL_GAP, prior_scale, size_of};
 use crate::formulas::front_surface_depth;
 use crate::level::{anchoring_of, neighbours};
+use crate::proxy::Proxy;
 use crate::standard::standard_height;
 use crate::view::View;
 use crate::{PartialScene, PlacementSettings, RoomPoints};
@@ -392,15 +393,19 @@ fn outline_points(scene: &PartialScene, object: usize) -> Vec<Vec3> {
     chosen.into_iter().map(|i| all[i]).collect()
 }
 
-/// The edges of a mesh, at most [`MOST_EDGES`] of them.
-fn edges_of(mesh: &harmony_mesh::Mesh) -> Vec<[Vec3; 2]> {
-    let at = |i: u32| mesh.positions.get(i as usize).map(|p| p.as_dvec3());
-    let mut edges: Vec<[u32; 2]> =
-        mesh.triangles().flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]).map(|[a, b]| [a.min(b), a.max(b)]).collect();
+/// The edges of a form, at most [`MOST_EDGES`] of them.
+fn edges_of(proxy: &Proxy) -> Vec<[Vec3; 2]> {
+    let at = |i: u32| proxy.points[i as usize].as_dvec3();
+    let mut edges: Vec<[u32; 2]> = proxy
+        .triangles
+        .iter()
+        .flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]])
+        .map(|[a, b]| [a.min(b), a.max(b)])
+        .collect();
     edges.sort_unstable();
     edges.dedup();
     let step = edges.len().div_ceil(MOST_EDGES).max(1);
-    edges.into_iter().step_by(step).filter_map(|[a, b]| Some([at(a)?, at(b)?])).collect()
+    edges.into_iter().step_by(step).map(|[a, b]| [at(a), at(b)]).collect()
 }
 
 /// The part of a segment that is inside of a box.

@@ -34,6 +34,7 @@ mod outline;
 mod plausible;
 #[cfg(test)]
 mod probe;
+mod proxy;
 mod raster;
 mod review;
 mod scene;

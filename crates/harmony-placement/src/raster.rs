@@ -4,13 +4,18 @@
 //! into a buffer that it is given. Everything that a person or a model looks at comes from `harmony_render`.
 
 use std::cell::RefCell;
+use std::ops::Range;
 
 use glam::{DVec2, DVec3};
-use harmony_mesh::Mesh;
 use harmony_scene::{Camera, Pose};
+
+use crate::proxy::Proxy;
 
 /// Nearest depth that is drawn, metres.
 pub(crate) const NEAR: f64 = 0.05;
+
+/// Pixels of a row that are drawn at a time.
+const LANES: usize = 4;
 
 /// A corner in the window: column, row, and inverse depth (which is linear in the window).
 type Corner = [f32; 3];
@@ -31,7 +36,7 @@ pub(crate) struct Scratch {
     /// Vertices in pixels of an image, and on which sides of a box they are.
     pub(crate) pixels: Vec<DVec2>,
     pub(crate) sides: Vec<u8>,
-    /// Planar depth, 0 = nothing.
+    /// Planar depth, 0 = nothing; a few unused ones follow the last row.
     pub(crate) depth: Vec<f32>,
 }
 
@@ -45,35 +50,55 @@ pub(crate) fn with_scratch<T>(work: impl FnOnce(&mut Scratch) -> T) -> T {
 }
 
 /// Vertices of a posed mesh in the camera's frame.
-pub(crate) fn to_camera(camera: &Camera, mesh: &Mesh, pose: &Pose, points: &mut Vec<DVec3>) {
+pub(crate) fn to_camera(camera: &Camera, proxy: &Proxy, pose: &Pose, points: &mut Vec<DVec3>) {
     let linear = camera.rotation * pose.linear();
     let offset = camera.to_camera(pose.position);
     points.clear();
-    points.extend(mesh.positions.iter().map(|p| linear * p.as_dvec3() + offset));
+    points.extend(proxy.points.iter().map(|p| linear * p.as_dvec3() + offset));
 }
 
 /// Draws a posed mesh into a depth buffer (planar depth in metres, 0 = nothing; row-major, `camera.size`).
 ///
 /// A pixel is covered when its centre is; both sides of a triangle are drawn.
-pub(crate) fn rasterise(camera: &Camera, mesh: &Mesh, pose: &Pose, depth: &mut [f32]) {
+pub(crate) fn rasterise(camera: &Camera, proxy: &Proxy, pose: &Pose, depth: &mut [f32]) {
     with_scratch(|scratch| {
-        to_camera(camera, mesh, pose, &mut scratch.points);
-        draw(camera, mesh, &scratch.points, &mut scratch.corners, depth);
+        let span = scratch.draw_alone(camera, proxy, pose);
+        for row in span.rows(camera.size.width as usize) {
+            for (z, near) in depth[row.clone()].iter_mut().zip(&scratch.depth[row]) {
+                *z = if *near > 0.0 && (*z == 0.0 || near < z) { *near } else { *z };
+            }
+        }
     });
 }
 
 impl Scratch {
     /// Draws a posed mesh alone into [`Scratch::depth`]; outside of the span nothing is drawn.
-    pub(crate) fn draw_alone(&mut self, camera: &Camera, mesh: &Mesh, pose: &Pose) -> Span {
+    pub(crate) fn draw_alone(&mut self, camera: &Camera, proxy: &Proxy, pose: &Pose) -> Span {
         self.depth.clear();
-        self.depth.resize(camera.size.pixels(), 0.0);
-        to_camera(camera, mesh, pose, &mut self.points);
-        draw(camera, mesh, &self.points, &mut self.corners, &mut self.depth)
+        self.depth.resize(camera.size.pixels() + LANES, 0.0);
+        to_camera(camera, proxy, pose, &mut self.points);
+        let span = draw(camera, proxy, &self.points, &mut self.corners, &mut self.depth);
+        for row in span.rows(camera.size.width as usize) {
+            for z in &mut self.depth[row] {
+                let depth = 1.0 / *z;
+                *z = if *z > 0.0 { depth } else { 0.0 };
+            }
+        }
+        span
     }
 }
 
-/// Draws a mesh whose vertices are in the camera's frame.
-fn draw(camera: &Camera, mesh: &Mesh, points: &[DVec3], corners: &mut Vec<Corner>, depth: &mut [f32]) -> Span {
+impl Span {
+    /// Where its rows lie in an image of that width.
+    fn rows(self, width: usize) -> impl Iterator<Item = Range<usize>> {
+        let Self { x, y } = self;
+        (y[0]..y[1].max(y[0])).map(move |row| row * width + x[0]..row * width + x[1].max(x[0]))
+    }
+}
+
+/// Draws a mesh whose vertices are in the camera's frame, as inverse depth: that is linear in the window, so that no
+/// pixel of a triangle costs a division.
+fn draw(camera: &Camera, proxy: &Proxy, points: &[DVec3], corners: &mut Vec<Corner>, inverse: &mut [f32]) -> Span {
     let k = camera.intrinsics;
     let corner = |c: DVec3| -> Corner {
         [(k.fx * c.x / c.z + k.cx) as f32, (k.fy * c.y / c.z + k.cy) as f32, (1.0 / c.z) as f32]
@@ -93,24 +118,23 @@ fn draw(camera: &Camera, mesh: &Mesh, points: &[DVec3], corners: &mut Vec<Corner
         }
         corner
     }));
-    for t in mesh.groups.iter().flat_map(|g| &g.triangles) {
-        let [a, b, c] = t.map(|i| i as usize);
-        if a >= points.len() || b >= points.len() || c >= points.len() {
-            continue;
-        }
-        if !cut || [a, b, c].iter().all(|i| points[*i].z > NEAR) {
-            fill(depth, w, h, corners[a], corners[b], corners[c]);
-        } else if [a, b, c].iter().any(|i| points[*i].z > NEAR) {
-            let polygon = clip([points[a], points[b], points[c]]);
-            let polygon: Vec<Corner> = polygon.into_iter().map(corner).collect();
+    if cut {
+        for t in &proxy.triangles {
+            let corner_points = t.map(|i| points[i as usize]);
+            if corner_points.iter().all(|p| p.z > NEAR) {
+                fill::<false>(inverse, w, h, t.map(|i| corners[i as usize]));
+                continue;
+            }
+            let polygon: Vec<Corner> = clip(corner_points).into_iter().map(corner).collect();
             for i in 2..polygon.len() {
-                fill(depth, w, h, polygon[0], polygon[i - 1], polygon[i]);
+                fill::<false>(inverse, w, h, [polygon[0], polygon[i - 1], polygon[i]]);
             }
         }
-    }
-    if cut {
         return Span { x: [0, w], y: [0, h] };
     }
+    let (closed, open) = proxy.triangles.split_at(proxy.closed);
+    closed.iter().for_each(|t| fill::<true>(inverse, w, h, t.map(|i| corners[i as usize])));
+    open.iter().for_each(|t| fill::<false>(inverse, w, h, t.map(|i| corners[i as usize])));
     let [x, y] = [(0, w), (1, h)].map(|(i, most)| [(first(low[i])).min(most), (last(high[i])).min(most)]);
     Span { x, y }
 }
@@ -132,34 +156,48 @@ pub(crate) fn clip(triangle: [DVec3; 3]) -> Vec<DVec3> {
     out
 }
 
-#[expect(clippy::needless_bitwise_bool, reason = "without branches several pixels go at a time")]
-fn fill(depth: &mut [f32], w: usize, h: usize, a: Corner, b: Corner, c: Corner) {
+/// Draws a triangle; with `FACING` only when it looks at the camera, which makes its area in the window negative (the
+/// window's second axis points down).
+///
+/// Pixels go [`LANES`] at a time, the last of a row together with what follows them, which stays as it is.
+#[expect(clippy::inline_always, reason = "three of four triangles are refused at once: they must not cost a call")]
+#[inline(always)]
+fn fill<const FACING: bool>(inverse: &mut [f32], w: usize, h: usize, [a, b, c]: [Corner; 3]) {
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-    if area.is_nan() || area.abs() <= 1e-12 {
+    if area.is_nan() || area.abs() <= 1e-12 || (FACING && area > 0.0) {
         return;
     }
-    let low = |i: usize| a[i].min(b[i]).min(c[i]);
-    let high = |i: usize| a[i].max(b[i]).max(c[i]);
+    // Unlike `min` and `max` these are one instruction; a corner that is no number made the area none.
+    let low = |i: usize| if a[i] < b[i] { a[i] } else { b[i] };
+    let low = |i: usize| if low(i) < c[i] { low(i) } else { c[i] };
+    let high = |i: usize| if a[i] > b[i] { a[i] } else { b[i] };
+    let high = |i: usize| if high(i) > c[i] { high(i) } else { c[i] };
     let (x0, y0) = (first(low(0)), first(low(1)));
     let (x1, y1) = (last(high(0)).min(w), last(high(1)).min(h));
     if x0 >= x1 || y0 >= y1 {
         return;
     }
     let inv = 1.0 / area;
-    // Barycentric weights of b and c, and their steps along a row.
-    let (bx, by) = ((c[1] - a[1]) * inv, -(c[0] - a[0]) * inv);
-    let (cx, cy) = (-(b[1] - a[1]) * inv, (b[0] - a[0]) * inv);
+    // Barycentric weights of b and c: their steps along a row and from row to row.
+    let (ux, uy) = ((c[1] - a[1]) * inv, -(c[0] - a[0]) * inv);
+    let (vx, vy) = (-(b[1] - a[1]) * inv, (b[0] - a[0]) * inv);
+    let (db, dc) = (b[2] - a[2], c[2] - a[2]);
+    let n = (x1 - x0).next_multiple_of(LANES);
+    let right = w as f32 - a[0];
+    let begin: [f32; LANES] = std::array::from_fn(|k| (x0 + k) as f32 + 0.5 - a[0]);
     for y in y0..y1 {
         let py = y as f32 + 0.5 - a[1];
-        let row = &mut depth[y * w..(y + 1) * w];
-        for (x, z) in (x0 as i32..).zip(&mut row[x0..x1]) {
-            let px = x as f32 + 0.5 - a[0];
-            let (u, v) = (px * bx + py * by, px * cx + py * cy);
-            // Without branches, so that several pixels go at a time.
-            let near = 1.0 / (a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]));
-            let inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0);
-            let nearer = inside & (near > 0.0) & ((*z == 0.0) | (near < *z));
-            *z = if nearer { near } else { *z };
+        let (u0, v0) = (py * uy, py * vy);
+        let mut px = begin;
+        for nearest in inverse[y * w + x0..y * w + x0 + n].as_chunks_mut::<LANES>().0 {
+            for (px, nearest) in px.iter_mut().zip(nearest) {
+                let (u, v) = (u0 + *px * ux, v0 + *px * vx);
+                let here = a[2] + u * db + v * dc;
+                // Without branches, so that the lanes go together.
+                let inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (*px < right);
+                *nearest = if inside & (here > *nearest) { here } else { *nearest };
+                *px += LANES as f32;
+            }
         }
     }
 }
@@ -182,10 +220,11 @@ fn last(v: f32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use harmony_mesh::{Group, Material};
+    use crate::testing::box_mesh;
+    use harmony_mesh::{Group, Material, Mesh};
     use harmony_scene::{ImageSize, Intrinsics, Vec3};
 
-    fn floor() -> Mesh {
+    fn floor() -> Proxy {
         let mut mesh = Mesh {
             positions: [[-9.0, 0.0, -9.0], [9.0, 0.0, -9.0], [9.0, 0.0, 9.0], [-9.0, 0.0, 9.0]]
                 .map(glam::Vec3::from)
@@ -196,7 +235,7 @@ mod tests {
             normals: Vec::new(),
         };
         mesh.recompute_normals();
-        mesh
+        Proxy::new(&mesh)
     }
 
     #[test]
@@ -221,7 +260,7 @@ mod tests {
             let span = scratch.draw_alone(&camera, &floor(), &pose);
             all.fill(0.0);
             rasterise(&camera, &floor(), &pose, &mut all);
-            assert_eq!(scratch.depth, all);
+            assert_eq!(scratch.depth[..all.len()], all);
             let inside =
                 |i: usize| (span.x[0]..span.x[1]).contains(&(i % 80)) && (span.y[0]..span.y[1]).contains(&(i / 80));
             assert!((0..all.len()).all(|i| all[i] == 0.0 || inside(i)), "{span:?}");
@@ -251,5 +290,27 @@ mod tests {
             }
         }
         assert!(drawn > 1000);
+    }
+
+    #[test]
+    fn what_looks_away_is_hidden_by_what_faces_the_camera() {
+        let size = ImageSize::new(96, 72);
+        let lens = Intrinsics::from_horizontal_fov(size, 1.1);
+        let camera = Camera::looking(size, lens, Vec3::new(0.5, 1.7, 3.0), Vec3::new(-0.1, -0.4, -1.0));
+        let closed = Proxy::new(&box_mesh(Vec3::new(0.8, 0.6, 0.5)));
+        let both_sides = Proxy { closed: 0, ..closed.clone() };
+        assert_eq!(closed.closed, 12);
+        let (mut one, mut two) = (Scratch::default(), Scratch::default());
+        for k in 0..40 {
+            let at = Vec3::new(-1.0 + 0.05 * f64::from(k), 0.02 * f64::from(k), 0.04 * f64::from(k));
+            let pose = Pose::new(at, 0.3 * f64::from(k), 0.6 + 0.05 * f64::from(k));
+            one.draw_alone(&camera, &closed, &pose);
+            two.draw_alone(&camera, &both_sides, &pose);
+            let drawn = one.depth.iter().filter(|z| **z > 0.0).count();
+            assert!(drawn > 50, "{k}: {drawn}");
+            // A pixel on an edge may fall between two triangles of either.
+            let other = one.depth.iter().zip(&two.depth).filter(|(a, b)| (*a - *b).abs() > 1e-4).count();
+            assert!(other <= 1, "{k}: {other} of {drawn}");
+        }
     }
 }

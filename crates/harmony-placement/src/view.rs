@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
-use harmony_mesh::{Bounds, Mesh};
+use harmony_mesh::Bounds;
 use harmony_scene::{Camera, ImageSize, Intrinsics, Mask, PixelBox, Pose, Vec2, Vec3};
 
+use crate::proxy::Proxy;
 use crate::raster::{Scratch, Span, rasterise, to_camera, with_scratch};
 use crate::shape::corners;
 use crate::{PartialScene, RoomPoints, Shape};
@@ -132,6 +133,11 @@ impl View {
             within: within_border(&cleaned, image),
             size,
         };
+        let near: Vec<Neighbour> = neighbours
+            .iter()
+            .filter(|n| n.mask.bounds().is_some_and(|b| b.intersection(&region).area() > 0.0))
+            .copied()
+            .collect();
         for y in 0..size.height {
             for x in 0..size.width {
                 let px = region.x0 + (f64::from(x) + 0.5) / zoom;
@@ -140,9 +146,9 @@ impl View {
                 let on = mask.get(ix, iy);
                 view.mask.push(on);
                 view.mask_count += f64::from(u8::from(on));
-                view.others.push(if hiding(neighbours, ix, iy) {
+                view.others.push(if hiding(&near, ix, iy) {
                     Other::MayHide
-                } else if neighbours.iter().any(|n| n.mask.get(ix, iy)) {
+                } else if near.iter().any(|n| n.mask.get(ix, iy)) {
                     Other::AskDepth
                 } else {
                     Other::None
@@ -168,17 +174,17 @@ impl View {
     /// Where the image's border cuts the mask, only what is inside of the border counts: of a chair of which the back
     /// is in view, the seat below the border says nothing about where the mask should end.
     #[cfg(test)]
-    pub(crate) fn outline(&self, mesh: &Mesh, pose: &Pose) -> Option<PixelBox> {
+    pub(crate) fn outline(&self, proxy: &Proxy, pose: &Pose) -> Option<PixelBox> {
         with_scratch(|scratch| {
-            to_camera(&self.full, mesh, pose, &mut scratch.points);
-            self.outline_of_points(mesh, scratch)
+            to_camera(&self.full, proxy, pose, &mut scratch.points);
+            self.outline_of_points(proxy, scratch)
         })
     }
 
     /// [`View::outline`] of a mesh whose vertices are in the camera's frame already.
-    fn outline_of_points(&self, mesh: &Mesh, scratch: &mut Scratch) -> Option<PixelBox> {
+    fn outline_of_points(&self, proxy: &Proxy, scratch: &mut Scratch) -> Option<PixelBox> {
         let whole = outline_of_points(&self.full, scratch.points.iter().copied());
-        self.cut_outline(whole, |within| clipped_outline(&self.full, mesh, scratch, within))
+        self.cut_outline(whole, |within| clipped_outline(&self.full, proxy, scratch, within))
     }
 
     /// The same from the hulls of a shape, which is quicker.
@@ -209,12 +215,12 @@ impl View {
     }
 
     /// Compares a pose with mask and point map.
-    pub(crate) fn compare(&self, mesh: &Mesh, pose: &Pose) -> Match {
+    pub(crate) fn compare(&self, proxy: &Proxy, pose: &Pose) -> Match {
         with_scratch(|scratch| {
             // The window's camera stands where the full one does: its vertices are those of the outline.
-            let span = scratch.draw_alone(&self.camera, mesh, pose);
+            let span = scratch.draw_alone(&self.camera, proxy, pose);
             let mut out = self.agreement(&scratch.depth, span);
-            out.outline = self.outline_of_points(mesh, scratch);
+            out.outline = self.outline_of_points(proxy, scratch);
             out
         })
     }
@@ -265,9 +271,9 @@ impl View {
     }
 
     /// Median absolute difference of an object's depths to the point map's over mask and silhouette, metres.
-    pub(crate) fn depth_residual(&self, mesh: &Mesh, pose: &Pose) -> Option<f64> {
+    pub(crate) fn depth_residual(&self, proxy: &Proxy, pose: &Pose) -> Option<f64> {
         with_scratch(|scratch| {
-            let span = scratch.draw_alone(&self.camera, mesh, pose);
+            let span = scratch.draw_alone(&self.camera, proxy, pose);
             let mut off: Vec<f32> = self
                 .rows(span)
                 .flatten()
@@ -291,10 +297,10 @@ impl View {
 
     /// Depths along the view of the reference and of the rendered front surface, where both are seen: the points
     /// of the paper's `c_ref` and `c_ren`.
-    pub(crate) fn front_depths(&self, mesh: &Mesh, pose: &Pose) -> (Vec<f64>, Vec<f64>) {
+    pub(crate) fn front_depths(&self, proxy: &Proxy, pose: &Pose) -> (Vec<f64>, Vec<f64>) {
         let reference = self.masked_reference();
         let rendered = with_scratch(|scratch| {
-            let span = scratch.draw_alone(&self.camera, mesh, pose);
+            let span = scratch.draw_alone(&self.camera, proxy, pose);
             let depth = &scratch.depth;
             self.rows(span)
                 .flatten()
@@ -372,7 +378,7 @@ const BEHIND: u8 = 16;
 
 /// Box of the part of a mesh's projection that is inside of `within`, image pixels; `None` when none is. The vertices are
 /// in the camera's frame.
-fn clipped_outline(camera: &Camera, mesh: &Mesh, scratch: &mut Scratch, within: &PixelBox) -> Option<PixelBox> {
+fn clipped_outline(camera: &Camera, proxy: &Proxy, scratch: &mut Scratch, within: &PixelBox) -> Option<PixelBox> {
     let Scratch { points, pixels, sides, .. } = scratch;
     let planes = [(Vec2::X, -within.x0), (Vec2::Y, -within.y0), (Vec2::NEG_X, within.x1), (Vec2::NEG_Y, within.y1)];
     pixels.clear();
@@ -388,9 +394,9 @@ fn clipped_outline(camera: &Camera, mesh: &Mesh, scratch: &mut Scratch, within: 
     }));
     let (mut low, mut high) = (Vec2::MAX, Vec2::MIN);
     let (mut polygon, mut spare) = (Vec::with_capacity(8), Vec::with_capacity(8));
-    for t in mesh.groups.iter().flat_map(|g| &g.triangles) {
+    for t in &proxy.triangles {
         let t = t.map(|i| i as usize);
-        let [Some(a), Some(b), Some(c)] = t.map(|i| sides.get(i).copied()) else { continue };
+        let [a, b, c] = t.map(|i| sides[i]);
         // Most triangles are wholly inside, or wholly beyond one side.
         if a | b | c == 0 {
             for p in t.map(|i| pixels[i]) {
@@ -461,10 +467,14 @@ pub(crate) fn clean_box(mask: &Mask) -> Option<PixelBox> {
     let (w, h) = (size.width as usize, size.height as usize);
     let (mut columns, mut rows) = (vec![0_usize; w], vec![0_usize; h]);
     let mut count = 0;
-    for (i, _) in mask.bits().iter().enumerate().filter(|(_, on)| **on) {
-        columns[i % w] += 1;
-        rows[i / w] += 1;
-        count += 1;
+    let b = mask.bounds()?;
+    let (x0, x1) = (b.x0 as usize, b.x1 as usize);
+    for y in b.y0 as usize..b.y1 as usize {
+        for (column, on) in columns[x0..x1].iter_mut().zip(&mask.bits()[y * w + x0..y * w + x1]) {
+            *column += usize::from(*on);
+            rows[y] += usize::from(*on);
+        }
+        count += rows[y];
     }
     let range = |counts: &[usize]| {
         let limit = count / 1000;

@@ -21,7 +21,7 @@ struct Shader<'d, 'a> {
 }
 
 impl Shader<'_, '_> {
-    fn color(&mut self, triangle: u32, x: f32, y: f32) -> [f32; 3] {
+    fn color(&mut self, triangle: u32, x: f32, y: f32, samples: u32) -> [f32; 3] {
         let (run, facet) = match self.last {
             Some((t, run, facet)) if t == triangle => (run, facet),
             _ => {
@@ -31,7 +31,7 @@ impl Shader<'_, '_> {
                 (run, facet)
             }
         };
-        facet.color(self.draw, run, self.options, x, y)
+        facet.color(self.draw, run, self.options, x, y, samples)
     }
 }
 
@@ -75,7 +75,7 @@ pub(crate) fn single(draw: &Draw, options: &RenderOptions, band: &Band, color: &
             };
             last = Some((*pixel, facet));
             let (x, y) = (band.x0 + (pixel.at % band.width) as i32, band.y0 + (pixel.at / band.width) as i32);
-            let c = facet.color(draw, pixel.run, options, x as f32, y as f32);
+            let c = facet.color(draw, pixel.run, options, x as f32, y as f32, 1);
             let out = &mut color[pixel.at * 4..pixel.at * 4 + 4];
             out.copy_from_slice(&[tables.encode(c[0]), tables.encode(c[1]), tables.encode(c[2]), 255]);
         }
@@ -122,9 +122,10 @@ pub(crate) fn multisampled<'p>(
                 sum.background(options.background, tables);
             } else if !seen[..k].contains(triangle) {
                 let mine = || SAMPLES.iter().zip(&seen).filter(|(_, t)| *t == triangle).map(|(s, _)| s);
-                let count = mine().count() as f32;
+                let samples = mine().count() as u32;
+                let count = samples as f32;
                 let middle = |axis: usize| mine().map(|s| s[axis] as f32).sum::<f32>() / (count * STEPS as f32);
-                let c = shader.color(*triangle, x + middle(0), y + middle(1));
+                let c = shader.color(*triangle, x + middle(0), y + middle(1), samples);
                 // Clamped before averaging: an overbright sample must not outshine its neighbours.
                 sum.add(c.map(|v| v.clamp(0.0, 1.0)), 1.0, count);
             }

@@ -6,9 +6,6 @@ use crate::mips::Pyramid;
 use crate::prepare::{Draw, Vertices};
 use crate::{Lighting, RenderOptions};
 
-/// Most texture probes a pixel of a multisampled picture, so that floors seen at a low angle stay sharp.
-const FINE_PROBES: u32 = 4;
-
 /// A visible triangle in the camera's frame, ready to be met by pixel rays.
 ///
 /// With corner `p0` and edges `e1`, `e2`, the ray `k d` meets it at the barycentric coordinates
@@ -89,8 +86,17 @@ impl Facet {
         run.texture.as_ref().map_or(1.0, |t| self.meet(x, y).sample(t, 1)[3]) * run.base_color[3]
     }
 
-    /// Linear colour at a raster position.
-    pub(crate) fn color(&self, draw: &Draw, run: usize, options: &RenderOptions, x: f32, y: f32) -> [f32; 3] {
+    /// Linear colour at a raster position, by at most `probes` probes of the texture: as many as samples of a pixel show
+    /// the facet, so that floors seen at a low angle stay sharp and a pixel of many facets costs no more than others.
+    pub(crate) fn color(
+        &self,
+        draw: &Draw,
+        run: usize,
+        options: &RenderOptions,
+        x: f32,
+        y: f32,
+        probes: u32,
+    ) -> [f32; 3] {
         let run = &draw.runs[run];
         let [r, g, b, _] = run.base_color;
         let mut color = [r, g, b];
@@ -98,7 +104,7 @@ impl Facet {
         if run.texture.is_some() || lit {
             let meeting = self.meet(x, y);
             if let Some(texture) = &run.texture {
-                let t = meeting.sample(texture, if options.multisample { FINE_PROBES } else { 1 });
+                let t = meeting.sample(texture, probes);
                 color = [r * t[0], g * t[1], b * t[2]];
             }
             if lit {

@@ -1,5 +1,7 @@
 //! Boxes and one-bit masks in the image.
 
+use std::sync::OnceLock;
+
 use glam::DVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -84,16 +86,26 @@ impl PixelBox {
 }
 
 /// A full-frame one-bit mask.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct Mask {
     size: ImageSize,
     bits: Vec<bool>,
+    /// What [`Mask::bounds`] found; gone once a bit may have changed.
+    bounds: OnceLock<Option<PixelBox>>,
 }
+
+impl PartialEq for Mask {
+    fn eq(&self, other: &Self) -> bool {
+        self.size == other.size && self.bits == other.bits
+    }
+}
+
+impl Eq for Mask {}
 
 impl Mask {
     /// All off.
     pub fn empty(size: ImageSize) -> Self {
-        Self { size, bits: vec![false; size.pixels()] }
+        Self::of(size, vec![false; size.pixels()])
     }
 
     /// From a predicate on (column, row).
@@ -104,7 +116,11 @@ impl Mask {
                 bits.push(f(x, y));
             }
         }
-        Self { size, bits }
+        Self::of(size, bits)
+    }
+
+    fn of(size: ImageSize, bits: Vec<bool>) -> Self {
+        Self { size, bits, bounds: OnceLock::new() }
     }
 
     /// Image size.
@@ -119,6 +135,7 @@ impl Mask {
 
     /// Row-major bits, to write.
     pub fn bits_mut(&mut self) -> &mut [bool] {
+        self.bounds.take();
         &mut self.bits
     }
 
@@ -138,6 +155,7 @@ impl Mask {
     pub fn set(&mut self, x: u32, y: u32, on: bool) {
         let i = y as usize * self.size.width as usize + x as usize;
         self.bits[i] = on;
+        self.bounds.take();
     }
 
     /// Number of set pixels.
@@ -145,8 +163,12 @@ impl Mask {
         self.bits.iter().filter(|b| **b).count()
     }
 
-    /// Tight box of the set pixels, or `None` when empty.
+    /// Tight box of the set pixels, or `None` when empty. Looked for once.
     pub fn bounds(&self) -> Option<PixelBox> {
+        *self.bounds.get_or_init(|| self.find_bounds())
+    }
+
+    fn find_bounds(&self) -> Option<PixelBox> {
         let width = self.size.width as usize;
         let (mut x0, mut x1) = (width, 0);
         let (mut y0, mut y1) = (usize::MAX, 0);
@@ -204,7 +226,7 @@ impl Mask {
     fn zip(&self, other: &Self, f: impl Fn(bool, bool) -> bool) -> Self {
         assert_eq!(self.size, other.size, "masks of one image have one size");
         let bits = self.bits.iter().zip(&other.bits).map(|(a, b)| f(*a, *b)).collect();
-        Self { size: self.size, bits }
+        Self::of(self.size, bits)
     }
 
     /// Intersection over union; 0 when both are empty.
@@ -264,7 +286,7 @@ impl Mask {
             (first, end) = (a, b);
             bits[y * w..(y + 1) * w].iter_mut().zip(&counts).for_each(|(out, count)| *out = decide(*count, b - a));
         }
-        Self { size: self.size, bits }
+        Self::of(self.size, bits)
     }
 
     /// Which image borders the mask touches: left, top, right, bottom.
@@ -296,6 +318,11 @@ mod tests {
                 y1: set.iter().map(|p| p.1).max().unwrap() as f64 + 1.0,
             });
             assert_eq!(mask.bounds(), bounds);
+            let mut fuller = mask.clone();
+            fuller.set(22, 16, true);
+            assert_eq!(fuller.bounds().map(|b| (b.x1, b.y1)), Some((23.0, 17.0)));
+            fuller.bits_mut().fill(false);
+            assert_eq!(fuller.bounds(), None);
             for radius in [0, 1, 3, 30] {
                 let (grown, shrunk) = (mask.dilated(radius), mask.dilated(-radius));
                 for (x, y) in all() {

@@ -20,10 +20,10 @@ use harmony_players::detector::grounding::{GroundingOptions, GroundingPlayer};
 use harmony_players::detector::locate::{LocateOptions, LocatePlayer};
 use harmony_players::editor::wire::EditSettings;
 use harmony_players::editor::{EditorFormat, EditorOptions, EditorPlayer};
+use harmony_players::flat_cast;
 use harmony_players::http::{ApiKey, Auth, Http, HttpLimits, ServiceOptions};
 use harmony_players::mesh::hunyuan::{HunyuanOptions, HunyuanPlayer, Route, Version};
 use harmony_players::mesh::trellis::{Host, TrellisOptions, TrellisPlayer};
-use harmony_players::offline_cast;
 use harmony_players::vlm::wire::ModelSettings;
 use harmony_players::vlm::wire::chat::Server;
 use harmony_players::vlm::{Format, VlmOptions, VlmPlayer};
@@ -319,7 +319,7 @@ pub async fn one(room: &TruthRoom, seed: u64, faults: FaultPlan, out: &Path) -> 
     let mind = Arc::new(Mind::new(room.clone(), NoiseLevel::Real.noise(), seed, false)?);
     let studio = Studio::start(Arc::clone(&mind), StudioOptions { faults, ..StudioOptions::default() }, 0).await?;
     let who = players(&studio, seed)?;
-    let offline = offline_cast();
+    let offline = flat_cast();
     let cast = Cast {
         vision_language: Arc::clone(&who.language.1),
         image_editor: Arc::clone(&who.editor.1),

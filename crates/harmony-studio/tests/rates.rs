@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use harmony_bench::oracle::NoiseLevel;
 use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, Cast};
+use harmony_players::flat_cast;
 use harmony_players::http::{ApiKey, Auth, Http, HttpLimits, ServiceOptions};
-use harmony_players::offline_cast;
 use harmony_players::vlm::wire::ModelSettings;
 use harmony_players::vlm::{Format, VlmOptions, VlmPlayer};
 use harmony_prompts::{ListVars, list};
@@ -41,10 +41,10 @@ async fn a_full_bucket_is_waited_for_and_no_429_is_drawn() {
         let settings = ModelSettings { model: "a-model".into(), detail: "low".into(), ..ModelSettings::default() };
         let http = Http::new(None, Duration::from_secs(5)).unwrap();
         let player = VlmPlayer::new(&http, VlmOptions { service, format, settings, concurrency: 1 }).unwrap();
-        let cast = Cast { vision_language: Arc::new(player), ..offline_cast() };
+        let cast = Cast { vision_language: Arc::new(player), ..flat_cast() };
         let run = tempfile::tempdir().unwrap();
         let book = Arc::new(CallBook::open(run.path(), BookOptions::default()).unwrap());
-        let calls = Calls::new(book, cast, offline_cast(), CallOptions::default());
+        let calls = Calls::new(book, cast, flat_cast(), CallOptions::default());
         let begun = Instant::now();
         for i in 0..=2 * REQUESTS {
             let vars =

@@ -193,7 +193,7 @@ fn request(args: &RunArgs) -> Result<BenchRequest> {
 
 fn rooms(args: &RunArgs) -> Result<u8> {
     let request = request(args)?;
-    let offline = harmony_players::offline_cast();
+    let offline = harmony_players::flat_cast();
     let result = runtime()?.block_on(run_bench(&request, &offline, &|line| tell!("{line}")))?;
     write_tables(&args.out, &result)?;
     print(&result)?;
@@ -244,7 +244,7 @@ fn variants(args: &AblateArgs) -> Result<u8> {
     for change in changes.iter().filter(|c| *c != ablate::FULL) {
         with_change(&request.settings, change).map_err(|e| refused(&e))?;
     }
-    let offline = harmony_players::offline_cast();
+    let offline = harmony_players::flat_cast();
     let done = runtime()?.block_on(ablate(&request, &changes, &offline, &|line| tell!("{line}")));
     let ablation = done.map_err(|e| match e {
         AblationError::Override(e) => refused(&e),

@@ -1,5 +1,8 @@
 //! From the words people use to templates.
 
+use std::collections::HashMap;
+use std::sync::LazyLock;
+
 use super::{BackStyle, LegStyle, PlantHabit, ShadeShape, TemplateParams};
 use crate::catalogue::CATEGORIES;
 
@@ -9,26 +12,45 @@ use crate::catalogue::CATEGORIES;
 /// ends last, for English puts the head of a phrase at its end (`book shelf`, `lamp table`).
 pub fn template_name(label: &str) -> Option<&'static str> {
     let label = normal(label);
-    let label = label.split(" with ").next().unwrap_or(&label).to_owned();
-    let whole = format!(" {} ", normal(&label));
+    let words: Vec<&str> = label.split(" with ").next().unwrap_or(&label).split(' ').collect();
+    let forms = &*FORMS;
     let mut best: Option<((usize, usize), &'static str)> = None;
-    for category in CATEGORIES {
-        let name = normal(category.name);
-        let words = std::iter::once(name.clone()).chain(category.synonyms.iter().map(|s| normal(s)));
-        for word in words {
-            for form in [word.clone(), format!("{word}s"), format!("{word}es")] {
-                let Some(at) = whole.rfind(&format!(" {form} ")) else { continue };
-                let end = at + form.len();
-                // the head of the phrase counts more than a long word inside it
-                let rank = (usize::from(end + 2 >= whole.len()) * 1000 + word.len(), end);
-                if best.is_none_or(|(r, _)| rank > r) {
-                    best = Some((rank, category.name));
-                }
+    for end in 1..=words.len() {
+        for start in end.saturating_sub(forms.most_words)..end {
+            let Some((length, name)) = forms.names.get(&words[start..end].join(" ")) else { continue };
+            // the head of the phrase counts more than a long word inside it
+            let rank = (usize::from(end == words.len()) * 1000 + length, end);
+            if best.is_none_or(|(r, _)| rank > r) {
+                best = Some((rank, name));
             }
         }
     }
     best.map(|(_, name)| name)
 }
+
+/// Names and synonyms of all categories, in the singular and plural.
+struct Forms {
+    /// Length of the longest name or synonym, and the first category that has it.
+    names: HashMap<String, (usize, &'static str)>,
+    most_words: usize,
+}
+
+static FORMS: LazyLock<Forms> = LazyLock::new(|| {
+    let mut names = HashMap::new();
+    for category in CATEGORIES {
+        for word in std::iter::once(&category.name).chain(category.synonyms).map(|word| normal(word)) {
+            for ending in ["", "s", "es"] {
+                let known = names.entry(format!("{word}{ending}")).or_insert((word.len(), category.name));
+                // `books` by itself before the plural of `book`.
+                if word.len() > known.0 {
+                    *known = (word.len(), category.name);
+                }
+            }
+        }
+    }
+    let most_words = names.keys().map(|form| form.split(' ').count()).max().unwrap_or(0);
+    Forms { names, most_words }
+});
 
 /// Lower case, single spaces, only letters and digits.
 fn normal(text: &str) -> String {

@@ -31,7 +31,8 @@ pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneStat
         ctx.warn(
             WarningKind::NotAvailable,
             None,
-            "no path tracer here (see `harmony doctor`): render_lit.png is left out and the flat render stands in"
+            "render_lit.png is left out and the flat render stands in: the picture was not asked for, or there is no \
+             path tracer here (see `harmony doctor`)"
                 .into(),
         );
     }

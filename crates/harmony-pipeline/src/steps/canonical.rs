@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use harmony_imaging::sheet::{Cell, contact_sheet};
-use harmony_mesh::{catalogue, convex_parts};
+use harmony_mesh::catalogue;
 use harmony_placement::Shape;
 use harmony_prompts::{FrontsAnswer, FrontsVars, InspectedObject, fronts};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture};
@@ -16,8 +16,22 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::Prepared;
 use crate::views;
 
+/// Side of the pictures of a mesh, pixels.
+const VIEW: u32 = 260;
+
+/// A mesh in the canonical frame.
+#[derive(Debug, Clone)]
+pub struct Canonical {
+    /// The mesh.
+    pub mesh: GeneratedMesh,
+    /// How it came to its frame, for `detilt_results.json`.
+    pub record: Value,
+    /// It from its front.
+    pub view: Arc<RgbaImage>,
+}
+
 /// Sets a raw mesh upright (by its faces, or as the paper does by the PCA axis nearest to up) and turns it to the
-/// front that the VLM picks. Returns how that was done, for `detilt_results.json`.
+/// front that the VLM picks.
 ///
 /// # Errors
 /// Fatal role errors only.
@@ -25,15 +39,18 @@ pub async fn canonicalise(
     ctx: &PhaseCtx<'_>,
     c: &Completed,
     mut generated: GeneratedMesh,
-) -> Result<(GeneratedMesh, Value), PhaseError> {
+) -> Result<Canonical, PhaseError> {
     if generated.frame != MeshFrame::Raw {
-        return Ok((generated, json!({ "frame": "canonical as made", "front_local_axis": "+z" })));
+        let mesh = Arc::clone(&generated.mesh);
+        let view = Arc::new(ctx.computed(move || views::mesh_view(&mesh, 0, VIEW)).await?);
+        let record = json!({ "frame": "canonical as made", "front_local_axis": "+z" });
+        return Ok(Canonical { mesh: generated, record, view });
     }
     let id = c.candidate.id.to_string();
     let (raw, faces, by_faces) =
         (generated.mesh.clone(), ctx.settings.mesh.faces as usize, ctx.settings.upright_by_faces);
     let (crop, labelled) = (Arc::clone(&c.image), id.clone());
-    let (mesh, turn, sheet) = ctx
+    let (mesh, turn, sheet, panels) = ctx
         .computed(move || {
             let (mut mesh, _) = harmony_mesh::clean(&raw, faces);
             let turn = if by_faces {
@@ -45,12 +62,13 @@ pub async fn canonicalise(
             harmony_mesh::canonicalise(&mut mesh, turn.unwrap_or(glam::DMat3::IDENTITY));
             let mut pictures: Vec<(String, RgbaImage)> = vec![(format!("{labelled} photo"), (*crop).clone())];
             for (k, letter) in ["A", "B", "C", "D"].iter().enumerate() {
-                pictures.push((format!("{labelled} {letter}"), views::mesh_view(&mesh, k, 260)));
+                pictures.push((format!("{labelled} {letter}"), views::mesh_view(&mesh, k, VIEW)));
             }
             let cells: Vec<Cell<'_>> =
                 pictures.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
-            let sheet = contact_sheet(&cells, 5, 260);
-            (mesh, turn, sheet)
+            let sheet = contact_sheet(&cells, 5, VIEW);
+            let panels: Vec<RgbaImage> = pictures.into_iter().skip(1).map(|(_, view)| view).collect();
+            (mesh, turn, sheet, panels)
         })
         .await?;
     let question = fronts(&FrontsVars { objects: vec![format!("- {id}: {}", c.inspected.kind)] });
@@ -79,7 +97,9 @@ pub async fn canonicalise(
         "front_panel": panel,
         "front_local_axis": front_before.round().to_array(),
     });
-    Ok((generated, record))
+    // The mesh was turned as the panel shows it.
+    let view = Arc::new(panels.into_iter().nth(panel.map_or(0, |p| p as usize)).unwrap_or_default());
+    Ok(Canonical { mesh: generated, record, view })
 }
 
 /// How far a cushion leans that stands against a back, radians.
@@ -105,11 +125,10 @@ fn lean(c: &mut Completed, g: &mut GeneratedMesh) -> bool {
 
 /// A mesh with its convex parts, as placement wants it.
 pub fn shape_of(g: &GeneratedMesh) -> Arc<Shape> {
-    let made = if g.convex.is_none() { convex_parts(&g.mesh) } else { Vec::new() };
-    Arc::new(Shape::from_parts(Arc::clone(&g.mesh), g.convex.as_ref().unwrap_or(&made)))
+    Arc::new(Shape::from_parts(Arc::clone(&g.mesh), g.convex.as_deref()))
 }
 
-/// The object as placement and report need it; it has no index yet. `shape` is that of the mesh.
+/// The object as placement and report need it; it has no index yet. `shape` and `view` are those of the mesh.
 ///
 /// # Errors
 /// Unwritable files.
@@ -118,13 +137,16 @@ pub async fn assemble(
     mut c: Completed,
     mut g: GeneratedMesh,
     shape: Arc<Shape>,
+    view: Arc<RgbaImage>,
 ) -> Result<Prepared, PhaseError> {
     let id = c.candidate.id.clone();
     let (c, g, shape, view) = ctx
         .computed(move || {
-            let leans = lean(&mut c, &mut g);
-            let shape = if leans { shape_of(&g) } else { shape };
-            let view = views::mesh_view(&g.mesh, 0, 256);
+            if lean(&mut c, &mut g) {
+                let view = Arc::new(views::mesh_view(&g.mesh, 0, VIEW));
+                let shape = shape_of(&g);
+                return (c, g, shape, view);
+            }
             (c, g, shape, view)
         })
         .await?;

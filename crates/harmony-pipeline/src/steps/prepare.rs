@@ -14,7 +14,7 @@ use harmony_scene::{Level, ObjectId, Size, WarningKind};
 use image::RgbaImage;
 use serde_json::{Value, json};
 
-use super::canonical::{assemble, canonicalise, shape_of};
+use super::canonical::{Canonical, assemble, canonicalise, shape_of};
 use super::inspect::Inspection;
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Candidate, Prepared, SceneState};
@@ -153,13 +153,12 @@ async fn chain(
         complete(ctx, state, member).await?;
         ctx.write_picture_rgba(&format!("completed/{}.png", member.candidate.id), &member.image)?;
         if let Some(mesh) = generate(ctx, level, member).await? {
-            let (mesh, detilt) = canonicalise(ctx, member, mesh).await?;
-            made = Some((member.candidate.id.clone(), mesh, detilt));
+            made = Some((member.candidate.id.clone(), canonicalise(ctx, member, mesh).await?));
             break;
         }
         // Of identical objects the next one is tried.
     }
-    let Some((maker, mesh, detilt)) = made else {
+    let Some((maker, canonical)) = made else {
         for member in members {
             let (id, reason) = (member.candidate.id, "no mesh could be made of it".to_owned());
             ctx.warn(WarningKind::ObjectDropped, Some(id.clone()), reason.clone());
@@ -167,15 +166,16 @@ async fn chain(
         }
         return Ok(outcomes);
     };
-    let made = mesh.clone();
+    let made = canonical.mesh.clone();
     let shape = ctx.computed(move || shape_of(&made)).await?;
     for member in members {
-        let (mut mesh, mut detilt) = (mesh.clone(), detilt.clone());
+        let Canonical { mut mesh, record: mut detilt, view } = canonical.clone();
         if member.candidate.id != maker {
             mesh.source = format!("{}, the mesh of {maker}", mesh.source);
             detilt["mesh_of"] = json!(maker);
         }
-        outcomes.push(Outcome::Ready(Box::new(assemble(ctx, member, mesh, Arc::clone(&shape)).await?), detilt));
+        let ready = assemble(ctx, member, mesh, Arc::clone(&shape), view).await?;
+        outcomes.push(Outcome::Ready(Box::new(ready), detilt));
     }
     Ok(outcomes)
 }

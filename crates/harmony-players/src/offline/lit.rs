@@ -1,6 +1,6 @@
 //! Blender Cycles, where there is a Blender.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
 use async_trait::async_trait;
 use harmony_lighting::{CyclesJob, CyclesRenderer, LitError};
@@ -14,7 +14,7 @@ pub struct CyclesLit {
 
 impl CyclesLit {
     /// Looks for a Blender.
-    pub fn find() -> Option<Self> {
+    fn find() -> Option<Self> {
         CyclesRenderer::find().map(|renderer| Self { renderer })
     }
 }
@@ -23,13 +23,10 @@ impl CyclesLit {
 #[derive(Debug, Clone, Copy)]
 pub struct NoLit;
 
-/// Cycles if it is here. Looking starts a program or two, so it is done once.
-pub(super) fn found() -> Arc<dyn LitRenderer> {
+/// Cycles if it is here. Looking starts a program or two, so it is done once a process.
+pub fn path_tracer() -> Option<CyclesLit> {
     static FOUND: OnceLock<Option<CyclesLit>> = OnceLock::new();
-    match FOUND.get_or_init(CyclesLit::find) {
-        Some(cycles) => Arc::new(cycles.clone()),
-        None => Arc::new(NoLit),
-    }
+    FOUND.get_or_init(CyclesLit::find).clone()
 }
 
 #[async_trait]

@@ -28,15 +28,23 @@ pub use detector::RegionDetector;
 pub use editor::ExemplarEditor;
 pub use geometry::VanishingPoints;
 pub use language::Rules;
-pub use lit::{CyclesLit, NoLit};
+pub use lit::{CyclesLit, NoLit, path_tracer};
 pub use mesh::PartModels;
 pub use segmenter::GraphCut;
 
 /// Name of all of these players.
 pub(crate) const OFFLINE: &str = "offline";
 
-/// The cast that is always there. Looks for Blender once, which may take a second.
+/// The cast that is always there. Looks for Blender once a process, which may take a second.
 pub fn offline_cast() -> Cast {
+    match path_tracer() {
+        Some(cycles) => Cast { lit_renderer: Arc::new(cycles), ..flat_cast() },
+        None => flat_cast(),
+    }
+}
+
+/// The same without a path tracer, for runs that draw flat only: no program is looked for.
+pub fn flat_cast() -> Cast {
     Cast {
         vision_language: Arc::new(Rules),
         image_editor: Arc::new(ExemplarEditor),
@@ -44,7 +52,7 @@ pub fn offline_cast() -> Cast {
         geometry_estimator: Arc::new(VanishingPoints),
         detector: Arc::new(RegionDetector),
         segmenter: Arc::new(GraphCut::default()),
-        lit_renderer: lit::found(),
+        lit_renderer: Arc::new(NoLit),
     }
 }
 
