@@ -90,13 +90,30 @@ pub fn write(
     write_json(&run.join("scene.json"), &scene)?;
     write_json(&run.join("camera.json"), &camera_json(state, &scene))?;
     write_json(&run.join("objects.json"), &objects_json(&scene))?;
+    let (meshes, pictures) =
+        rayon::join(|| write_meshes(run, state, &scene), || write_pictures(run, state, original, lit, &scene));
+    meshes.and(pictures)?;
+    Ok(scene)
+}
+
+/// Every object as placed things are drawn, and the scene of them.
+fn write_meshes(run: &Path, state: &SceneState, scene: &Scene) -> Result<(), PhaseError> {
     // Textures are compressed here, each on a core of its own.
     scene.objects.par_iter().try_for_each(|object| {
         let Some(mesh) = state.mesh_of(&object.id) else { return Ok(()) };
         let mesh = Arc::new(with_material(mesh, object));
         harmony_io::glb::write_mesh_glb(&run.join(&object.mesh), object.id.as_str(), mesh, Value::Null)
     })?;
-    write_scene_glb(&run.join("scene_full.glb"), state, Some(&scene))?;
+    write_scene_glb(&run.join("scene_full.glb"), state, Some(scene))
+}
+
+fn write_pictures(
+    run: &Path,
+    state: &SceneState,
+    original: ImageSize,
+    lit: Option<&RgbImage>,
+    scene: &Scene,
+) -> Result<(), PhaseError> {
     let drawn = views::drawn(state);
     picture::write_rgb_png(&run.join("render_flat.png"), &drawn.flat)?;
     let view = canonical_camera(&state.partial.room, ImageSize::new(1280, 960), &state.partial.camera);
@@ -115,8 +132,7 @@ pub fn write(
         .iter()
         .filter_map(|object| masks.iter().find(|(id, _)| *id == object.id).map(|(_, mask)| Segment { object, mask }))
         .collect();
-    save_segmentation(run, original, &segments)?;
-    Ok(scene)
+    Ok(save_segmentation(run, original, &segments)?)
 }
 
 /// The whole scene as GLB: shell, objects, camera, lights.

@@ -9,6 +9,9 @@
 //! All lengths but the room's height are in units of the map as it is, and the scale that makes them metres is an
 //! unknown of its own: a change of the scale alone changes no outline, and nothing is left behind by it.
 
+use std::cell::RefCell;
+use std::sync::LazyLock;
+
 use harmony_geometry::least_squares::{minimise, robust};
 use harmony_geometry::{room_from_unknowns, room_unknowns};
 use harmony_scene::{Camera, Extents, Level, Mask, PixelBox, PointMapKind, Pose, Support, Vec2, Vec3, Wall};
@@ -183,7 +186,20 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 fn direction(k: usize) -> Vec2 {
-    Vec2::from_angle(std::f64::consts::TAU * k as f64 / DIRECTIONS as f64)
+    static ALL: LazyLock<[Vec2; DIRECTIONS]> = LazyLock::new(|| {
+        std::array::from_fn(|k| Vec2::from_angle(std::f64::consts::TAU * k as f64 / DIRECTIONS as f64))
+    });
+    ALL[k]
+}
+
+/// What is left of each body's residuals in one room: most derivatives move one body only, and nothing of the others
+/// changes then.
+#[derive(Default)]
+struct Known {
+    /// The unknowns that concern all bodies.
+    room: Vec<f64>,
+    /// By body, its numbers and its residuals.
+    bodies: Vec<(Vec<f64>, Vec<f64>)>,
 }
 
 /// One round; returns the factor on the scale.
@@ -205,6 +221,7 @@ fn round(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<f64> 
     for (i, _) in loose.into_iter().filter(|(_, loose)| *loose) {
         mean[i] = now[i];
     }
+    let known = RefCell::new(Known::default());
     let solution = minimise(&start, &steps, ITERATIONS, |u, out| {
         // What calibration knows.
         let metric = metric_unknowns(u);
@@ -215,9 +232,24 @@ fn round(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<f64> 
         out.extend(loose.map(|(i, loose)| if loose { (u[i] - now[i]) / 0.01 } else { 0.0 }));
         out.push(u[COMMON] / COMMON_SIZE_SIGMA);
         let (camera, extents) = room(u, scene);
-        let poses = poses(scene, &bodies, u, &extents);
-        for (i, (b, pose)) in bodies.iter().zip(&poses).enumerate() {
-            residuals(scene, b, pose, &camera, &extents, [u[SCALE], u[COMMON]], out);
+        let mut known = known.borrow_mut();
+        if known.room != u[..FIRST] {
+            known.room = u[..FIRST].to_vec();
+            known.bodies.clear();
+        }
+        for (i, (b, own)) in bodies.iter().zip(u[FIRST..].chunks(EACH)).enumerate() {
+            match known.bodies.get(i) {
+                Some((numbers, left)) if numbers == own => out.extend(left),
+                before => {
+                    let first = before.is_none();
+                    let begun = out.len();
+                    let pose = pose(scene, b, own, &extents);
+                    residuals(scene, b, &pose, &camera, &extents, [u[SCALE], u[COMMON]], out);
+                    if first {
+                        known.bodies.push((own.to_vec(), out[begun..].to_vec()));
+                    }
+                }
+            }
             if let Some(twin) = b.twin {
                 let own = u[FIRST + EACH * i + 3] - bodies[i].start.scale.ln();
                 let other = u[FIRST + EACH * twin + 3] - bodies[twin].start.scale.ln();

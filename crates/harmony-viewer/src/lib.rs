@@ -62,14 +62,18 @@ pub fn write_report(run_folder: &Path, scene: &Scene, report: &ReportData) -> Re
 /// # Errors
 /// [`ReportError::Encode`].
 pub fn report_html(run_folder: &Path, scene: &Scene, report: &ReportData) -> Result<String, ReportError> {
-    let (view3d, scripts) = sections::view3d(run_folder);
+    // What embeds files takes the time.
+    let (pictures, ((view3d, scripts), objects)) = rayon::join(
+        || sections::pictures(run_folder, report),
+        || (sections::view3d(run_folder), sections::objects(run_folder, scene, report)),
+    );
     let parts = [
         sections::overview(scene, report),
-        sections::pictures(run_folder, report),
+        pictures,
         view3d,
         sections::phases(scene, report),
         sections::room(scene, report),
-        sections::objects(run_folder, scene, report),
+        objects,
         sections::calls(report, scene.objects.len()),
     ];
     Ok(format!(

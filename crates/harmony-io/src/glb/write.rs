@@ -1,11 +1,11 @@
 //! A [`GlbScene`] as bytes.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock, Mutex, PoisonError, Weak};
 
 use glam::{Vec2, Vec3};
 use harmony_mesh::{Material, Mesh};
-use image::{DynamicImage, RgbaImage};
+use image::{DynamicImage, RgbImage, RgbaImage};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
@@ -98,11 +98,11 @@ enum Alpha {
 /// A texture as it goes into the file.
 struct Compressed {
     alpha: Alpha,
-    file: Result<(Vec<u8>, &'static str), GlbError>,
+    file: Result<(Arc<[u8]>, &'static str), GlbError>,
 }
 
 impl Compressed {
-    fn new(image: &RgbaImage, encoding: TextureEncoding) -> Self {
+    fn new(image: &Arc<RgbaImage>, encoding: TextureEncoding) -> Self {
         let alpha = alpha_of(image);
         Self { alpha, file: encoded(image, alpha, encoding) }
     }
@@ -387,17 +387,43 @@ fn alpha_of(image: &RgbaImage) -> Alpha {
     }
 }
 
-fn encoded(image: &RgbaImage, alpha: Alpha, encoding: TextureEncoding) -> Result<(Vec<u8>, &'static str), GlbError> {
-    if alpha != Alpha::Opaque {
-        return Ok((rgba_png(image)?, "image/png"));
-    }
-    let rgb = DynamicImage::ImageRgba8(image.clone()).into_rgb8();
-    let png = rgb_png(&rgb)?;
-    if encoding == TextureEncoding::Compact && image.width() * image.height() >= JPEG_MIN_PIXELS {
-        let jpeg = rgb_jpeg(&rgb, JPEG_QUALITY)?;
+fn encoded(
+    image: &Arc<RgbaImage>,
+    alpha: Alpha,
+    encoding: TextureEncoding,
+) -> Result<(Arc<[u8]>, &'static str), GlbError> {
+    let png = lossless(image, alpha)?;
+    if alpha == Alpha::Opaque
+        && encoding == TextureEncoding::Compact
+        && image.width() * image.height() >= JPEG_MIN_PIXELS
+    {
+        let jpeg = rgb_jpeg(&without_alpha(image), JPEG_QUALITY)?;
         if png.len() as f64 > JPEG_GAIN * jpeg.len() as f64 {
-            return Ok((jpeg, "image/jpeg"));
+            return Ok((jpeg.into(), "image/jpeg"));
         }
     }
     Ok((png, "image/png"))
+}
+
+/// The texture as PNG, made once as long as somebody holds it: a mesh is written with its answer, as an object, and in the
+/// scene.
+fn lossless(image: &Arc<RgbaImage>, alpha: Alpha) -> Result<Arc<[u8]>, GlbError> {
+    /// By address, which stays that texture's own as long as the `Weak` is here.
+    type Known = HashMap<usize, (Weak<RgbaImage>, Arc<[u8]>)>;
+    static KNOWN: LazyLock<Mutex<Known>> = LazyLock::new(Mutex::default);
+    let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    let key = Arc::as_ptr(image) as usize;
+    if let Some((_, file)) = known().get(&key) {
+        return Ok(Arc::clone(file));
+    }
+    let file = if alpha == Alpha::Opaque { rgb_png(&without_alpha(image))? } else { rgba_png(image)? };
+    let file: Arc<[u8]> = file.into();
+    let mut known = known();
+    known.retain(|_, (texture, _)| texture.strong_count() > 0);
+    known.insert(key, (Arc::downgrade(image), Arc::clone(&file)));
+    Ok(file)
+}
+
+fn without_alpha(image: &RgbaImage) -> RgbImage {
+    DynamicImage::ImageRgba8(image.clone()).into_rgb8()
 }

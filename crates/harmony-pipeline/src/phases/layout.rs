@@ -52,7 +52,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     ctx.step("asking about room and camera");
     let answer = ask(ctx, &working, &geometry, &unaided).await?;
     let prior = layout_prior(&answer, size);
-    let by_box = estimate_room_box(&gray, &view, &prior);
+    let by_box = || estimate_room_box(&gray, &view, &prior);
     let mut posterior = None;
     let (camera, extents, seen, anchor, points, evidence, method, confidence, because) = match geometry {
         GeometryAnswer::Points(map) if ctx.settings.camera_calibration => {
@@ -91,11 +91,11 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
                             "the point map could not be calibrated ({error}); the room comes from the photo's lines"
                         ),
                     );
-                    from_box(ctx, by_box)
+                    from_box(ctx, by_box())
                 }
             }
         }
-        GeometryAnswer::Points(_) | GeometryAnswer::NoDepth { .. } => from_box(ctx, by_box),
+        GeometryAnswer::Points(_) | GeometryAnswer::NoDepth { .. } => from_box(ctx, by_box()),
     };
     let room = Room {
         room_type: tidy(&answer.room.room_type),

@@ -3,6 +3,8 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use rayon::prelude::*;
+
 use crate::ReportData;
 use crate::html::esc;
 use crate::pictures::{LARGE, Picture};
@@ -19,8 +21,9 @@ pub(crate) fn pictures(run: &Path, report: &ReportData) -> String {
     let photo = Picture::photo(run);
     let mut others: Vec<(String, bool, Picture)> = Vec::new();
     let mut missing = Vec::new();
-    for (file, title, comparable) in KNOWN {
-        match Picture::read(run, file, LARGE) {
+    let read: Vec<Option<Picture>> = KNOWN.par_iter().map(|(file, _, _)| Picture::read(run, file, LARGE)).collect();
+    for ((file, title, comparable), picture) in KNOWN.into_iter().zip(read) {
+        match picture {
             Some(p) => others.push((title.to_owned(), comparable, p)),
             None => missing.push(file),
         }
