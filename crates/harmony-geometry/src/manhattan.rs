@@ -8,6 +8,7 @@
 
 use harmony_scene::{Mat3, Vec3};
 use nalgebra::{Matrix3, SVD};
+use rayon::prelude::*;
 
 use crate::surfels::{Surfel, Surfels};
 
@@ -97,19 +98,20 @@ pub fn manhattan_frame(surfels: &Surfels, camera_from_points: Mat3, tilt: f64) -
     }
     let sample: Vec<&Surfel> = all.iter().step_by(all.len().div_ceil(SAMPLE)).copied().collect();
     let points_from_camera = camera_from_points.transpose();
-    let mut best: Option<(f64, Mat3, usize)> = None;
-    for yaw in START_YAWS_DEG {
-        for start_tilt in START_TILTS_DEG {
+    let starts: Vec<[f64; 2]> =
+        START_YAWS_DEG.iter().flat_map(|yaw| START_TILTS_DEG.iter().map(move |tilt| [*yaw, *tilt])).collect();
+    let tries: Vec<(f64, Mat3, usize)> = starts
+        .into_par_iter()
+        .map(|[yaw, start_tilt]| {
             let start = points_from_camera
                 * Mat3::from_rotation_x(start_tilt.to_radians())
                 * Mat3::from_rotation_y(yaw.to_radians());
             let (frame, iterations) = refine(&sample, start, WIDTH_DEG, ROUNDS);
-            let score = agreement(&sample, frame).weight;
-            if best.is_none_or(|(b, ..)| score > b) {
-                best = Some((score, frame, iterations));
-            }
-        }
-    }
+            (agreement(&sample, frame).weight, frame, iterations)
+        })
+        .collect();
+    // Of equally good ones the first.
+    let best = tries.into_iter().reduce(|best, next| if next.0 > best.0 { next } else { best });
     let (_, frame, iterations) = best?;
     let (frame, more) = refine(&all, frame, [WIDTH_DEG[1]; 2], [0, ROUNDS[1]]);
 

@@ -10,10 +10,10 @@ use crate::Mesh;
 pub const MAX_HULL_POINTS: usize = 32;
 /// Most pieces of a foreign mesh.
 const MAX_PIECES: usize = 24;
-/// Voxels along the longest side for the decomposition, and how many of its planes and points the search tries. Twice as
-/// fine takes four times as long and makes the pieces of furniture 2 % smaller.
-const RESOLUTION: u32 = 40;
-const DOWNSAMPLING: u32 = 8;
+/// Size of a voxel of the decomposition, metres: a table's top must not reach down to the seats below it.
+const VOXEL_M: f64 = 0.02;
+/// Fewest and most voxels along the longest side. Time goes with their square.
+const RESOLUTION: [f64; 2] = [24.0, 64.0];
 
 /// The convex hull of a few points, in the frame of its mesh.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -24,8 +24,8 @@ pub struct ConvexPart {
 
 /// Convex pieces of any mesh: an approximate convex decomposition, or one hull, or the box.
 ///
-/// Of large meshes [`crate::simple_form`] does.
-pub fn convex_parts(mesh: &Mesh) -> Vec<ConvexPart> {
+/// `longest_m` is about how long the object's longest side is in the room, metres. Of large meshes [`crate::simple_form`] does.
+pub fn convex_parts(mesh: &Mesh, longest_m: f64) -> Vec<ConvexPart> {
     let count = mesh.positions.len() as u32;
     let triangles: Vec<[u32; 3]> = mesh.triangles().filter(|t| t.iter().all(|i| *i < count)).collect();
     let used: Vec<DVec3> =
@@ -37,7 +37,7 @@ pub fn convex_parts(mesh: &Mesh) -> Vec<ConvexPart> {
     let hi = used.iter().fold(DVec3::NEG_INFINITY, |a, p| a.max(*p));
     let flat = (hi - lo).min_element() < 1e-3 * (hi - lo).max_element();
     if !flat && triangles.len() >= 4 && mesh.positions.iter().all(|p| p.is_finite()) {
-        let parts = decompose(mesh, &triangles);
+        let parts = decompose(mesh, &triangles, longest_m);
         if !parts.is_empty() {
             return parts;
         }
@@ -47,15 +47,10 @@ pub fn convex_parts(mesh: &Mesh) -> Vec<ConvexPart> {
 }
 
 /// Approximate convex decomposition (Mamou and Ghorbel 2009, as in parry).
-fn decompose(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<ConvexPart> {
+fn decompose(mesh: &Mesh, triangles: &[[u32; 3]], longest_m: f64) -> Vec<ConvexPart> {
     let points: Vec<Vector> = mesh.positions.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
-    let parameters = VHACDParameters {
-        resolution: RESOLUTION,
-        concavity: 0.03,
-        plane_downsampling: DOWNSAMPLING,
-        convex_hull_downsampling: DOWNSAMPLING,
-        ..VHACDParameters::default()
-    };
+    let resolution = (longest_m / VOXEL_M).clamp(RESOLUTION[0], RESOLUTION[1]) as u32;
+    let parameters = VHACDParameters { resolution, concavity: 0.03, ..VHACDParameters::default() };
     let decomposition = VHACD::decompose(&parameters, &points, triangles, true);
     decomposition
         .compute_exact_convex_hulls(&points, triangles)
@@ -125,7 +120,7 @@ mod tests {
             {"shape":"box","from":[0,0,0],"to":[0.08,0.92,0.08],"mirror":"xz"}]}"#;
         let size = Size { width: 1.2, height: 0.75, depth: 0.8 };
         let mesh = PartModel::from_json(json).unwrap().build(size).unwrap().mesh;
-        let parts = convex_parts(&mesh);
+        let parts = convex_parts(&mesh, 1.2);
         assert!((2..=MAX_PIECES).contains(&parts.len()), "{}", parts.len());
         let middle = Vec3::new(0.0, 0.35, 0.0);
         for part in &parts {
@@ -167,7 +162,7 @@ mod tests {
             let all = || parts.iter().flat_map(|p| &p.points);
             (all().fold(Vec3::MAX, |l, p| l.min(*p)), all().fold(Vec3::MIN, |h, p| h.max(*p)))
         };
-        let (a, b) = (convex_parts(&coarse), convex_parts(&crate::simple_form(&Arc::new(fine))));
+        let (a, b) = (convex_parts(&coarse, 1.2), convex_parts(&crate::simple_form(&Arc::new(fine)), 1.2));
         let ((low, high), (fine_low, fine_high)) = (bounds(&a), bounds(&b));
         assert!(b.len().abs_diff(a.len()) <= 3, "{} and {}", a.len(), b.len());
         assert!((low - fine_low).abs().max_element() < 0.01 && (high - fine_high).abs().max_element() < 0.01);
@@ -176,9 +171,9 @@ mod tests {
     #[test]
     fn flat_and_broken_meshes_get_a_box() {
         let mut mesh = Mesh { positions: vec![Vec3::ZERO, Vec3::X, Vec3::Z], ..Mesh::default() };
-        assert!(convex_parts(&mesh).is_empty());
+        assert!(convex_parts(&mesh, 1.2).is_empty());
         mesh.groups.push(crate::Group { material: 0, triangles: vec![[0, 1, 2], [0, 1, 9]] });
-        let parts = convex_parts(&mesh);
+        let parts = convex_parts(&mesh, 1.2);
         assert_eq!(parts.len(), 1);
         assert_eq!(parts[0].points.len(), 8);
     }

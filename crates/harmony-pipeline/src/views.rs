@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use glam::DVec3;
 use harmony_imaging::sheet::{LabelledBox, LineEnds, draw_boxes, draw_polyline, palette};
 use harmony_mesh::{Bounds, Mesh, ShellOptions, room_shell_with};
-use harmony_placement::Placed;
+use harmony_placement::{Placed, may_be_seen};
 use harmony_render::{Instance, Lighting, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window};
 use harmony_scene::{Camera, ImageSize, PixelBox, Pose, Room, Size, Support, Surface};
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
@@ -325,7 +325,7 @@ pub fn turned(state: &SceneState, index: usize, yaw: f64, window: PixelBox) -> R
         let mut pose = placed.pose;
         if i == index {
             pose.yaw += yaw;
-        } else if !near_window(camera, &placed.item.shape.bounds(), &pose, &window) {
+        } else if !may_be_seen(camera, &placed.item.shape.bounds(), &pose, &window) {
             continue;
         }
         if let Some(mesh) = state.mesh_of(&placed.item.id) {
@@ -334,19 +334,6 @@ pub fn turned(state: &SceneState, index: usize, yaw: f64, window: PixelBox) -> R
     }
     let part = render_window(camera, &shown, &FLAT, window);
     DynamicImage::ImageRgb8(DynamicImage::ImageRgba8(part.frame.color).to_rgb8()).to_rgba8()
-}
-
-/// Whether a posed box can be seen in a window: not when it is before the camera and beside it.
-fn near_window(camera: &Camera, bounds: &Bounds, pose: &Pose, window: &PixelBox) -> bool {
-    let mut seen = PixelBox { x0: f64::MAX, y0: f64::MAX, x1: f64::MIN, y1: f64::MIN };
-    for i in 0..8 {
-        let pick = |axis: usize| if i & (1 << axis) == 0 { bounds.min[axis] } else { bounds.max[axis] };
-        let corner = pose.point(DVec3::new(pick(0), pick(1), pick(2)));
-        let Some(p) = camera.project(corner).filter(|_| camera.depth(corner) > 0.1) else { return true };
-        seen = PixelBox { x0: seen.x0.min(p.x), y0: seen.y0.min(p.y), x1: seen.x1.max(p.x), y1: seen.y1.max(p.y) };
-    }
-    // Two pixels cover the samples beside a pixel's centre.
-    seen.x1 >= window.x0 - 2.0 && seen.y1 >= window.y0 - 2.0 && seen.x0 <= window.x1 + 2.0 && seen.y0 <= window.y1 + 2.0
 }
 
 /// One line about the room and camera.

@@ -140,6 +140,12 @@ pub(crate) fn prior_scale(item: &Item, size: Size) -> (f64, Vec3) {
     (scale, stretch)
 }
 
+/// The stretch of an object's height at a scale: a larger rug is no thicker one.
+pub(crate) fn height_stretch(item: &Item, scale: f64, stretch: f64) -> f64 {
+    let height = item.shape.bounds().size().y * scale * stretch;
+    if item.traits.flat { stretch * (THICKEST_RUG / height.max(1e-6)).min(1.0) } else { stretch }
+}
+
 impl Frame<'_> {
     /// The nearest pose that is held as it should be.
     pub(crate) fn settle(&self, pose: &Pose) -> Pose {
@@ -175,11 +181,7 @@ impl Frame<'_> {
             stretch.z = stretch.x * prior.z / prior.x;
         }
         let scale = numbers[3].exp();
-        if self.item.traits.flat {
-            // A larger rug is no thicker one.
-            let height = self.item.shape.bounds().size().y * scale * stretch.y;
-            stretch.y *= (THICKEST_RUG / height.max(1e-6)).min(1.0);
-        }
+        stretch.y = height_stretch(self.item, scale, stretch.y);
         let mut pose = Pose { position: Vec3::new(numbers[0], 0.0, numbers[1]), yaw, scale, stretch };
         let size = size_of(self.item, &pose);
         match self.anchoring {

@@ -64,3 +64,4 @@ pub use review::{ActionError, ReviewAction, ReviewOutcome, Verdict, apply, judge
 pub use scene::{PartialScene, Placed, RoomPoints, Upcoming};
 pub use settings::PlacementSettings;
 pub use shape::Shape;
+pub use view::may_be_seen;

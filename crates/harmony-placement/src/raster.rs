@@ -133,8 +133,12 @@ fn draw(camera: &Camera, proxy: &Proxy, points: &[DVec3], corners: &mut Vec<Corn
         return Span { x: [0, w], y: [0, h] };
     }
     let (closed, open) = proxy.triangles.split_at(proxy.closed);
-    closed.iter().for_each(|t| fill::<true>(inverse, w, h, t.map(|i| corners[i as usize])));
-    open.iter().for_each(|t| fill::<false>(inverse, w, h, t.map(|i| corners[i as usize])));
+    for t in closed {
+        fill::<true>(inverse, w, h, t.map(|i| corners[i as usize]));
+    }
+    for t in open {
+        fill::<false>(inverse, w, h, t.map(|i| corners[i as usize]));
+    }
     let [x, y] = [(0, w), (1, h)].map(|(i, most)| [(first(low[i])).min(most), (last(high[i])).min(most)]);
     Span { x, y }
 }
@@ -161,6 +165,7 @@ pub(crate) fn clip(triangle: [DVec3; 3]) -> Vec<DVec3> {
 ///
 /// Pixels go [`LANES`] at a time, the last of a row together with what follows them, which stays as it is.
 #[expect(clippy::inline_always, reason = "three of four triangles are refused at once: they must not cost a call")]
+#[expect(clippy::needless_bitwise_bool, reason = "without branches the lanes go together")]
 #[inline(always)]
 fn fill<const FACING: bool>(inverse: &mut [f32], w: usize, h: usize, [a, b, c]: [Corner; 3]) {
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);

@@ -7,12 +7,16 @@ use harmony_scene::Vec3;
 
 use crate::proxy::Proxy;
 
+/// Points an outline is made of, at most.
+const MOST_EXTREMES: usize = 240;
+
 /// A canonical mesh with what placement derives from it once.
 #[derive(Debug, Clone)]
 pub struct Shape {
     mesh: Arc<Mesh>,
     proxy: Arc<Proxy>,
     hulls: Vec<Vec<Vec3>>,
+    extremes: Vec<Vec3>,
     bounds: Bounds,
     bvh: OnceLock<Arc<Bvh>>,
 }
@@ -34,13 +38,15 @@ impl Shape {
             hulls.push(corners(&bounds).to_vec());
         }
         let proxy = Arc::new(Proxy::new(form));
-        Self { mesh, proxy, hulls, bounds, bvh: OnceLock::new() }
+        let extremes = extremes(&hulls.concat());
+        Self { mesh, proxy, hulls, extremes, bounds, bvh: OnceLock::new() }
     }
 
-    /// The same with convex parts from elsewhere, or those of [`harmony_mesh::convex_parts`].
-    pub fn from_parts(mesh: Arc<Mesh>, parts: Option<&[ConvexPart]>) -> Self {
+    /// The same with convex parts from elsewhere, or those of [`harmony_mesh::convex_parts`] for an object whose longest
+    /// side has about `longest_m` metres.
+    pub fn from_parts(mesh: Arc<Mesh>, parts: Option<&[ConvexPart]>, longest_m: f64) -> Self {
         let form = harmony_mesh::simple_form(&mesh);
-        let made = if parts.is_none() { harmony_mesh::convex_parts(&form) } else { Vec::new() };
+        let made = if parts.is_none() { harmony_mesh::convex_parts(&form, longest_m) } else { Vec::new() };
         let hulls = parts.unwrap_or(&made).iter().map(|p| p.points.iter().map(|q| q.as_dvec3()).collect());
         Self::with_form(mesh, &form, hulls.collect())
     }
@@ -60,6 +66,11 @@ impl Shape {
         &self.hulls
     }
 
+    /// Points of the convex parts that can be the outermost of its image in some direction, canonical frame.
+    pub(crate) fn extremes(&self) -> &[Vec3] {
+        &self.extremes
+    }
+
     /// Bounds in canonical units.
     pub fn bounds(&self) -> Bounds {
         self.bounds
@@ -74,6 +85,25 @@ impl Shape {
     pub fn bvh(&self) -> &Bvh {
         self.bvh.get_or_init(|| Arc::new(Bvh::new(&self.mesh)))
     }
+}
+
+/// The outermost points in evenly spread directions; all where there are few.
+fn extremes(all: &[Vec3]) -> Vec<Vec3> {
+    if all.len() <= MOST_EXTREMES {
+        return all.to_vec();
+    }
+    let mut chosen: Vec<usize> = (0..MOST_EXTREMES)
+        .filter_map(|i| {
+            // A Fibonacci sphere of directions.
+            let y = 1.0 - 2.0 * (i as f64 + 0.5) / MOST_EXTREMES as f64;
+            let (sin, cos) = (i as f64 * 2.399_963).sin_cos();
+            let d = Vec3::new(cos * (1.0 - y * y).sqrt(), y, sin * (1.0 - y * y).sqrt());
+            (0..all.len()).max_by(|a, b| all[*a].dot(d).total_cmp(&all[*b].dot(d)))
+        })
+        .collect();
+    chosen.sort_unstable();
+    chosen.dedup();
+    chosen.into_iter().map(|i| all[i]).collect()
 }
 
 /// The eight corners of a box.

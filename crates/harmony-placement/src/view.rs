@@ -160,8 +160,9 @@ impl View {
             return None;
         }
         let mut depth = std::mem::take(&mut view.scene);
+        let whole = PixelBox { x0: 0.0, y0: 0.0, x1: f64::from(size.width), y1: f64::from(size.height) };
         for (i, placed) in scene.placed.iter().enumerate() {
-            if Some(i) != skip && may_be_in(&view.camera, &placed.item.shape.bounds(), &placed.pose) {
+            if Some(i) != skip && may_be_seen(&view.camera, &placed.item.shape.bounds(), &placed.pose, &whole) {
                 rasterise(&view.camera, placed.item.shape.proxy(), &placed.pose, &mut depth);
             }
         }
@@ -343,16 +344,17 @@ impl View {
     }
 }
 
-/// Whether a posed box can be seen in an image: not when all its corners are before the camera and it is beside the image.
-fn may_be_in(camera: &Camera, bounds: &Bounds, pose: &Pose) -> bool {
+/// Whether a posed box can be seen in a window of an image: not when all its corners are before the camera and it is beside
+/// the window.
+pub fn may_be_seen(camera: &Camera, bounds: &Bounds, pose: &Pose, window: &PixelBox) -> bool {
     let corners = corners(bounds).map(|p| camera.to_camera(pose.point(p)));
     if corners.iter().any(|c| c.z <= 2.0 * crate::raster::NEAR) {
         return true;
     }
     let Some(o) = outline_of_points(camera, corners.into_iter()) else { return true };
-    let (w, h) = (f64::from(camera.size.width), f64::from(camera.size.height));
-    // A pixel covers the rounding.
-    o.x1 >= -1.0 && o.y1 >= -1.0 && o.x0 <= w + 1.0 && o.y0 <= h + 1.0
+    // Two pixels cover rounding and the samples beside a pixel's centre.
+    let w = window;
+    o.x1 >= w.x0 - 2.0 && o.y1 >= w.y0 - 2.0 && o.x0 <= w.x1 + 2.0 && o.y0 <= w.y1 + 2.0
 }
 
 /// Box of the whole projection of canonical points in image pixels; `None` when none is before the camera.
@@ -469,12 +471,12 @@ pub(crate) fn clean_box(mask: &Mask) -> Option<PixelBox> {
     let mut count = 0;
     let b = mask.bounds()?;
     let (x0, x1) = (b.x0 as usize, b.x1 as usize);
-    for y in b.y0 as usize..b.y1 as usize {
-        for (column, on) in columns[x0..x1].iter_mut().zip(&mask.bits()[y * w + x0..y * w + x1]) {
+    for (row, bits) in rows.iter_mut().zip(mask.bits().chunks_exact(w)) {
+        for (column, on) in columns[x0..x1].iter_mut().zip(&bits[x0..x1]) {
             *column += usize::from(*on);
-            rows[y] += usize::from(*on);
+            *row += usize::from(*on);
         }
-        count += rows[y];
+        count += *row;
     }
     let range = |counts: &[usize]| {
         let limit = count / 1000;

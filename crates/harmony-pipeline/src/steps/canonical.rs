@@ -5,7 +5,7 @@ use std::sync::Arc;
 use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_mesh::catalogue;
 use harmony_placement::Shape;
-use harmony_prompts::{FrontsAnswer, FrontsVars, InspectedObject, fronts};
+use harmony_prompts::{FrontsAnswer, FrontsVars, InspectedObject, InspectedSize, fronts};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture};
 use harmony_scene::{MaterialCategory, PbrFactors, Physical, PlacementType, SurfaceMaterial};
 use image::RgbaImage;
@@ -123,9 +123,10 @@ fn lean(c: &mut Completed, g: &mut GeneratedMesh) -> bool {
     true
 }
 
-/// A mesh with its convex parts, as placement wants it.
-pub fn shape_of(g: &GeneratedMesh) -> Arc<Shape> {
-    Arc::new(Shape::from_parts(Arc::clone(&g.mesh), g.convex.as_deref()))
+/// A mesh with its convex parts, as placement wants it, for an object of about that size.
+pub fn shape_of(g: &GeneratedMesh, size: &InspectedSize) -> Arc<Shape> {
+    let longest_m = size.width.max(size.height).max(size.depth);
+    Arc::new(Shape::from_parts(Arc::clone(&g.mesh), g.convex.as_deref(), longest_m))
 }
 
 /// The object as placement and report need it; it has no index yet. `shape` and `view` are those of the mesh.
@@ -144,7 +145,7 @@ pub async fn assemble(
         .computed(move || {
             if lean(&mut c, &mut g) {
                 let view = Arc::new(views::mesh_view(&g.mesh, 0, VIEW));
-                let shape = shape_of(&g);
+                let shape = shape_of(&g, &c.inspected.size_m);
                 return (c, g, shape, view);
             }
             (c, g, shape, view)

@@ -153,12 +153,12 @@ async fn chain(
         complete(ctx, state, member).await?;
         ctx.write_picture_rgba(&format!("completed/{}.png", member.candidate.id), &member.image)?;
         if let Some(mesh) = generate(ctx, level, member).await? {
-            made = Some((member.candidate.id.clone(), canonicalise(ctx, member, mesh).await?));
+            made = Some((member.candidate.id.clone(), canonicalise(ctx, member, mesh).await?, member.inspected.size_m));
             break;
         }
         // Of identical objects the next one is tried.
     }
-    let Some((maker, canonical)) = made else {
+    let Some((maker, canonical, size)) = made else {
         for member in members {
             let (id, reason) = (member.candidate.id, "no mesh could be made of it".to_owned());
             ctx.warn(WarningKind::ObjectDropped, Some(id.clone()), reason.clone());
@@ -167,7 +167,7 @@ async fn chain(
         return Ok(outcomes);
     };
     let made = canonical.mesh.clone();
-    let shape = ctx.computed(move || shape_of(&made)).await?;
+    let shape = ctx.computed(move || shape_of(&made, &size)).await?;
     for member in members {
         let Canonical { mut mesh, record: mut detilt, view } = canonical.clone();
         if member.candidate.id != maker {

@@ -289,7 +289,8 @@ impl Truth {
         if let Some(known) = HULLS.lock().unwrap().get(&key) {
             return Arc::clone(known);
         }
-        let parts = convex_parts(&self.mesh);
+        let size = self.mesh.bounds().map_or(1.0, |b| b.size().max_element());
+        let parts = convex_parts(&self.mesh, size);
         let hulls: Hulls = Arc::new(parts.iter().map(|p| p.points.iter().map(|q| q.as_dvec3()).collect()).collect());
         HULLS.lock().unwrap().insert(key, Arc::clone(&hulls));
         hulls
