@@ -7,9 +7,10 @@
 
 mod common;
 
-use common::{Room, angle_deg, rooms};
+use common::{Room, angle_deg, gray, rooms};
 use harmony_geometry::{
-    AnchorKind, Calibration, CalibrationError, CalibrationMethod, CalibrationSettings, LayoutPrior, calibrate,
+    AnchorKind, Calibration, CalibrationError, CalibrationMethod, CalibrationSettings, FocalPrior, LayoutPrior,
+    calibrate, calibrate_with_photo, estimate_view,
 };
 use harmony_scene::{Extents, ImageSize, Mat3, PointMap, PointMapKind, Similarity, Surface, Vec3};
 
@@ -190,6 +191,25 @@ fn a_shapeless_map_falls_back_to_the_prior() {
     // The similarity carries the map's camera onto this one.
     let centre = found.room_from_points.point(map.camera_centre());
     assert!(centre.distance(found.camera.centre()) <= 1e-9);
+}
+
+/// Where the map shows no surface, the photo's lines give the directions, and it says so.
+#[test]
+fn a_shapeless_map_takes_its_directions_from_the_photo() {
+    for room in rooms() {
+        let distortion = Distortion { kind: PointMapKind::Relative, smooth: 0.05, grain: 0.4, frame: frame(0.4) };
+        let map = point_map(&room, ImageSize::new(518, 392), &distortion);
+        let focal_px = room.camera.intrinsics.fx * 1.02;
+        let view = estimate_view(&gray(&room.folder.join("photo.jpg")), Some(FocalPrior { focal_px, sigma: 0.03 }));
+        let settings = CalibrationSettings::default();
+        let alone = calibrate(&map, &prior(&room), &settings).unwrap();
+        let (found, _) = calibrate_with_photo(&map, &prior(&room), &view, &settings).unwrap();
+        let (before, after) = (errors(&alone, &room).0, errors(&found, &room).0);
+        println!("{}: rotation {before:.1} -> {after:.2} deg, {:?}", room.name, found.evidence.fallbacks);
+        assert_ne!(found.evidence.method, CalibrationMethod::Manhattan, "{}", room.name);
+        assert!(before > 3.0 && after <= 1.5, "{}: {before:.2} -> {after:.2} deg", room.name);
+        assert!(found.evidence.fallbacks.iter().any(|f| f.contains("lines")), "{}", room.name);
+    }
 }
 
 #[test]

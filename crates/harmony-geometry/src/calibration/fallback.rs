@@ -16,21 +16,25 @@ const TOUCHING_PERCENT: f64 = 20.0;
 /// Points looked at for that.
 const SAMPLED_POINTS: usize = 5000;
 
-/// The calibration of last resort; `reason` says why it is needed. Axes that the map's surfaces agree on win over the
-/// prior's angles.
+/// What the prior says of the view. Axes that the map's surfaces agree on win over its angles.
+pub(super) fn view_of(points: &PointMap, prior: &LayoutPrior, camera_from_room: Option<Mat3>) -> ViewEstimate {
+    let view = ViewEstimate::from_hints(points.size, points.intrinsics, &prior.camera);
+    match camera_from_room {
+        Some(rotation) => ViewEstimate { rotation, confidence: OF_SURFACES, ..view },
+        None => view,
+    }
+}
+
+/// The calibration of last resort; `reason` says why it is needed.
 pub(super) fn calibrate_by_prior(
     points: &PointMap,
     prior: &LayoutPrior,
     reason: &str,
-    camera_from_room: Option<Mat3>,
+    view: &ViewEstimate,
 ) -> Calibration {
-    let mut view = ViewEstimate::from_hints(points.size, points.intrinsics, &prior.camera);
-    if let Some(rotation) = camera_from_room {
-        view = ViewEstimate { rotation, confidence: OF_SURFACES, ..view };
-    }
-    let (room, method) = match solve_from_pins(&view, prior) {
+    let (room, method) = match solve_from_pins(view, prior) {
         Ok(room) => (room, CalibrationMethod::Pins),
-        Err(_) => (prior_box(&view, prior), CalibrationMethod::PriorCamera),
+        Err(_) => (prior_box(view, prior), CalibrationMethod::PriorCamera),
     };
     // The lens is the map's, with its principal point.
     let camera = Camera { intrinsics: points.intrinsics, ..room.camera.resized(points.size) };

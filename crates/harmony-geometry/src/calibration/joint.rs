@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::creases::{Depths, pins_on_creases};
 use super::edge_lines::{EdgeLine, Reach, line_on_edge};
-use super::types::{AnchorKind, Calibration};
+use super::types::{AnchorKind, Calibration, CalibrationMethod};
 use crate::least_squares::{minimise, robust};
 use crate::room_box::pins::{FLOOR_LOGIT, LN_BACK, LN_FOCAL, LN_LEFT, LN_RIGHT, Pin, ROLL, TILT, YAW, pins};
 use crate::room_box::solved::CameraBox;
@@ -216,6 +216,10 @@ impl<'a> Problem<'a> {
             for surface in faces_of(pin.edge) {
                 seen[index(surface)] = true;
             }
+        }
+        if c.evidence.method != CalibrationMethod::Manhattan {
+            // No plane was found in the map: its depths say how far away what is pinned is.
+            measured = seen;
         }
         let (cells, per_side) = cells(points, photo);
         let patch = (DEPTH_LENGTH * f64::from(per_side)).max(1.0);

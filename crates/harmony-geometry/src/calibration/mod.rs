@@ -21,7 +21,7 @@ use crate::align::{VerticalEdge, camera_in_room, room_from_points};
 use crate::manhattan::{ManhattanAxes, ManhattanFrame, manhattan_frame};
 use crate::planes::{AxisBox, FacePlane, axis_of, fit_faces, polish_axes};
 use crate::surfels::{Surfels, surfels};
-use crate::{CameraHints, LayoutPrior, ViewEstimate};
+use crate::{CameraHints, LayoutPrior, LineSegment, ViewEstimate};
 
 /// Usable points below which nothing is tried.
 const LEAST_POINTS: usize = 100;
@@ -62,6 +62,11 @@ pub fn calibrate(
     calibrate_along(points, prior, settings, None)
 }
 
+/// Confidence of a view whose lines are believed where the map has no frame.
+const SURE_VIEW: f64 = 0.4;
+/// Lines that hold such a view while the pins are solved for the box.
+const HOLDING_LINES: usize = 120;
+
 /// Algorithm 1, then the same once more along the axes that the photo's lines give, refined by everything together.
 ///
 /// The second value is the map seen by the refined camera: its points keep their depth and lie on the rays of the new
@@ -75,12 +80,21 @@ pub fn calibrate_with_photo(
     view: &ViewEstimate,
     settings: &CalibrationSettings,
 ) -> Result<(Calibration, PointMap), CalibrationError> {
-    let first = calibrate(points, prior, settings)?;
+    let mut first = calibrate(points, prior, settings)?;
+    if first.evidence.method != CalibrationMethod::Manhattan && view.confidence >= SURE_VIEW {
+        // Without a frame from the map the photo's lines know the directions better than hints.
+        let reason = first.evidence.fallbacks.first().cloned().unwrap_or_default();
+        first = fallback::calibrate_by_prior(points, prior, &reason, &longest(view));
+        first.evidence.fallbacks.push("directions from the photo's lines".to_owned());
+    }
     let (along, evidence) = refine_jointly(&first, points, view, prior);
     let Some(evidence) = evidence else { return Ok((first, points.clone())) };
     let map = points.with_focal(points.intrinsics.fx * evidence.focal_ratio);
     // With the right axes other faces may turn out to be the room's.
     let second = calibrate_along(&map, prior, settings, Some(along.camera.rotation))?;
+    if second.evidence.method != CalibrationMethod::Manhattan {
+        return Ok((along, map));
+    }
     let (refined, more) = refine_jointly(&second, &map, view, prior);
     match more {
         Some(more) => {
@@ -93,6 +107,15 @@ pub fn calibrate_with_photo(
         }
         None => Ok((along, map)),
     }
+}
+
+/// The view with its longest lines only: enough to hold its directions.
+fn longest(view: &ViewEstimate) -> ViewEstimate {
+    let mut segments = view.segments.clone();
+    let length = |s: &LineSegment| s.start.distance(s.end);
+    segments.sort_by(|a, b| length(&b.0).total_cmp(&length(&a.0)));
+    segments.truncate(HOLDING_LINES);
+    ViewEstimate { segments, ..view.clone() }
 }
 
 /// [`calibrate`]; with `camera_from_room` its axes are those, and neither searched for nor polished.
@@ -110,9 +133,10 @@ fn calibrate_along(
     let measured = measure(points, &surfels, prior, settings, camera_from_room);
     match measured.and_then(|m| solve(points, &surfels, prior, &m).map_err(NoBox::from)) {
         Ok(calibration) => Ok(calibration),
-        Err(NoBox { reason, camera_from_room }) => {
+        Err(NoBox { reason, camera_from_room: found }) => {
             tracing::debug!(reason, "no Manhattan calibration, the prior's camera stands in");
-            Ok(fallback::calibrate_by_prior(points, prior, &reason, camera_from_room))
+            let view = fallback::view_of(points, prior, camera_from_room.or(found));
+            Ok(fallback::calibrate_by_prior(points, prior, &reason, &view))
         }
     }
 }
