@@ -327,4 +327,15 @@ mod tests {
             assert_eq!(frame.free_numbers(&pose).iter().any(|(i, _)| *i == 6), !tied);
         }
     }
+
+    #[test]
+    fn a_larger_rug_is_no_thicker_one() {
+        let scene = empty_room();
+        let mut item = boxed(&scene, Vec3::new(2.0, 0.008, 1.5), Vec3::new(2.0, 0.0, 1.5), 0.0);
+        let height = |item: &Item, scale| 0.008 * scale * height_stretch(item, scale, 1.0);
+        assert!((height(&item, 3.0) - 0.024).abs() < 1e-9);
+        item.traits.flat = true;
+        assert!((height(&item, 1.1) - 0.0088).abs() < 1e-6);
+        assert!((height(&item, 3.0) - THICKEST_RUG).abs() < 1e-6);
+    }
 }

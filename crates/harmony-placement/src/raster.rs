@@ -90,7 +90,7 @@ impl Scratch {
 
 impl Span {
     /// Where its rows lie in an image of that width.
-    fn rows(self, width: usize) -> impl Iterator<Item = Range<usize>> {
+    pub(crate) fn rows(self, width: usize) -> impl Iterator<Item = Range<usize>> {
         let Self { x, y } = self;
         (y[0]..y[1].max(y[0])).map(move |row| row * width + x[0]..row * width + x[1].max(x[0]))
     }

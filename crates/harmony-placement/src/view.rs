@@ -1,7 +1,5 @@
 //! The window in which one object is compared with its mask and the point map.
 
-use std::ops::Range;
-
 use harmony_mesh::Bounds;
 use harmony_scene::{Camera, ImageSize, Intrinsics, Mask, PixelBox, Pose, Vec2, Vec3};
 
@@ -230,7 +228,7 @@ impl View {
     fn agreement(&self, depth: &[f32], span: Span) -> Match {
         let (mut both, mut strict_both, mut beside) = (0_u32, 0_u32, 0_u32);
         let (mut compared, mut soft) = (0_u32, 0.0);
-        for (i, z) in self.rows(span).flat_map(|row| row.clone().zip(&depth[row])) {
+        for (i, z) in span.rows(self.size.width as usize).flat_map(|row| row.clone().zip(&depth[row])) {
             let z = *z;
             if z <= 0.0 {
                 continue;
@@ -275,8 +273,8 @@ impl View {
     pub(crate) fn depth_residual(&self, proxy: &Proxy, pose: &Pose) -> Option<f64> {
         with_scratch(|scratch| {
             let span = scratch.draw_alone(&self.camera, proxy, pose);
-            let mut off: Vec<f32> = self
-                .rows(span)
+            let mut off: Vec<f32> = span
+                .rows(self.size.width as usize)
                 .flatten()
                 .filter(|i| self.mask[*i] && scratch.depth[*i] > 0.0 && self.reference[*i].is_finite())
                 .map(|i| (scratch.depth[i] - self.reference[i]).abs())
@@ -290,12 +288,6 @@ impl View {
         })
     }
 
-    /// Indices of the window's pixels in a span, row by row.
-    fn rows(&self, span: Span) -> impl Iterator<Item = Range<usize>> + use<> {
-        let w = self.size.width as usize;
-        (span.y[0]..span.y[1]).map(move |y| y * w + span.x[0]..y * w + span.x[1])
-    }
-
     /// Depths along the view of the reference and of the rendered front surface, where both are seen: the points
     /// of the paper's `c_ref` and `c_ren`.
     pub(crate) fn front_depths(&self, proxy: &Proxy, pose: &Pose) -> (Vec<f64>, Vec<f64>) {
@@ -303,7 +295,7 @@ impl View {
         let rendered = with_scratch(|scratch| {
             let span = scratch.draw_alone(&self.camera, proxy, pose);
             let depth = &scratch.depth;
-            self.rows(span)
+            span.rows(self.size.width as usize)
                 .flatten()
                 .map(|i| (depth[i], self.scene[i]))
                 .filter(|(z, s)| *z > 0.0 && !(*s > 0.0 && *z > *s + HIDING_TOLERANCE))

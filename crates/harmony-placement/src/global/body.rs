@@ -1,6 +1,6 @@
 //! One object in the least squares of the global refinement: what its mask, the map's depths and its size say of a pose.
 
-use std::sync::{Arc, LazyLock};
+use std::sync::LazyLock;
 
 use harmony_geometry::least_squares::robust;
 use harmony_scene::{Camera, Extents, Level, Mask, PixelBox, PointMapKind, Pose, Vec2, Vec3};
@@ -12,7 +12,7 @@ use crate::level::{anchoring_of, neighbours};
 use crate::proxy::Proxy;
 use crate::standard::standard_height;
 use crate::view::View;
-use crate::{PartialScene, PlacementSettings, RoomPoints, Shape};
+use crate::{PartialScene, PlacementSettings, RoomPoints};
 
 /// Directions in which outlines are compared.
 const DIRECTIONS: usize = 16;
@@ -50,8 +50,6 @@ pub(super) struct Body {
     /// Index into the placed objects.
     pub(super) object: usize,
     anchoring: Anchoring,
-    /// What makes its outline.
-    shape: Arc<Shape>,
     /// Edges of the mesh, of an object that the image's border cuts: what of them is in the image makes its outline there.
     edges: Vec<[Vec3; 2]>,
     /// Where the outline counts: the image where its border cuts the mask.
@@ -135,7 +133,6 @@ fn body(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Op
     Some(Body {
         object,
         anchoring: anchoring_of(scene, object),
-        shape: Arc::clone(&item.shape),
         edges: if view.is_cut() { edges_of(item.shape.proxy()) } else { Vec::new() },
         within: view.within,
         reach,
@@ -300,7 +297,8 @@ pub(super) fn residuals(
         }
     };
     let mut far = [f64::NEG_INFINITY; DIRECTIONS];
-    for c in b.shape.extremes().iter().map(|p| linear * *p + offset).filter(|c| c.z >= NEAREST) {
+    let item = &scene.placed[b.object].item;
+    for c in item.shape.extremes().iter().map(|p| linear * *p + offset).filter(|c| c.z >= NEAREST) {
         reach_to(&mut far, pixel(c));
     }
     // Of an object that the border cuts, what is beyond it says nothing about where the mask should end by itself.
@@ -336,7 +334,6 @@ pub(super) fn residuals(
         Some((log, sigma)) => robust((pose.scale.ln() + ln_scale - log) / sigma, LIMIT),
         None => 0.0,
     });
-    let item = &scene.placed[b.object].item;
     out.push(match b.anchoring {
         Anchoring::AgainstWall(wall) => {
             let gap = (wall.distance(extents, pose.position) - size_of(item, pose).z / 2.0) * ln_scale.exp();
