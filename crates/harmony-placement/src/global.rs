@@ -30,7 +30,8 @@ const ROTATION_SIGMA: f64 = 0.001;
 const COMMON_SIZE_SIGMA: f64 = 0.03;
 /// Least-squares rounds; outlines and depths are read anew before each.
 const ROUNDS: usize = 2;
-const ITERATIONS: usize = 8;
+/// Outlines are extremes over points, whose kinks make the steps small: rooms whose scale is open need two dozen.
+const ITERATIONS: usize = 30;
 /// Mean agreement with the masks that a refinement may cost: where camera and scale were off, the first poses fit their
 /// own masks better than the right ones do.
 const IOU_SLACK: f64 = 0.1;
