@@ -18,17 +18,31 @@ use crate::least_squares::{minimise, robust};
 use crate::room_box::pins::{FLOOR_LOGIT, LN_BACK, LN_FOCAL, LN_LEFT, LN_RIGHT, Pin, ROLL, TILT, YAW, pins};
 use crate::room_box::solved::CameraBox;
 use crate::vanishing::Search;
-use crate::{CameraHints, FocalPrior, LayoutPrior, LineSegment, RoomEdge, ViewEstimate};
+use crate::{CameraHints, FocalPrior, LayoutPrior, LineSegment, RoomEdge, ViewEstimate, median};
 
 /// Cells along the longer side of the map.
 const CELLS: u32 = 36;
-/// One sigma of a map's depth, relative, and the share of the image over which its error stays the same.
-const DEPTH_SIGMA: f64 = 0.03;
+/// The share of the image over which a map's error stays the same.
 const DEPTH_LENGTH: f64 = 0.1;
-/// A cell belongs to a face when it is nearer to it than this, relative to its depth; round by round.
-const REACH: [f64; 3] = [0.1, 0.07, 0.06];
-/// Largest spread of depths in a cell, relative, over what a slanted plane has.
-const CELL_SPREAD: f64 = 0.12;
+
+/// How far off a map's depths are, relative.
+struct Accuracy {
+    /// One sigma.
+    sigma: f64,
+    /// A cell belongs to a face when it is nearer to it than this, relative to its depth; round by round.
+    reach: [f64; 3],
+    /// Largest spread of depths in a cell, relative, over what a slanted plane has.
+    cell_spread: f64,
+}
+
+/// Of a map with surfaces; of one in which no surface shows, so that camera and room come from pins and lines.
+const SMOOTH: Accuracy = Accuracy { sigma: 0.03, reach: [0.1, 0.07, 0.06], cell_spread: 0.12 };
+const ROUGH: Accuracy = Accuracy { sigma: 0.08, reach: [0.2, 0.14, 0.12], cell_spread: 0.2 };
+/// Beside a rough map pins are as sure as they fit: their sigma grows by up to this factor.
+const WORST_PINS: f64 = 4.0;
+/// ... if there are as many.
+const JUDGED_PINS: usize = 4;
+
 /// Saturation of the losses, sigmas.
 const LIMIT: f64 = 2.5;
 /// Sigmas of logarithms: focal length of the map's camera (a sensor's is known), distance to a face that is not seen,
@@ -148,6 +162,9 @@ struct Problem<'a> {
     segments: Vec<LineSegment>,
     pins: Vec<Pin>,
     cells: Vec<Cell>,
+    accuracy: Accuracy,
+    /// Whether the map shows surfaces.
+    smooth: bool,
     cell_sigma: f64,
     start: Unknowns,
     /// Faces that the map or a pin shows, and those that the map shows.
@@ -217,11 +234,13 @@ impl<'a> Problem<'a> {
                 seen[index(surface)] = true;
             }
         }
-        if c.evidence.method != CalibrationMethod::Manhattan {
+        let smooth = c.evidence.method == CalibrationMethod::Manhattan;
+        if !smooth {
             // No plane was found in the map: its depths say how far away what is pinned is.
             measured = seen;
         }
-        let (cells, per_side) = cells(points, photo);
+        let accuracy = if smooth { SMOOTH } else { ROUGH };
+        let (cells, per_side) = cells(points, photo, accuracy.cell_spread);
         let patch = (DEPTH_LENGTH * f64::from(per_side)).max(1.0);
         let problem = Self {
             prior,
@@ -232,7 +251,9 @@ impl<'a> Problem<'a> {
                 .collect(),
             pins,
             cells,
-            cell_sigma: DEPTH_SIGMA * patch,
+            cell_sigma: accuracy.sigma * patch,
+            accuracy,
+            smooth,
             start,
             seen,
             measured,
@@ -358,6 +379,20 @@ impl<'a> Problem<'a> {
         !side || edges.len() < VOUCHING_EDGES || given().any(|p| faces_of(p.edge).contains(&surface))
     }
 
+    /// Makes the pins as unsure as they are off: who is to say that they are right where the map says little.
+    fn judge_pins(&mut self, p: &Unknowns) {
+        let solved = Self::unpack(p);
+        let rotation = solved.rotation();
+        let given = self.pins.iter().filter(|pin| pin.given);
+        let off: Vec<f64> =
+            given.map(|pin| (solved.distance_to_edge(&rotation, pin.edge, pin.point) / pin.sigma).abs()).collect();
+        if let Some(middle) = median(&off).filter(|_| off.len() >= JUDGED_PINS) {
+            // The median of normal errors is at 1 / 1.48 sigmas.
+            let factor = (1.48 * middle).clamp(1.0, WORST_PINS);
+            self.pins.iter_mut().for_each(|pin| pin.sigma *= factor);
+        }
+    }
+
     /// Pins on the photo's lines along the edges, the surest first: where it is tells where the others are to be
     /// looked for.
     fn lines_in_turn(&self, p: &Unknowns, information: &[f64], edges: &[RoomEdge], reach: Reach) -> Vec<Pin> {
@@ -393,13 +428,16 @@ impl<'a> Problem<'a> {
     fn refine(mut self, before: &Calibration, points: &PointMap) -> Option<(Calibration, JointEvidence)> {
         let mut p = self.start;
         let (mut sigmas, mut information) = (Vec::new(), Vec::new());
-        for (round, reach) in REACH.into_iter().enumerate() {
+        for (round, reach) in self.accuracy.reach.into_iter().enumerate() {
             self.assign(&p, reach);
             // Wide losses first: the start may be some degrees off.
             let limit = if round == 0 { 4.0 * LIMIT } else { LIMIT };
             let s = minimise(&p, &STEPS, 40, |p, out| self.residuals(p, limit, out));
             p.copy_from_slice(&s.parameters[..10]);
             (sigmas, information) = (s.sigmas, s.information);
+            if round == 0 && !self.smooth {
+                self.judge_pins(&p);
+            }
         }
         let given = self.pins.len();
         let depths = Depths::new(points, self.prior.photo);
@@ -565,7 +603,7 @@ pub(super) fn inverse_depth_of(b: &CameraBox, face: Surface, ray: Vec3) -> Optio
 }
 
 /// Median depths of square cells, and how many lie along the longer side.
-fn cells(points: &PointMap, photo: harmony_scene::ImageSize) -> (Vec<Cell>, u32) {
+fn cells(points: &PointMap, photo: ImageSize, most_spread: f64) -> (Vec<Cell>, u32) {
     let (w, h) = (points.size.width, points.size.height);
     let side = w.max(h).div_ceil(CELLS).max(1);
     let depth_row = points.rotation.transpose() * Vec3::Z;
@@ -588,7 +626,7 @@ fn cells(points: &PointMap, photo: harmony_scene::ImageSize) -> (Vec<Cell>, u32)
             }
             depths.sort_by(f64::total_cmp);
             let at = |q: f64| depths[((depths.len() - 1) as f64 * q) as usize];
-            if at(0.9) / at(0.1) - 1.0 > CELL_SPREAD {
+            if at(0.9) / at(0.1) - 1.0 > most_spread {
                 continue;
             }
             let middle = |c: u32, k: f64| (f64::from(c * side) + f64::from(side) / 2.0) * k;
