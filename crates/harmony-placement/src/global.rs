@@ -19,7 +19,7 @@ use harmony_scene::{Camera, Extents, Pose, Support, Vec3, Wall};
 
 use crate::anchoring::height_stretch;
 use crate::level::anchoring_of;
-use crate::{PartialScene, PlacementSettings};
+use crate::{PartialScene, Placed, PlacementSettings};
 use body::{Body, bodies, numbers, pose, residuals};
 
 /// One sigma of sizes within a matched set, relative.
@@ -205,11 +205,13 @@ fn round(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<f64> 
     scene.anchor *= scale;
     scene.camera = camera;
     scene.room.extents = extents;
+    let shares = shares_of_hosts(scene);
     for (b, mut pose) in bodies.iter().zip(poses) {
         let placed = &mut scene.placed[b.object];
         pose.stretch.y = height_stretch(&placed.item, pose.scale, pose.stretch.y);
         placed.pose = pose;
     }
+    lift_onto_hosts(scene, &shares);
     settle_all(scene, settings);
     Some(scale)
 }
@@ -269,6 +271,27 @@ fn carry_points(scene: &mut PartialScene, camera: &Camera, scale: f64) {
     }
 }
 
+/// How high each object stands on its host, as a share of the host's height; `None` without one.
+pub(crate) fn shares_of_hosts(scene: &PartialScene) -> Vec<Option<f64>> {
+    let share = |p: &Placed| {
+        let Support::Object { id } = &p.support else { return None };
+        let host = scene.find(id).filter(|h| h.item.id != p.item.id)?;
+        let share = (p.pose.position.y - host.pose.position.y) / host.size().height;
+        share.is_finite().then_some(share)
+    };
+    scene.placed.iter().map(share).collect()
+}
+
+/// Brings what stands on something to the height at which it stood, now that its host may be higher or lower: where a
+/// host grew by more than the slack within which surfaces are looked for, nothing would find its top again.
+pub(crate) fn lift_onto_hosts(scene: &mut PartialScene, shares: &[Option<f64>]) {
+    for (i, share) in shares.iter().enumerate() {
+        let Support::Object { id } = &scene.placed[i].support else { continue };
+        let Some((host, share)) = scene.find(id).zip(*share) else { continue };
+        scene.placed[i].pose.position.y = host.pose.position.y + share * host.size().height;
+    }
+}
+
 /// Puts everything back onto its support, hosts before what they carry.
 pub(crate) fn settle_all(scene: &mut PartialScene, settings: &PlacementSettings) {
     use crate::anchoring::{Frame, YawRule};
@@ -301,8 +324,8 @@ mod tests {
     use harmony_scene::ObjectId;
 
     use super::*;
+    use crate::Evidence;
     use crate::testing::{boxed, empty_room};
-    use crate::{Evidence, Placed};
 
     /// Six boxes on the floor as they are, with masks of the camera as it is; calibration knows directions and focal
     /// length well, the height exactly, the scale to `sigma`, the camera's height (logit) to `floor_sigma`.
@@ -335,6 +358,25 @@ mod tests {
         let mean = room_unknowns(&scene.camera, &scene.room.extents, 1.0);
         scene.posterior = Some(RoomPosterior { information, mean });
         scene
+    }
+
+    #[test]
+    fn what_stands_on_something_goes_up_and_down_with_it() {
+        let mut scene = furnished(0.1, 0.1);
+        let top = Vec3::new(0.8, 0.9, 1.0);
+        let mut lamp = boxed(&scene, Vec3::new(0.1, 0.3, 0.1), top, 0.0);
+        lamp.id = ObjectId::numbered("lamp", 0);
+        let support = Support::Object { id: scene.placed[0].item.id.clone() };
+        let evidence = Evidence::default();
+        scene.placed.push(Placed { item: Arc::new(lamp), pose: Pose::new(top, 0.0, 1.0), support, evidence });
+        let shares = shares_of_hosts(&scene);
+        assert_eq!(shares[..6], [None; 6]);
+        // By more than the slack within which a surface is looked for.
+        scene.placed[0].pose.scale = 1.4;
+        lift_onto_hosts(&mut scene, &shares);
+        settle_all(&mut scene, &PlacementSettings::default());
+        let y = scene.placed[6].pose.position.y;
+        assert!((y - 1.4 * 0.9).abs() < 1e-3, "{y}");
     }
 
     /// The same scene in another scale; the room's height stays.

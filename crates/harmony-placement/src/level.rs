@@ -267,11 +267,13 @@ pub(crate) fn polish_all(scene: &mut PartialScene, settings: &PlacementSettings)
             Some(polish(frame, &pose, &view, settings, settings.renders_per_object / 4).pose)
         })
         .collect();
+    let shares = crate::global::shares_of_hosts(scene);
     for (placed, pose) in scene.placed.iter_mut().zip(poses) {
         if let Some(pose) = pose {
             placed.pose = pose;
         }
     }
+    crate::global::lift_onto_hosts(scene, &shares);
     crate::global::settle_all(scene, settings);
 }
 

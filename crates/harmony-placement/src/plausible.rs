@@ -4,12 +4,15 @@ use harmony_scene::{Mask, PlacementType, Support, Vec3, Wall};
 
 use crate::anchoring::{reach, size_of};
 use crate::level::neighbours;
-use crate::support::{SurfaceQuery, surface_under};
+use crate::support::{Surface, SurfaceQuery, surface_under};
 use crate::view::View;
 use crate::{PartialScene, Placed, PlacementSettings};
 
 /// Share of a footprint that must be on the host, and how far the surface may be from where the object stands, metres.
 const SUPPORTED: f64 = 0.5;
+/// ... or nearly as much as anywhere on it, and at least this much.
+const NEARLY: f64 = 0.8;
+const LEAST_SUPPORTED: f64 = 0.15;
 const SAME_LEVEL: f64 = 0.05;
 /// Steps in which an object is moved towards its host's middle.
 const STEPS: u32 = 40;
@@ -32,13 +35,20 @@ pub(crate) fn back_onto_hosts(scene: &mut PartialScene) {
     for i in 0..scene.placed.len() {
         let Some((object, host)) = with_host(scene, i) else { continue };
         let level = object.pose.position.y;
-        let carried = |position: Vec3| carried_at(object, host, position);
         let start = object.pose.position;
         let middle = Vec3::new(host.pose.position.x, level, host.pose.position.z);
-        let found = (0..=STEPS)
+        let surfaces: Vec<(Vec3, Surface)> = (0..=STEPS)
             .map(|k| start.lerp(middle, f64::from(k) / f64::from(STEPS)))
             .take_while(|p| p.distance(start) <= FARTHEST_BACK)
-            .find_map(|p| Some(Vec3::new(p.x, carried(p)?, p.z)));
+            .filter_map(|p| Some((p, surface_at(object, host, p)?)))
+            .collect();
+        // A narrow shelf carries what is deeper than it.
+        let most = surfaces.iter().map(|(_, s)| s.share).fold(0.0, f64::max);
+        let enough = SUPPORTED.min(NEARLY * most);
+        let found = surfaces
+            .into_iter()
+            .find(|(_, s)| s.share >= enough && enough >= LEAST_SUPPORTED)
+            .map(|(p, s)| Vec3::new(p.x, s.height, p.z));
         if let Some(position) = found {
             let by = position - start;
             for member in crate::collision::body(scene, i) {
@@ -55,20 +65,19 @@ fn with_host(scene: &PartialScene, i: usize) -> Option<(&Placed, &Placed)> {
     Some((&scene.placed[i], &scene.placed[host]))
 }
 
-/// Height of the host's surface that would carry an object at a place, near the height at which it is now.
-fn carried_at(object: &Placed, host: &Placed, position: Vec3) -> Option<f64> {
+/// The host's surface under an object at a place, near the height at which it is now.
+fn surface_at(object: &Placed, host: &Placed, position: Vec3) -> Option<Surface> {
     let level = object.pose.position.y;
     let query = SurfaceQuery { level, object_height: object.size().height, soft: object.item.traits.soft };
     let pose = harmony_scene::Pose { position, ..object.pose };
-    let surface = surface_under(host, &object.item, &pose, &query)?;
-    (surface.share >= SUPPORTED && (surface.height - level).abs() <= SAME_LEVEL).then_some(surface.height)
+    surface_under(host, &object.item, &pose, &query).filter(|s| (s.height - level).abs() <= SAME_LEVEL)
 }
 
 /// Whether an object is said to stand on another one that has nothing under it.
 pub(crate) fn hangs_in_the_air(scene: &PartialScene, i: usize) -> bool {
     with_host(scene, i).is_some_and(|(object, host)| {
         object.item.placement.placement_type == PlacementType::OnSurface
-            && carried_at(object, host, object.pose.position).is_none()
+            && surface_at(object, host, object.pose.position).is_none_or(|s| s.share < LEAST_SUPPORTED)
     })
 }
 
@@ -199,6 +208,19 @@ mod tests {
 
     fn on(name: &str) -> Support {
         Support::Object { id: ObjectId::new(name).unwrap() }
+    }
+
+    #[test]
+    fn a_narrow_shelf_carries_what_is_deeper_than_it() {
+        let mut scene = empty_room();
+        add(&mut scene, "shelf_01", Vec3::new(0.6, 0.05, 0.1), Vec3::new(2.0, 0.0, 2.0), |_| {});
+        let vase = Vec3::new(0.3, 0.4, 0.3);
+        add(&mut scene, "vase_01", vase, Vec3::new(2.6, 0.05, 2.06), |p| p.support = on("shelf_01"));
+        assert!(hangs_in_the_air(&scene, 1));
+        back_onto_hosts(&mut scene);
+        let at = scene.placed[1].pose.position;
+        assert!(at.x < 2.3 && at.x > 2.1, "{at}");
+        assert!(!hangs_in_the_air(&scene, 1));
     }
 
     #[test]
