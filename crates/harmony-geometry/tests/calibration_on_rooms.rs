@@ -9,10 +9,10 @@ mod common;
 
 use common::{Room, angle_deg, gray, rooms};
 use harmony_geometry::{
-    AnchorKind, Calibration, CalibrationError, CalibrationMethod, CalibrationSettings, FocalPrior, LayoutPrior,
-    calibrate, calibrate_with_photo, estimate_view,
+    AnchorKind, Calibration, CalibrationError, CalibrationMethod, CalibrationSettings, FocalPrior, LayoutPins,
+    LayoutPrior, PinnedEdge, RoomEdge, calibrate, calibrate_with_photo, estimate_view,
 };
-use harmony_scene::{Extents, ImageSize, Mat3, PointMap, PointMapKind, Similarity, Surface, Vec3};
+use harmony_scene::{Extents, ImageSize, Mat3, PointMap, PointMapKind, Similarity, Surface, Vec2, Vec3};
 
 struct Distortion {
     kind: PointMapKind,
@@ -209,6 +209,63 @@ fn a_shapeless_map_takes_its_directions_from_the_photo() {
         assert_ne!(found.evidence.method, CalibrationMethod::Manhattan, "{}", room.name);
         assert!(before > 3.0 && after <= 1.5, "{}: {before:.2} -> {after:.2} deg", room.name);
         assert!(found.evidence.fallbacks.iter().any(|f| f.contains("lines")), "{}", room.name);
+    }
+}
+
+/// Two points of each room edge that is in the image, off by some share of the image's width, one up, the next down.
+fn pins_off(room: &Room, by: f64) -> LayoutPins {
+    let Extents { width: w, height: h, depth: d } = room.extents;
+    let ends = |edge| match edge {
+        RoomEdge::FloorBack => (Vec3::ZERO, Vec3::new(w, 0.0, 0.0)),
+        RoomEdge::FloorLeft => (Vec3::ZERO, Vec3::new(0.0, 0.0, d)),
+        RoomEdge::FloorRight => (Vec3::new(w, 0.0, 0.0), Vec3::new(w, 0.0, d)),
+        RoomEdge::CeilingBack => (Vec3::new(0.0, h, 0.0), Vec3::new(w, h, 0.0)),
+        RoomEdge::CeilingLeft => (Vec3::new(0.0, h, 0.0), Vec3::new(0.0, h, d)),
+        RoomEdge::CeilingRight => (Vec3::new(w, h, 0.0), Vec3::new(w, h, d)),
+        RoomEdge::BackLeft => (Vec3::ZERO, Vec3::new(0.0, h, 0.0)),
+        RoomEdge::BackRight => (Vec3::new(w, 0.0, 0.0), Vec3::new(w, h, 0.0)),
+    };
+    let off = by * f64::from(room.camera.size.width);
+    let mut sign = 1.0;
+    let mut edges = Vec::new();
+    for edge in RoomEdge::ALL {
+        let (a, b) = ends(edge);
+        let seen: Vec<Vec2> = (0..=40)
+            .filter_map(|i| room.camera.project(a.lerp(b, f64::from(i) / 40.0)))
+            .filter(|p| room.camera.contains(*p))
+            .collect();
+        if let (Some(first), Some(last)) = (seen.first(), seen.last())
+            && first.distance(*last) > 0.1 * f64::from(room.camera.size.width)
+        {
+            let across = (*last - *first).perp().normalize();
+            let points = [*first, *last]
+                .map(|p| {
+                    sign = -sign;
+                    p + across * (off * sign)
+                })
+                .to_vec();
+            edges.push(PinnedEdge { edge, points });
+        }
+    }
+    LayoutPins { edges, corners: vec![] }
+}
+
+/// Where the map shows no surface and the pins are rough as well, its depths and the photo's lines still find the room:
+/// of those whose ceiling is in view, which gives the scale.
+#[test]
+fn a_shapeless_map_and_rough_pins_still_give_the_room() {
+    for room in rooms() {
+        let distortion = Distortion { kind: PointMapKind::Relative, smooth: 0.08, grain: 0.2, frame: frame(0.4) };
+        let map = point_map(&room, ImageSize::new(518, 392), &distortion);
+        let focal_px = room.camera.intrinsics.fx * 1.02;
+        let view = estimate_view(&gray(&room.folder.join("photo.jpg")), Some(FocalPrior { focal_px, sigma: 0.03 }));
+        let prior = LayoutPrior { pins: pins_off(&room, 0.02), ..prior(&room) };
+        let (found, _) = calibrate_with_photo(&map, &prior, &view, &CalibrationSettings::default()).unwrap();
+        let (rotation, centre) = errors(&found, &room);
+        println!("{}: rotation {rotation:.2} deg, centre {centre:.3} m, ceiling {}", room.name, room.ceiling_visible);
+        assert_ne!(found.evidence.method, CalibrationMethod::Manhattan, "{}", room.name);
+        assert!(rotation <= 1.0, "{}: {rotation:.2} deg", room.name);
+        assert!(!room.ceiling_visible || centre <= 0.2, "{}: {centre:.3} m", room.name);
     }
 }
 
