@@ -33,14 +33,16 @@ struct Accuracy {
     reach: [f64; 3],
     /// Largest spread of depths in a cell, relative, over what a slanted plane has.
     cell_spread: f64,
+    /// Whether pins are as sure as they fit, and not as surely as pins are: where the map says little, nothing else tells
+    /// good ones from bad ones.
+    pins_as_they_fit: bool,
 }
 
 /// Of a map with surfaces; of one in which no surface shows, so that camera and room come from pins and lines.
-const SMOOTH: Accuracy = Accuracy { sigma: 0.03, reach: [0.1, 0.07, 0.06], cell_spread: 0.12 };
-const ROUGH: Accuracy = Accuracy { sigma: 0.08, reach: [0.2, 0.14, 0.12], cell_spread: 0.2 };
-/// Beside a rough map pins are as sure as they fit: their sigma grows by up to this factor.
+const SMOOTH: Accuracy = Accuracy { sigma: 0.03, reach: [0.1, 0.07, 0.06], cell_spread: 0.12, pins_as_they_fit: false };
+const ROUGH: Accuracy = Accuracy { sigma: 0.08, reach: [0.2, 0.14, 0.12], cell_spread: 0.2, pins_as_they_fit: true };
+/// The sigma of pins that do not fit grows by up to this factor, if there are so many of them.
 const WORST_PINS: f64 = 4.0;
-/// ... if there are as many.
 const JUDGED_PINS: usize = 4;
 
 /// Saturation of the losses, sigmas.
@@ -163,8 +165,6 @@ struct Problem<'a> {
     pins: Vec<Pin>,
     cells: Vec<Cell>,
     accuracy: Accuracy,
-    /// Whether the map shows surfaces.
-    smooth: bool,
     cell_sigma: f64,
     start: Unknowns,
     /// Faces that the map or a pin shows, and those that the map shows.
@@ -253,7 +253,6 @@ impl<'a> Problem<'a> {
             cells,
             cell_sigma: accuracy.sigma * patch,
             accuracy,
-            smooth,
             start,
             seen,
             measured,
@@ -379,7 +378,7 @@ impl<'a> Problem<'a> {
         !side || edges.len() < VOUCHING_EDGES || given().any(|p| faces_of(p.edge).contains(&surface))
     }
 
-    /// Makes the pins as unsure as they are off: who is to say that they are right where the map says little.
+    /// Makes the pins as unsure as they are off.
     fn judge_pins(&mut self, p: &Unknowns) {
         let solved = Self::unpack(p);
         let rotation = solved.rotation();
@@ -435,7 +434,7 @@ impl<'a> Problem<'a> {
             let s = minimise(&p, &STEPS, 40, |p, out| self.residuals(p, limit, out));
             p.copy_from_slice(&s.parameters[..10]);
             (sigmas, information) = (s.sigmas, s.information);
-            if round == 0 && !self.smooth {
+            if round == 0 && self.accuracy.pins_as_they_fit {
                 self.judge_pins(&p);
             }
         }
