@@ -26,6 +26,9 @@ use body::{Body, bodies, numbers, pose, residuals};
 const SET_SIGMA: f64 = 0.01;
 /// One sigma of the camera's angles, radians: many lines of the photo hold them, better than calibration claims.
 const ROTATION_SIGMA: f64 = 0.001;
+/// One sigma of the focal length, relative: what objects say of it has errors in common (meshes whose fronts are a
+/// little off, depths that bend), which the least squares does not know.
+const FOCAL_SIGMA: f64 = 0.01;
 /// One sigma of what the sizes named by one model have in common, relative.
 const COMMON_SIZE_SIGMA: f64 = 0.03;
 /// Least-squares rounds; outlines and depths are read anew before each.
@@ -156,6 +159,7 @@ fn round(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<f64> 
         for row in 0..ROOM {
             out.push((0..ROOM).map(|c| factor[row * ROOM + c] * (metric[c] - mean[c])).sum());
         }
+        out.push((u[0] - mean[0]) / FOCAL_SIGMA);
         out.extend((1..4).map(|i| (u[i] - mean[i]) / ROTATION_SIGMA));
         out.extend(loose.map(|(i, loose)| if loose { (u[i] - now[i]) / 0.01 } else { 0.0 }));
         out.push(u[COMMON] / COMMON_SIZE_SIGMA);
@@ -205,14 +209,12 @@ fn round(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<f64> 
     scene.anchor *= scale;
     scene.camera = camera;
     scene.room.extents = extents;
-    let shares = shares_of_hosts(scene);
-    for (b, mut pose) in bodies.iter().zip(poses) {
-        let placed = &mut scene.placed[b.object];
-        pose.stretch.y = height_stretch(&placed.item, pose.scale, pose.stretch.y);
-        placed.pose = pose;
-    }
-    lift_onto_hosts(scene, &shares);
-    settle_all(scene, settings);
+    let stretched = bodies.iter().zip(poses).map(|(b, mut pose)| {
+        pose.stretch.y = height_stretch(&scene.placed[b.object].item, pose.scale, pose.stretch.y);
+        (b.object, pose)
+    });
+    let stretched: Vec<(usize, Pose)> = stretched.collect();
+    take_poses(scene, stretched, settings);
     Some(scale)
 }
 
@@ -271,25 +273,28 @@ fn carry_points(scene: &mut PartialScene, camera: &Camera, scale: f64) {
     }
 }
 
-/// How high each object stands on its host, as a share of the host's height; `None` without one.
-pub(crate) fn shares_of_hosts(scene: &PartialScene) -> Vec<Option<f64>> {
+/// Gives objects new poses, and all of them their place on their supports again.
+///
+/// What stands on something keeps its share of the host's height: where a host grew by more than the slack within which
+/// surfaces are looked for, nothing would find its top again.
+pub(crate) fn take_poses(scene: &mut PartialScene, poses: Vec<(usize, Pose)>, settings: &PlacementSettings) {
     let share = |p: &Placed| {
         let Support::Object { id } = &p.support else { return None };
-        let host = scene.find(id).filter(|h| h.item.id != p.item.id)?;
-        let share = (p.pose.position.y - host.pose.position.y) / host.size().height;
-        share.is_finite().then_some(share)
+        let host = scene.position(id).filter(|h| scene.placed[*h].item.id != p.item.id)?;
+        let share = (p.pose.position.y - scene.placed[host].pose.position.y) / scene.placed[host].size().height;
+        share.is_finite().then_some((host, share))
     };
-    scene.placed.iter().map(share).collect()
-}
-
-/// Brings what stands on something to the height at which it stood, now that its host may be higher or lower: where a
-/// host grew by more than the slack within which surfaces are looked for, nothing would find its top again.
-pub(crate) fn lift_onto_hosts(scene: &mut PartialScene, shares: &[Option<f64>]) {
-    for (i, share) in shares.iter().enumerate() {
-        let Support::Object { id } = &scene.placed[i].support else { continue };
-        let Some((host, share)) = scene.find(id).zip(*share) else { continue };
-        scene.placed[i].pose.position.y = host.pose.position.y + share * host.size().height;
+    let shares: Vec<Option<(usize, f64)>> = scene.placed.iter().map(share).collect();
+    for (i, pose) in poses {
+        scene.placed[i].pose = pose;
     }
+    for (i, share) in shares.into_iter().enumerate() {
+        if let Some((host, share)) = share {
+            let host = &scene.placed[host];
+            scene.placed[i].pose.position.y = host.pose.position.y + share * host.size().height;
+        }
+    }
+    settle_all(scene, settings);
 }
 
 /// Puts everything back onto its support, hosts before what they carry.
@@ -369,12 +374,9 @@ mod tests {
         let support = Support::Object { id: scene.placed[0].item.id.clone() };
         let evidence = Evidence::default();
         scene.placed.push(Placed { item: Arc::new(lamp), pose: Pose::new(top, 0.0, 1.0), support, evidence });
-        let shares = shares_of_hosts(&scene);
-        assert_eq!(shares[..6], [None; 6]);
         // By more than the slack within which a surface is looked for.
-        scene.placed[0].pose.scale = 1.4;
-        lift_onto_hosts(&mut scene, &shares);
-        settle_all(&mut scene, &PlacementSettings::default());
+        let grown = Pose { scale: 1.4, ..scene.placed[0].pose };
+        take_poses(&mut scene, vec![(0, grown)], &PlacementSettings::default());
         let y = scene.placed[6].pose.position.y;
         assert!((y - 1.4 * 0.9).abs() < 1e-3, "{y}");
     }

@@ -254,9 +254,9 @@ fn part_all(scene: &mut PartialScene, level: Level, settings: &PlacementSettings
 pub(crate) fn polish_all(scene: &mut PartialScene, settings: &PlacementSettings) {
     use rayon::prelude::*;
     let still: &PartialScene = scene;
-    let poses: Vec<Option<harmony_scene::Pose>> = (0..still.placed.len())
+    let poses: Vec<(usize, harmony_scene::Pose)> = (0..still.placed.len())
         .into_par_iter()
-        .map(|i| {
+        .filter_map(|i| {
             let item = Arc::clone(&still.placed[i].item);
             let others = neighbours(still, &item, &[], Some(i));
             let view = View::new(still, Some(i), &item.mask, &others, settings.window_px)?;
@@ -264,17 +264,10 @@ pub(crate) fn polish_all(scene: &mut PartialScene, settings: &PlacementSettings)
             let yaw = YawRule::About { yaw: pose.yaw, sigma: 0.04 };
             let (anchoring, wall_gap) = (anchoring_of(still, i), settings.wall_gap);
             let frame = Frame { scene: still, item: &item, anchoring, yaw, wall_gap, fixed_size: false };
-            Some(polish(frame, &pose, &view, settings, settings.renders_per_object / 4).pose)
+            Some((i, polish(frame, &pose, &view, settings, settings.renders_per_object / 4).pose))
         })
         .collect();
-    let shares = crate::global::shares_of_hosts(scene);
-    for (placed, pose) in scene.placed.iter_mut().zip(poses) {
-        if let Some(pose) = pose {
-            placed.pose = pose;
-        }
-    }
-    crate::global::lift_onto_hosts(scene, &shares);
-    crate::global::settle_all(scene, settings);
+    crate::global::take_poses(scene, poses, settings);
 }
 
 /// Resolves the collisions of one placed object.

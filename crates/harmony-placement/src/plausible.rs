@@ -34,28 +34,39 @@ const BEFORE_FRONT: f64 = 0.3;
 pub(crate) fn back_onto_hosts(scene: &mut PartialScene) {
     for i in 0..scene.placed.len() {
         let Some((object, host)) = with_host(scene, i) else { continue };
-        let level = object.pose.position.y;
         let start = object.pose.position;
-        let middle = Vec3::new(host.pose.position.x, level, host.pose.position.z);
-        let surfaces: Vec<(Vec3, Surface)> = (0..=STEPS)
-            .map(|k| start.lerp(middle, f64::from(k) / f64::from(STEPS)))
-            .take_while(|p| p.distance(start) <= FARTHEST_BACK)
-            .filter_map(|p| Some((p, surface_at(object, host, p)?)))
-            .collect();
-        // A narrow shelf carries what is deeper than it.
-        let most = surfaces.iter().map(|(_, s)| s.share).fold(0.0, f64::max);
-        let enough = SUPPORTED.min(NEARLY * most);
-        let found = surfaces
-            .into_iter()
-            .find(|(_, s)| s.share >= enough && enough >= LEAST_SUPPORTED)
-            .map(|(p, s)| Vec3::new(p.x, s.height, p.z));
-        if let Some(position) = found {
-            let by = position - start;
+        let places = places_towards_middle(object, host);
+        let found = places.iter().find(|p| p.carries).filter(|p| p.at.distance(start) <= FARTHEST_BACK);
+        if let Some(place) = found {
+            let by = place.at - start;
             for member in crate::collision::body(scene, i) {
                 scene.placed[member].pose.position += by;
             }
         }
     }
+}
+
+/// A place on a host.
+struct Place {
+    /// On the host's surface.
+    at: Vec3,
+    /// Whether the surface holds an object there: half of its footprint, or, as a narrow shelf carries what is deeper
+    /// than it, nearly as much as anywhere on this host.
+    carries: bool,
+}
+
+/// The places with a surface under them, from where an object stands to its host's middle.
+fn places_towards_middle(object: &Placed, host: &Placed) -> Vec<Place> {
+    let start = object.pose.position;
+    let middle = Vec3::new(host.pose.position.x, start.y, host.pose.position.z);
+    let surfaces: Vec<(Vec3, Surface)> = (0..=STEPS)
+        .map(|k| start.lerp(middle, f64::from(k) / f64::from(STEPS)))
+        .filter_map(|p| Some((p, surface_at(object, host, p)?)))
+        .collect();
+    let most = surfaces.iter().map(|(_, s)| s.share).fold(0.0, f64::max);
+    let enough = SUPPORTED.min(NEARLY * most).max(LEAST_SUPPORTED);
+    let place = |(p, s): (Vec3, Surface)| Place { at: Vec3::new(p.x, s.height, p.z), carries: s.share >= enough };
+    surfaces.into_iter().map(place).collect()
 }
 
 /// An object that stands on another one, and that one.
@@ -73,11 +84,13 @@ fn surface_at(object: &Placed, host: &Placed, position: Vec3) -> Option<Surface>
     surface_under(host, &object.item, &pose, &query).filter(|s| (s.height - level).abs() <= SAME_LEVEL)
 }
 
-/// Whether an object is said to stand on another one that has nothing under it.
+/// Whether an object is said to stand on another one that does not carry it where it is.
 pub(crate) fn hangs_in_the_air(scene: &PartialScene, i: usize) -> bool {
     with_host(scene, i).is_some_and(|(object, host)| {
+        let at = object.pose.position;
+        let here = |p: &Place| p.at.with_y(at.y) == at;
         object.item.placement.placement_type == PlacementType::OnSurface
-            && surface_at(object, host, object.pose.position).is_none_or(|s| s.share < LEAST_SUPPORTED)
+            && !places_towards_middle(object, host).first().is_some_and(|p| here(p) && p.carries)
     })
 }
 
@@ -215,7 +228,7 @@ mod tests {
         let mut scene = empty_room();
         add(&mut scene, "shelf_01", Vec3::new(0.6, 0.05, 0.1), Vec3::new(2.0, 0.0, 2.0), |_| {});
         let vase = Vec3::new(0.3, 0.4, 0.3);
-        add(&mut scene, "vase_01", vase, Vec3::new(2.6, 0.05, 2.06), |p| p.support = on("shelf_01"));
+        add(&mut scene, "vase_01", vase, Vec3::new(2.5, 0.05, 2.06), |p| p.support = on("shelf_01"));
         assert!(hangs_in_the_air(&scene, 1));
         back_onto_hosts(&mut scene);
         let at = scene.placed[1].pose.position;
