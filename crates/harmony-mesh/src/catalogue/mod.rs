@@ -6,6 +6,15 @@ use harmony_scene::{Level, MaterialCategory, Size};
 
 pub use table::CATEGORIES;
 
+/// What a back has that a front has not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Back {
+    /// It is higher: seats, beds.
+    High,
+    /// It is closed, where the front may be open: storage.
+    Closed,
+}
+
 /// What a category usually is like.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Category {
@@ -23,6 +32,8 @@ pub struct Category {
     pub material: MaterialCategory,
     /// Whether one side is the front.
     pub front: bool,
+    /// What its back has that its front has not.
+    pub back: Option<Back>,
     /// Whether it is a thin slab that can carry a rectified image.
     pub planar: bool,
     /// For light sources the slot that shines.
@@ -59,6 +70,11 @@ pub fn default_material(label: &str) -> MaterialCategory {
 /// Whether one side is the front; unknown things have one.
 pub fn has_front(label: &str) -> bool {
     category(label).is_none_or(|c| c.front)
+}
+
+/// What the back of a label's category has that its front has not.
+pub fn back(label: &str) -> Option<Back> {
+    category(label).and_then(|c| c.back)
 }
 
 /// Whether it is a thin slab that can carry a rectified image.

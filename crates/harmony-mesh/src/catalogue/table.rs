@@ -2,35 +2,35 @@
 
 use harmony_scene::{Level, MaterialCategory};
 
-use super::Category;
+use super::{Back, Category};
 
 /// All categories.
 #[rustfmt::skip] // one line a category
 pub static CATEGORIES: &[Category] = &[
-    row("sofa", Level::Furniture, [2.1, 0.85, 0.92], [1.1, 0.55, 0.6], [4.2, 1.3, 2.6], MaterialCategory::Fabric, "f", None, &["loveseat", "settee", "sofa bed", "sectional", "divan", "chesterfield", "davenport", "futon", "sofabed", "daybed", "chaise longue", "chaise", "recliner sofa", "couch", "three-seater", "two-seater"]),
-    row("armchair", Level::Furniture, [0.85, 0.85, 0.85], [0.5, 0.6, 0.5], [1.4, 1.4, 1.3], MaterialCategory::Fabric, "f", None, &["lounge chair", "easy chair", "accent chair", "recliner", "wing chair", "wingback", "club chair", "tub chair", "arm chair", "rocking chair", "glider", "papasan", "reading chair", "barrel chair", "side armchair"]),
-    row("chair", Level::Furniture, [0.46, 0.88, 0.52], [0.3, 0.6, 0.3], [0.8, 1.3, 0.9], MaterialCategory::Wood, "f", None, &["dining chair", "side chair", "kitchen chair", "wooden chair", "folding chair", "visitor chair", "seat", "high chair"]),
-    row("office_chair", Level::Furniture, [0.62, 1.05, 0.62], [0.4, 0.75, 0.4], [0.85, 1.4, 0.85], MaterialCategory::Fabric, "f", None, &["desk chair", "swivel chair", "gaming chair", "task chair", "computer chair", "rolling chair", "ergonomic chair"]),
+    row("sofa", Level::Furniture, [2.1, 0.85, 0.92], [1.1, 0.55, 0.6], [4.2, 1.3, 2.6], MaterialCategory::Fabric, "fb", None, &["loveseat", "settee", "sofa bed", "sectional", "divan", "chesterfield", "davenport", "futon", "sofabed", "daybed", "chaise longue", "chaise", "recliner sofa", "couch", "three-seater", "two-seater"]),
+    row("armchair", Level::Furniture, [0.85, 0.85, 0.85], [0.5, 0.6, 0.5], [1.4, 1.4, 1.3], MaterialCategory::Fabric, "fb", None, &["lounge chair", "easy chair", "accent chair", "recliner", "wing chair", "wingback", "club chair", "tub chair", "arm chair", "rocking chair", "glider", "papasan", "reading chair", "barrel chair", "side armchair"]),
+    row("chair", Level::Furniture, [0.46, 0.88, 0.52], [0.3, 0.6, 0.3], [0.8, 1.3, 0.9], MaterialCategory::Wood, "fb", None, &["dining chair", "side chair", "kitchen chair", "wooden chair", "folding chair", "visitor chair", "seat", "high chair"]),
+    row("office_chair", Level::Furniture, [0.62, 1.05, 0.62], [0.4, 0.75, 0.4], [0.85, 1.4, 0.85], MaterialCategory::Fabric, "fb", None, &["desk chair", "swivel chair", "gaming chair", "task chair", "computer chair", "rolling chair", "ergonomic chair"]),
     row("stool", Level::Furniture, [0.38, 0.6, 0.38], [0.2, 0.25, 0.2], [0.6, 1.2, 0.6], MaterialCategory::Wood, "s", None, &["bar stool", "barstool", "counter stool", "step stool", "footstool", "bar chair"]),
-    row("bench", Level::Furniture, [1.2, 0.45, 0.4], [0.5, 0.25, 0.2], [2.6, 1.1, 0.8], MaterialCategory::Wood, "fs", None, &["window seat", "entry bench", "bed bench", "storage bench", "piano bench"]),
+    row("bench", Level::Furniture, [1.2, 0.45, 0.4], [0.5, 0.25, 0.2], [2.6, 1.1, 0.8], MaterialCategory::Wood, "fsb", None, &["window seat", "entry bench", "bed bench", "storage bench", "piano bench"]),
     row("ottoman", Level::Furniture, [0.65, 0.42, 0.6], [0.3, 0.2, 0.3], [1.6, 0.65, 1.2], MaterialCategory::Fabric, "s", None, &["pouf", "pouffe", "hassock", "footrest", "tuffet"]),
     row("bean_bag", Level::Furniture, [0.85, 0.75, 0.9], [0.5, 0.4, 0.5], [1.3, 1.1, 1.3], MaterialCategory::Fabric, "f", None, &["beanbag", "bean bag chair"]),
-    row("bed", Level::Furniture, [1.6, 1.1, 2.1], [0.8, 0.35, 1.6], [2.3, 1.9, 2.5], MaterialCategory::Fabric, "fs", None, &["double bed", "single bed", "king bed", "queen bed", "twin bed", "bedstead", "bed frame", "mattress"]),
+    row("bed", Level::Furniture, [1.6, 1.1, 2.1], [0.8, 0.35, 1.6], [2.3, 1.9, 2.5], MaterialCategory::Fabric, "fsb", None, &["double bed", "single bed", "king bed", "queen bed", "twin bed", "bedstead", "bed frame", "mattress"]),
     row("crib", Level::Furniture, [0.7, 0.95, 1.3], [0.5, 0.6, 0.9], [0.9, 1.3, 1.6], MaterialCategory::Wood, "f", None, &["cot", "baby bed", "playpen"]),
-    row("nightstand", Level::Furniture, [0.48, 0.55, 0.42], [0.25, 0.3, 0.22], [0.8, 0.9, 0.7], MaterialCategory::Wood, "fs", None, &["night stand", "bedside table", "bedside cabinet", "night table", "bedside"]),
-    row("dresser", Level::Furniture, [1.2, 0.85, 0.48], [0.4, 0.5, 0.3], [2.2, 1.6, 0.75], MaterialCategory::Wood, "fs", None, &["chest of drawers", "drawer chest", "drawers", "commode", "bureau", "tallboy", "chest", "drawer unit"]),
-    row("cabinet", Level::Furniture, [1.4, 0.8, 0.43], [0.3, 0.3, 0.2], [3.2, 2.4, 0.8], MaterialCategory::Wood, "fs", None, &["sideboard", "credenza", "buffet", "cupboard", "storage cabinet", "shoe cabinet", "display cabinet", "filing cabinet", "file cabinet", "locker", "china cabinet", "hutch", "media cabinet", "storage unit", "trunk"]),
-    row("tv_stand", Level::Furniture, [1.6, 0.5, 0.42], [0.6, 0.25, 0.25], [3.0, 0.9, 0.7], MaterialCategory::Wood, "fs", None, &["tv console", "tv cabinet", "tv unit", "television stand", "tv bench", "media console", "entertainment center", "entertainment unit", "media unit", "lowboard", "tv table"]),
-    row("wardrobe", Level::Furniture, [1.5, 2.1, 0.6], [0.6, 1.5, 0.4], [3.6, 2.8, 0.9], MaterialCategory::Wood, "f", None, &["closet", "armoire", "sliding wardrobe"]),
-    row("bookshelf", Level::Furniture, [0.85, 1.9, 0.32], [0.3, 0.5, 0.18], [3.6, 2.8, 0.6], MaterialCategory::Wood, "fs", None, &["bookcase", "book shelf", "book case", "shelving unit", "shelving", "shelves", "shelf unit", "etagere", "open shelf", "rack", "storage rack", "shoe rack", "display shelf"]),
+    row("nightstand", Level::Furniture, [0.48, 0.55, 0.42], [0.25, 0.3, 0.22], [0.8, 0.9, 0.7], MaterialCategory::Wood, "fsc", None, &["night stand", "bedside table", "bedside cabinet", "night table", "bedside"]),
+    row("dresser", Level::Furniture, [1.2, 0.85, 0.48], [0.4, 0.5, 0.3], [2.2, 1.6, 0.75], MaterialCategory::Wood, "fsc", None, &["chest of drawers", "drawer chest", "drawers", "commode", "bureau", "tallboy", "chest", "drawer unit"]),
+    row("cabinet", Level::Furniture, [1.4, 0.8, 0.43], [0.3, 0.3, 0.2], [3.2, 2.4, 0.8], MaterialCategory::Wood, "fsc", None, &["sideboard", "credenza", "buffet", "cupboard", "storage cabinet", "shoe cabinet", "display cabinet", "filing cabinet", "file cabinet", "locker", "china cabinet", "hutch", "media cabinet", "storage unit", "trunk"]),
+    row("tv_stand", Level::Furniture, [1.6, 0.5, 0.42], [0.6, 0.25, 0.25], [3.0, 0.9, 0.7], MaterialCategory::Wood, "fsc", None, &["tv console", "tv cabinet", "tv unit", "television stand", "tv bench", "media console", "entertainment center", "entertainment unit", "media unit", "lowboard", "tv table"]),
+    row("wardrobe", Level::Furniture, [1.5, 2.1, 0.6], [0.6, 1.5, 0.4], [3.6, 2.8, 0.9], MaterialCategory::Wood, "fc", None, &["closet", "armoire", "sliding wardrobe"]),
+    row("bookshelf", Level::Furniture, [0.85, 1.9, 0.32], [0.3, 0.5, 0.18], [3.6, 2.8, 0.6], MaterialCategory::Wood, "fsc", None, &["bookcase", "book shelf", "book case", "shelving unit", "shelving", "shelves", "shelf unit", "etagere", "open shelf", "rack", "storage rack", "shoe rack", "display shelf"]),
     row("wall_shelf", Level::Wall, [0.8, 0.22, 0.22], [0.2, 0.02, 0.08], [2.4, 1.6, 0.45], MaterialCategory::Wood, "fs", None, &["floating shelf", "wall mounted shelf", "wall-mounted shelf", "shelf", "ledge", "picture ledge", "corner shelf"]),
-    row("kitchen_base", Level::Furniture, [2.4, 0.9, 0.62], [0.4, 0.7, 0.45], [6.0, 1.1, 1.2], MaterialCategory::Wood, "fs", None, &["kitchen counter", "kitchen island", "base cabinet", "kitchen cabinet", "lower cabinet", "kitchen cabinets", "counter", "countertop", "kitchen unit", "kitchenette", "bar counter", "island"]),
+    row("kitchen_base", Level::Furniture, [2.4, 0.9, 0.62], [0.4, 0.7, 0.45], [6.0, 1.1, 1.2], MaterialCategory::Wood, "fsc", None, &["kitchen counter", "kitchen island", "base cabinet", "kitchen cabinet", "lower cabinet", "kitchen cabinets", "counter", "countertop", "kitchen unit", "kitchenette", "bar counter", "island"]),
     row("kitchen_wall", Level::Wall, [1.8, 0.7, 0.35], [0.3, 0.3, 0.2], [5.0, 1.2, 0.6], MaterialCategory::Wood, "f", None, &["wall cabinet", "upper cabinet", "overhead cabinet", "hanging cabinet", "medicine cabinet", "kitchen wall cabinet"]),
-    row("fridge", Level::Furniture, [0.7, 1.8, 0.7], [0.45, 0.6, 0.45], [1.1, 2.2, 0.95], MaterialCategory::Metal, "fs", None, &["refrigerator", "freezer", "mini fridge", "icebox"]),
-    row("oven", Level::Furniture, [0.6, 0.9, 0.62], [0.4, 0.4, 0.4], [1.0, 1.1, 0.8], MaterialCategory::Metal, "fs", None, &["stove", "cooker", "range", "cooktop", "hob", "gas stove"]),
+    row("fridge", Level::Furniture, [0.7, 1.8, 0.7], [0.45, 0.6, 0.45], [1.1, 2.2, 0.95], MaterialCategory::Metal, "fsc", None, &["refrigerator", "freezer", "mini fridge", "icebox"]),
+    row("oven", Level::Furniture, [0.6, 0.9, 0.62], [0.4, 0.4, 0.4], [1.0, 1.1, 0.8], MaterialCategory::Metal, "fsc", None, &["stove", "cooker", "range", "cooktop", "hob", "gas stove"]),
     row("microwave", Level::Decoration, [0.5, 0.3, 0.38], [0.35, 0.2, 0.25], [0.65, 0.45, 0.55], MaterialCategory::Metal, "fs", None, &["microwave oven", "toaster oven", "toaster"]),
-    row("washing_machine", Level::Furniture, [0.6, 0.85, 0.6], [0.45, 0.7, 0.45], [0.75, 1.1, 0.75], MaterialCategory::Metal, "fs", None, &["washer", "dryer", "tumble dryer", "laundry machine", "washing machine"]),
-    row("dishwasher", Level::Furniture, [0.6, 0.85, 0.6], [0.4, 0.7, 0.45], [0.7, 0.95, 0.7], MaterialCategory::Metal, "fs", None, &[]),
+    row("washing_machine", Level::Furniture, [0.6, 0.85, 0.6], [0.45, 0.7, 0.45], [0.75, 1.1, 0.75], MaterialCategory::Metal, "fsc", None, &["washer", "dryer", "tumble dryer", "laundry machine", "washing machine"]),
+    row("dishwasher", Level::Furniture, [0.6, 0.85, 0.6], [0.4, 0.7, 0.45], [0.7, 0.95, 0.7], MaterialCategory::Metal, "fsc", None, &[]),
     row("range_hood", Level::Wall, [0.75, 0.7, 0.5], [0.45, 0.2, 0.3], [1.2, 1.2, 0.7], MaterialCategory::Metal, "f", None, &["cooker hood", "extractor hood", "kitchen hood", "hood", "exhaust hood"]),
     row("dining_table", Level::Furniture, [1.8, 0.75, 0.95], [0.6, 0.6, 0.5], [3.6, 0.95, 1.6], MaterialCategory::Wood, "s", None, &["table", "kitchen table", "conference table", "meeting table", "folding table", "work table", "pool table"]),
     row("coffee_table", Level::Furniture, [1.1, 0.42, 0.6], [0.4, 0.25, 0.3], [1.8, 0.6, 1.3], MaterialCategory::Wood, "s", None, &["cocktail table", "tea table", "low table", "center table", "centre table"]),
@@ -59,7 +59,7 @@ pub static CATEGORIES: &[Category] = &[
     row("clock", Level::Wall, [0.32, 0.32, 0.05], [0.06, 0.06, 0.02], [0.9, 0.9, 0.15], MaterialCategory::Plastic, "fp", None, &["wall clock", "alarm clock", "table clock"]),
     row("tv", Level::Decoration, [1.2, 0.75, 0.22], [0.4, 0.25, 0.02], [2.2, 1.3, 0.45], MaterialCategory::Plastic, "f", None, &["television", "flat screen", "flat-screen tv", "wall mounted tv", "tv screen", "screen", "projector screen", "wall tv", "smart tv", "wall-mounted tv"]),
     row("monitor", Level::Decoration, [0.6, 0.45, 0.2], [0.3, 0.25, 0.1], [1.3, 0.7, 0.35], MaterialCategory::Plastic, "f", None, &["computer monitor", "computer screen", "display", "desktop computer", "imac", "computer"]),
-    row("laptop", Level::Decoration, [0.34, 0.24, 0.3], [0.25, 0.012, 0.18], [0.45, 0.35, 0.42], MaterialCategory::Metal, "f", None, &["notebook computer", "macbook", "tablet", "laptop computer"]),
+    row("laptop", Level::Decoration, [0.34, 0.24, 0.3], [0.25, 0.012, 0.18], [0.45, 0.35, 0.42], MaterialCategory::Metal, "fb", None, &["notebook computer", "macbook", "tablet", "laptop computer"]),
     row("keyboard", Level::Decoration, [0.42, 0.025, 0.14], [0.25, 0.01, 0.08], [0.55, 0.06, 0.25], MaterialCategory::Plastic, "f", None, &["computer keyboard", "remote", "remote control", "phone", "mobile phone", "telephone", "game controller"]),
     row("speaker", Level::Decoration, [0.2, 0.32, 0.24], [0.06, 0.06, 0.06], [0.6, 1.4, 0.6], MaterialCategory::Wood, "f", None, &["loudspeaker", "soundbar", "subwoofer", "sound bar", "stereo", "radio", "amplifier", "hifi", "printer", "game console", "router"]),
     row("fan", Level::Furniture, [0.42, 1.1, 0.4], [0.15, 0.2, 0.12], [0.6, 1.5, 0.6], MaterialCategory::Plastic, "f", None, &["standing fan", "pedestal fan", "desk fan", "table fan", "electric fan", "floor fan"]),
@@ -89,12 +89,12 @@ pub static CATEGORIES: &[Category] = &[
     row("radiator", Level::Wall, [0.9, 0.6, 0.12], [0.3, 0.2, 0.05], [2.5, 2.0, 0.3], MaterialCategory::Metal, "f", None, &["heater", "convector", "baseboard heater", "space heater"]),
     row("air_conditioner", Level::Wall, [0.85, 0.3, 0.22], [0.5, 0.2, 0.12], [1.3, 0.5, 0.4], MaterialCategory::Plastic, "f", None, &["ac unit", "ac", "split unit", "aircon", "air purifier", "air conditioning", "air conditioning unit"]),
     row("wall_plate", Level::Wall, [0.09, 0.09, 0.012], [0.03, 0.03, 0.003], [0.7, 0.7, 0.1], MaterialCategory::Plastic, "f", None, &["switch", "light switch", "socket", "outlet", "power outlet", "thermostat", "vent", "air vent", "intercom", "wall outlet"]),
-    row("toilet", Level::Furniture, [0.38, 0.78, 0.68], [0.3, 0.35, 0.45], [0.5, 1.0, 0.85], MaterialCategory::Ceramic, "f", None, &["wc", "bidet", "lavatory", "toilet bowl"]),
+    row("toilet", Level::Furniture, [0.38, 0.78, 0.68], [0.3, 0.35, 0.45], [0.5, 1.0, 0.85], MaterialCategory::Ceramic, "fb", None, &["wc", "bidet", "lavatory", "toilet bowl"]),
     row("bathtub", Level::Furniture, [1.7, 0.6, 0.78], [1.1, 0.4, 0.6], [2.1, 0.9, 1.1], MaterialCategory::Ceramic, "", None, &["bath", "tub", "shower tray", "jacuzzi", "bath tub"]),
     row("sink", Level::Furniture, [0.8, 0.95, 0.5], [0.3, 0.15, 0.25], [2.2, 1.2, 0.75], MaterialCategory::Ceramic, "f", None, &["vanity", "washbasin", "wash basin", "bathroom vanity", "basin", "bathroom sink", "pedestal sink", "vanity unit", "vanity cabinet", "kitchen sink"]),
 ];
 
-/// One row; `flags`: `f` has a front, `p` planar, `s` supports other things.
+/// One row; `flags`: `f` has a front, `b` a high back, `c` a closed one, `p` planar, `s` supports other things.
 #[expect(clippy::too_many_arguments, reason = "columns of a table")]
 const fn row(
     name: &'static str,
@@ -108,7 +108,14 @@ const fn row(
     synonyms: &'static [&'static str],
 ) -> Category {
     let (front, planar, supports) = (has(flags, b'f'), has(flags, b'p'), has(flags, b's'));
-    Category { name, level, size, min, max, material, front, planar, light, supports, synonyms }
+    let back = if has(flags, b'b') {
+        Some(Back::High)
+    } else if has(flags, b'c') {
+        Some(Back::Closed)
+    } else {
+        None
+    };
+    Category { name, level, size, min, max, material, front, back, planar, light, supports, synonyms }
 }
 
 const fn has(flags: &str, flag: u8) -> bool {

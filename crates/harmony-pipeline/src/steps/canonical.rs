@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use harmony_imaging::sheet::{Cell, contact_sheet};
-use harmony_mesh::catalogue;
+use harmony_mesh::{catalogue, front_by_form};
 use harmony_placement::Shape;
-use harmony_prompts::{FrontsAnswer, FrontsVars, InspectedObject, InspectedSize, fronts};
+use harmony_prompts::{FrontPanel, FrontsAnswer, FrontsVars, InspectedObject, InspectedSize, fronts};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture};
-use harmony_scene::{MaterialCategory, PbrFactors, Physical, PlacementType, SurfaceMaterial};
+use harmony_scene::{MaterialCategory, PbrFactors, Physical, PlacementType, SurfaceMaterial, WarningKind};
 use image::RgbaImage;
 use serde_json::{Value, json};
 
@@ -31,7 +31,7 @@ pub struct Canonical {
 }
 
 /// Sets a raw mesh upright (by its faces, or as the paper does by the PCA axis nearest to up) and turns it to the
-/// front that the VLM picks.
+/// front that the VLM picks, or to the one that its form shows, where it does ([`front_by_form`]).
 ///
 /// # Errors
 /// Fatal role errors only.
@@ -50,7 +50,8 @@ pub async fn canonicalise(
     let (raw, faces, by_faces) =
         (generated.mesh.clone(), ctx.settings.mesh.faces as usize, ctx.settings.upright_by_faces);
     let (crop, labelled) = (Arc::clone(&c.image), id.clone());
-    let (mesh, turn, sheet, panels) = ctx
+    let back = catalogue::back(&c.inspected.kind);
+    let (mesh, turn, sheet, panels, by_form) = ctx
         .computed(move || {
             let (mut mesh, _) = harmony_mesh::clean(&raw, faces);
             let turn = if by_faces {
@@ -68,7 +69,8 @@ pub async fn canonicalise(
                 pictures.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
             let sheet = contact_sheet(&cells, 5, VIEW);
             let panels: Vec<RgbaImage> = pictures.into_iter().skip(1).map(|(_, view)| view).collect();
-            (mesh, turn, sheet, panels)
+            let by_form = back.and_then(|back| front_by_form(&mesh, back));
+            (mesh, turn, sheet, panels, by_form)
         })
         .await?;
     let question = fronts(&FrontsVars { objects: vec![format!("- {id}: {}", c.inspected.kind)] });
@@ -77,8 +79,17 @@ pub async fn canonicalise(
     let facts = json!({ "objects": asked });
     let answer: FrontsAnswer =
         ctx.ask(&format!("{id}/front"), question, vec![sheet], facts, move |a: &FrontsAnswer| a.check(&asked)).await?;
-    let panel = answer.objects.iter().find(|o| o.id == id).map(|o| o.front_panel);
-    let yaw = panel.map_or(0.0, harmony_prompts::FrontPanel::yaw);
+    let answered = answer.objects.iter().find(|o| o.id == id).map(|o| o.front_panel);
+    // A panel's turn brings the front to +Z.
+    let by_form = by_form.map(|quarters| FrontPanel::ALL[(4 - usize::from(quarters)) % 4]);
+    if let (Some(said), Some(by_form)) = (answered, by_form)
+        && said != by_form
+    {
+        let message = format!("its form shows its front in panel {by_form:?}, not in {said:?} as answered");
+        ctx.warn(WarningKind::AnswerRepaired, Some(c.candidate.id.clone()), message);
+    }
+    let panel = by_form.or(answered);
+    let yaw = panel.map_or(0.0, FrontPanel::yaw);
     let mesh = ctx
         .computed(move || {
             let mut mesh = mesh;
@@ -89,11 +100,12 @@ pub async fn canonicalise(
     generated.mesh = Arc::new(mesh);
     generated.frame = MeshFrame::Canonical;
     let front_before = glam::DMat3::from_rotation_y(-yaw) * glam::DVec3::Z;
-    let frame =
-        if by_faces { "set upright by its faces, front by the VLM" } else { "de-tilted by PCA, front by the VLM" };
+    let upright = if by_faces { "set upright by its faces" } else { "de-tilted by PCA" };
+    let front = if by_form.is_some() { "front by its form" } else { "front by the VLM" };
     let record = json!({
-        "frame": frame,
+        "frame": format!("{upright}, {front}"),
         "detilt": turn.map(|m| m.to_cols_array_2d()),
+        "front_panel_answered": answered,
         "front_panel": panel,
         "front_local_axis": front_before.round().to_array(),
     });
