@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_mesh::catalogue;
-use harmony_placement::{Item, LevelReport, Traits, YawHint, place_level};
+use harmony_placement::{Item, LevelReport, ReviewAction, Traits, YawHint, place_level};
 use harmony_prompts::{FrontPanel, FrontsAnswer, FrontsVars, Occlusion, orient};
 use harmony_roles::Picture;
 use harmony_scene::{
@@ -13,6 +13,7 @@ use harmony_scene::{
 use image::{RgbImage, RgbaImage};
 use serde_json::{Value, json};
 
+use super::review;
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Prepared, SceneState, is_flat};
 use crate::views;
@@ -154,7 +155,8 @@ fn affinity(wall: harmony_scene::Wall) -> WallAffinity {
     }
 }
 
-/// Orientation correction of decorations (paper App. C): four yaws of each on one sheet, one question.
+/// Orientation correction of decorations (paper App. C): four yaws of each on one sheet, one question. A turn that mask
+/// and depths contradict is refused.
 ///
 /// # Errors
 /// Fatal role errors only.
@@ -185,12 +187,13 @@ pub async fn orient_decorations(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> R
         .ask("orient", question, vec![sheet], json!({ "objects": ids }), move |a: &FrontsAnswer| a.check(&asked))
         .await?;
     for i in turning {
-        let id = state.partial.placed[i].item.id.to_string();
-        let Some(panel) = answer.objects.iter().find(|o| o.id == id).map(|o| o.front_panel) else { continue };
-        if panel != FrontPanel::A {
-            let placed = &mut state.partial.placed[i];
-            placed.pose.yaw += panel.yaw();
-            state.textured.remove(&placed.item.id);
+        let object = state.partial.placed[i].item.id.clone();
+        let answered = answer.objects.iter().find(|o| o.id == object.as_str()).map(|o| o.front_panel);
+        let Some(panel) = answered.filter(|panel| *panel != FrontPanel::A) else { continue };
+        let action = ReviewAction::Rotate { object: object.clone(), by_deg: panel.yaw().to_degrees() };
+        let name = format!("A turn to panel {panel:?}");
+        if let Err(error) = review::try_on(ctx, state, action, Some(object.clone()), &name).await? {
+            ctx.warn(WarningKind::ActionRefused, Some(object), format!("{name} cannot be tried: {error}"));
         }
     }
     Ok(())

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use harmony_placement::{ReviewAction, apply, judge};
+use harmony_placement::{ActionError, ReviewAction, Verdict, apply, judge};
 use harmony_prompts::{ReviewActionAnswer, ReviewActionKind, ReviewAnswer, ReviewVars, review};
 use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, WarningKind};
@@ -108,34 +108,46 @@ async fn try_action(
     let Some(action) = typed(state, answer) else {
         return Ok((json!({ "asked": answer, "kept": false, "reason": "it says too little to be tried" }), false));
     };
+    let object = ObjectId::new(&answer.id).ok();
+    Ok(match try_on(ctx, state, action, object, &format!("{:?}", answer.action)).await? {
+        Err(error) => (json!({ "asked": answer, "kept": false, "reason": error.to_string() }), false),
+        Ok(verdict) => (json!({ "asked": answer, "kept": verdict.kept, "verdict": verdict }), verdict.kept),
+    })
+}
+
+/// Tries an action on the scene and keeps it, if the evidence does not speak against it; if it does, a warning about
+/// the object says so.
+///
+/// # Errors
+/// Only that of a computation that broke; inside, that of an action that cannot be tried.
+pub async fn try_on(
+    ctx: &PhaseCtx<'_>,
+    state: &mut SceneState,
+    action: ReviewAction,
+    object: Option<ObjectId>,
+    name: &str,
+) -> Result<Result<Verdict, ActionError>, PhaseError> {
     let (partial, settings) = (state.partial.clone(), ctx.settings.placement.clone());
     let tried = ctx
         .computed(move || {
             let outcome = apply(&partial, &action, &settings)?;
             let verdict = judge(&partial, &outcome, &settings);
-            Ok::<_, harmony_placement::ActionError>((outcome, verdict))
+            Ok::<_, ActionError>((outcome, verdict))
         })
         .await?;
-    Ok(match tried {
-        Err(error) => (json!({ "asked": answer, "kept": false, "reason": error.to_string() }), false),
-        Ok((outcome, verdict)) => {
-            if verdict.kept {
-                for id in &outcome.touched {
-                    state.textured.remove(id);
-                }
-                adopt_copies(state, &outcome.scene);
-                state.partial = outcome.scene;
-            } else {
-                ctx.warn(
-                    WarningKind::ActionRefused,
-                    ObjectId::new(&answer.id).ok(),
-                    format!("{:?} was proposed and refused: {}", answer.action, verdict.reason),
-                );
+    Ok(tried.map(|(outcome, verdict)| {
+        if verdict.kept {
+            for id in &outcome.touched {
+                state.textured.remove(id);
             }
-            let kept = verdict.kept;
-            (json!({ "asked": answer, "kept": kept, "verdict": verdict }), kept)
+            adopt_copies(state, &outcome.scene);
+            state.partial = outcome.scene;
+        } else {
+            let message = format!("{name} was proposed and refused: {}", verdict.reason);
+            ctx.warn(WarningKind::ActionRefused, object, message);
         }
-    })
+        verdict
+    }))
 }
 
 /// Copies that an action added get an entry among the prepared objects, like the one they copy.
