@@ -3,7 +3,7 @@
 use harmony_scene::{DepthPosition, Level, ObjectId, PixelBox, PlacementType, SurfacePosition, Vec2, Vec3};
 
 use crate::anchoring::{Anchoring, YawRule, reach, size_of};
-use crate::first_pose::{AGAINST_RELATION, Hypothesis, Starter};
+use crate::first_pose::{AGAINST_RELATION, Hypothesis, Starter, quarter_turns};
 use crate::support::{self, Layer};
 use crate::{Item, PartialScene, Placed, YawHint};
 
@@ -91,9 +91,9 @@ fn on_host<'a>(starter: &Starter<'a, '_>, host: usize, price: f64, out: &mut Vec
     layers.sort_by(|a, b| b.share.total_cmp(&a.share).then(b.height.total_cmp(&a.height)));
     layers.truncate(MOST_LAYERS);
     for (level, position) in spots(starter, placed, &layers) {
-        for yaw in yaws(starter, placed, position) {
+        for (yaw, turn_price) in yaws(starter, placed, position).into_iter().flat_map(quarter_turns) {
             let frame = starter.frame(Anchoring::OnHost { host, level }, yaw);
-            out.push(starter.settled(frame, position, price));
+            out.push(starter.settled(frame, position, price + turn_price));
         }
     }
 }

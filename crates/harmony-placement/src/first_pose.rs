@@ -43,6 +43,16 @@ pub(crate) struct Hypothesis<'a> {
     pub(crate) price: f64,
 }
 
+/// A rule, and, at a price, those that hold if the front was named wrongly by quarter turns.
+pub(crate) fn quarter_turns(rule: YawRule) -> Vec<(YawRule, f64)> {
+    let mut out = vec![(rule, 0.0)];
+    if let YawRule::About { yaw, sigma } = rule {
+        let turned = |k: f64| YawRule::About { yaw: yaw + k * std::f64::consts::FRAC_PI_2, sigma };
+        out.extend([1.0, 2.0, 3.0].map(|k| (turned(k), WRONG_TURN)));
+    }
+    out
+}
+
 /// What all hypotheses of one object are made from.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Starter<'a, 'v> {
@@ -154,17 +164,14 @@ impl<'a> Starter<'a, '_> {
         for around in self.floor_positions(&rough) {
             for yaw in self.yaws(around, 0.0) {
                 let frame = self.frame(Anchoring::Floor, yaw);
-                out.push(self.settled(frame, around, price));
                 if let YawRule::About { yaw, sigma } = yaw {
                     for turned in [yaw - 1.5 * sigma, yaw + 1.5 * sigma] {
                         let pose = frame.settle(&self.sized(around, turned));
                         out.push(Hypothesis { frame, pose, price });
                     }
-                    // The front may have been named wrongly by quarter turns.
-                    for quarters in [1.0, 2.0, 3.0] {
-                        let rule = YawRule::About { yaw: yaw + quarters * std::f64::consts::FRAC_PI_2, sigma };
-                        out.push(self.settled(self.frame(Anchoring::Floor, rule), around, price + WRONG_TURN));
-                    }
+                }
+                for (yaw, turn_price) in quarter_turns(yaw) {
+                    out.push(self.settled(self.frame(Anchoring::Floor, yaw), around, price + turn_price));
                 }
             }
         }
