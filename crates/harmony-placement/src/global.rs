@@ -15,7 +15,7 @@ use std::cell::RefCell;
 
 use harmony_geometry::least_squares::minimise;
 use harmony_geometry::{room_from_unknowns, room_unknowns};
-use harmony_scene::{Camera, Extents, Pose, Support, Vec3, Wall};
+use harmony_scene::{Camera, Extents, PointMapKind, Pose, Support, Vec3, Wall};
 
 use crate::anchoring::height_stretch;
 use crate::level::anchoring_of;
@@ -38,6 +38,8 @@ const ITERATIONS: usize = 30;
 /// Mean agreement with the masks that a refinement may cost: where camera and scale were off, the first poses fit their
 /// own masks better than the right ones do.
 const IOU_SLACK: f64 = 0.1;
+/// The same where a sensor measured the depths: camera and scale are known beforehand, so that a fall is a loss.
+const SENSOR_IOU_SLACK: f64 = 0.02;
 /// ... and the largest share of objects that may lose their mask: fall by `LOST_IOU` from at least `SEEN_IOU`. Many small
 /// losses are the price of one camera for all; an object that is no longer where it is seen is an error.
 const MOST_LOST: f64 = 0.07;
@@ -90,7 +92,9 @@ pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -
     crate::level::polish_all(&mut trial, settings);
     let after = agreement(&trial, settings)?;
     let lost = before.iter().zip(&after).filter(|(b, a)| **b >= SEEN_IOU && **a < **b - LOST_IOU).count();
-    let kept = mean(&after) >= mean(&before) - IOU_SLACK && lost as f64 <= MOST_LOST * before.len() as f64;
+    let metric = scene.points.as_ref().is_some_and(|p| p.kind == PointMapKind::Metric);
+    let slack = if metric { SENSOR_IOU_SLACK } else { IOU_SLACK };
+    let kept = mean(&after) >= mean(&before) - slack && lost as f64 <= MOST_LOST * before.len() as f64;
     let turn = trial.camera.rotation * camera.rotation.transpose();
     let cos = ((turn.x_axis.x + turn.y_axis.y + turn.z_axis.z - 1.0) / 2.0).clamp(-1.0, 1.0);
     let moved: f64 = trial.placed.iter().zip(&positions).map(|(p, q)| p.pose.position.distance(*q)).sum();
