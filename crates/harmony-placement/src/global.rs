@@ -38,13 +38,13 @@ const ITERATIONS: usize = 30;
 /// Mean agreement with the masks that a refinement may cost: where camera and scale were off, the first poses fit their
 /// own masks better than the right ones do.
 const IOU_SLACK: f64 = 0.1;
-/// The same where a sensor measured the depths: camera and scale are known beforehand, so that a fall is a loss.
-const SENSOR_IOU_SLACK: f64 = 0.02;
 /// ... and the largest share of objects that may lose their mask: fall by `LOST_IOU` from at least `SEEN_IOU`. Many small
 /// losses are the price of one camera for all; an object that is no longer where it is seen is an error.
 const MOST_LOST: f64 = 0.07;
 const LOST_IOU: f64 = 0.25;
 const SEEN_IOU: f64 = 0.4;
+/// [`IOU_SLACK`] where a sensor measured the depths: camera and scale are known beforehand, so that a fall is a loss.
+const SENSOR_IOU_SLACK: f64 = 0.02;
 
 /// Numbers of the room at the front of all unknowns: those of [`harmony_geometry::RoomPosterior`] with lengths in units of the map and
 /// `ln floor` in place of the logit, the logarithm of the scale last; then what the named sizes have in common; then
