@@ -9,17 +9,38 @@ use crate::first_pose::{Hypothesis, Starter};
 /// Nearer than this to the seam of two walls, both are tried, metres.
 const SEAM: f64 = 0.35;
 
+/// Price of another wall than the reasoned one.
+const OTHER_WALL: f64 = 0.06;
+
+/// Where less of the prior width than this is seen between two ends, one of them is perhaps not the object's own: a
+/// panel of a pair of curtains whose other one is out of view.
+const PART: f64 = 0.7;
+
 /// A measured size outside this factor of the prior is clamped: the plausibility clamp of App. C.
 const PLAUSIBLE: f64 = 2.5;
 
 pub(crate) fn hypotheses<'a>(starter: &Starter<'a, '_>) -> Vec<Hypothesis<'a>> {
     let mut out = Vec::new();
+    let said = starter.item.relations.wall_affinity.wall().filter(|_| starter.settings.relations);
     for wall in walls(starter) {
         let frame = starter.frame(Anchoring::OnWall(wall), YawRule::Fixed(wall.yaw()));
         let pose = on_wall(starter, wall);
-        out.push(Hypothesis { frame, pose: frame.settle(&pose), price: 0.0 });
+        let price = if said.is_some_and(|said| said != wall) { OTHER_WALL } else { 0.0 };
+        out.extend(wholes(starter, wall, &pose).map(|whole| Hypothesis { frame, pose: frame.settle(&whole), price }));
+        out.push(Hypothesis { frame, pose: frame.settle(&pose), price });
     }
     out
+}
+
+/// The object in its prior size with one of its ends and its top where they are seen, where only a part may be seen.
+fn wholes(starter: &Starter, wall: Wall, seen: &Pose) -> impl Iterator<Item = Pose> {
+    let e = &starter.scene.room.extents;
+    let along = wall.point(e, 1.0, 0.0) - wall.point(e, 0.0, 0.0);
+    let (whole, part) = (starter.sized(seen.position, seen.yaw), size_of(starter.item, seen));
+    let size = size_of(starter.item, &whole);
+    let up = Vec3::Y * (part.y - size.y);
+    let sides: &[f64] = if part.x < PART * size.x { &[-0.5, 0.5] } else { &[] };
+    sides.iter().map(move |side| Pose { position: seen.position + up + along * (side * (size.x - part.x)), ..whole })
 }
 
 /// The walls in question: the one that the centre ray meets, its neighbour near a seam, and the reasoned one.

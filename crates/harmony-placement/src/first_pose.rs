@@ -3,7 +3,7 @@
 //! Where the paper takes one first pose from the VLM, several are made here and measured; what the relations say
 //! comes first and what contradicts them has a price.
 
-use harmony_scene::{Level, PlacementType, Pose, Vec2, Vec3};
+use harmony_scene::{Level, PlacementType, Pose, Vec2, Vec3, Wall};
 
 use crate::anchoring::{Anchoring, Frame, YawRule, prior_scale, size_of};
 use crate::cost::angle_between;
@@ -17,11 +17,17 @@ pub(crate) const AGAINST_RELATION: f64 = 0.12;
 /// Price of a front that is a quarter turn or more from where it was said to be.
 const WRONG_TURN: f64 = 0.1;
 
+/// Agreement with its mask from which the size of a member of a set says more than the one that was named.
+const SURE_IOU: f64 = 0.6;
+
 /// Expected error of a yaw that follows from what an object faces, radians.
 const FACING_SIGMA: f64 = 0.35;
 
 /// Expected error of a given coarse yaw (one of four panels), radians.
 const HINT_SIGMA: f64 = 0.4;
+
+/// The same for what stands on something, and along its edge more often than not.
+const ALIGNED_SIGMA: f64 = 0.25;
 
 /// Expected error of the yaw of furniture that stands free although a wall was said to be behind it, radians.
 const WALL_SIGMA: f64 = 0.15;
@@ -74,10 +80,21 @@ impl<'a> Starter<'a, '_> {
         }
     }
 
-    /// The object in its prior size at a place.
+    /// The object in its prior size at a place; as large as the member of its set that the photo shows best, where one
+    /// is placed already.
     pub(crate) fn sized(&self, position: Vec3, yaw: f64) -> Pose {
-        let (scale, stretch) = prior_scale(self.item, self.item.size);
+        let twin = self.twin().map_or(self.item.size, crate::Placed::size);
+        let (scale, stretch) = prior_scale(self.item, twin);
         Pose { position, yaw, scale, stretch }
+    }
+
+    fn twin(&self) -> Option<&crate::Placed> {
+        let set = self.item.relations.matched_set.as_ref().filter(|_| self.settings.groups)?;
+        let iou = |p: &crate::Placed| p.evidence.silhouette_iou.unwrap_or(0.0);
+        let members = self.scene.placed.iter().filter(|p| {
+            p.item.relations.matched_set.as_ref() == Some(set) && p.item.level == self.item.level && p.item.id != self.item.id
+        });
+        members.filter(|p| iou(p) >= SURE_IOU).max_by(|a, b| iou(a).total_cmp(&iou(b)))
     }
 
     pub(crate) fn settled(&self, frame: Frame<'a>, position: Vec3, price: f64) -> Hypothesis<'a> {
@@ -111,7 +128,10 @@ impl<'a> Starter<'a, '_> {
     pub(crate) fn yaws(&self, position: Vec3, base: f64) -> Vec<YawRule> {
         match self.item.yaw {
             YawHint::Fixed(yaw) if yaw.is_finite() => return vec![YawRule::Fixed(yaw)],
-            YawHint::About(yaw) if yaw.is_finite() => return vec![YawRule::About { yaw, sigma: HINT_SIGMA }],
+            YawHint::About(yaw) if yaw.is_finite() => {
+                let sigma = if self.item.level == Level::Decoration { ALIGNED_SIGMA } else { HINT_SIGMA };
+                return vec![YawRule::About { yaw, sigma }];
+            }
             _ => {}
         }
         if self.settings.relations {
@@ -158,6 +178,7 @@ impl<'a> Starter<'a, '_> {
                 out.push(self.settled(frame, position, price + AGAINST_RELATION * (1.0 + hidden)));
             }
             out.extend(self.elsewhere(wall, price + AGAINST_RELATION * (1.0 + hidden)));
+            out.extend(self.turned_at_wall(wall, price + AGAINST_RELATION * (1.0 + hidden)));
             return out;
         }
         let rough = self.frame(Anchoring::Floor, YawRule::Fixed(0.0));
@@ -178,10 +199,24 @@ impl<'a> Starter<'a, '_> {
         out
     }
 
-    /// Poses for the case that the relation is wrong: against another wall, or turned as the given front says.
-    fn elsewhere(&self, said: harmony_scene::Wall, price: f64) -> Vec<Hypothesis<'a>> {
+    /// At a wall, for the case that not the wall but the front was named wrongly: another side is at the wall.
+    fn turned_at_wall(&self, wall: Wall, price: f64) -> Vec<Hypothesis<'a>> {
+        if !self.item.traits.has_front {
+            return Vec::new();
+        }
         let mut out = Vec::new();
-        for wall in harmony_scene::Wall::ALL.into_iter().filter(|w| *w != said && !self.scene.is_loose(*w)) {
+        for quarters in 1..4 {
+            let yaw = wall.yaw() + f64::from(quarters) * std::f64::consts::FRAC_PI_2;
+            let frame = self.frame(Anchoring::Floor, YawRule::About { yaw, sigma: WALL_SIGMA });
+            out.extend(self.floor_positions(&frame).into_iter().map(|p| self.settled(frame, p, price)));
+        }
+        out
+    }
+
+    /// Poses for the case that the relation is wrong: against another wall, or turned as the given front says.
+    fn elsewhere(&self, said: Wall, price: f64) -> Vec<Hypothesis<'a>> {
+        let mut out = Vec::new();
+        for wall in Wall::ALL.into_iter().filter(|w| *w != said && !self.scene.is_loose(*w)) {
             let frame = self.frame(Anchoring::AgainstWall(wall), YawRule::Fixed(wall.yaw()));
             // The wall that the given front speaks for costs no more than standing free.
             let agrees = matches!(self.item.yaw, YawHint::About(yaw) if angle_between(yaw, wall.yaw()).abs() < 0.6);
@@ -198,7 +233,7 @@ impl<'a> Starter<'a, '_> {
     }
 
     /// Places along a wall: where the mask's centre is seen at the object's own distance to the wall.
-    fn wall_positions(&self, frame: &Frame, wall: harmony_scene::Wall) -> Vec<Vec3> {
+    fn wall_positions(&self, frame: &Frame, wall: Wall) -> Vec<Vec3> {
         let e = &self.scene.room.extents;
         let size = size_of(self.item, &self.sized(Vec3::ZERO, wall.yaw()));
         let away = size.z / 2.0 + self.settings.wall_gap;
@@ -223,9 +258,12 @@ impl<'a> Starter<'a, '_> {
         out.extend(self.by_contact(frame, &pose, 0.0, 3));
         out.extend(self.by_top(frame, &pose, 0.0));
         out.extend(self.by_size(&pose));
+        out.extend(self.by_far_edge(&pose));
         if !self.dense() && !self.view.free[3] {
             out.extend(self.along_the_ray());
         }
+        let beyond: Vec<Vec3> = out.iter().filter_map(|at| self.beyond_the_cut(&pose, *at)).collect();
+        out.extend(beyond);
         if out.is_empty() {
             let e = &self.scene.room.extents;
             out.push(Vec3::new(e.width / 2.0, 0.0, e.depth / 2.0));
@@ -292,6 +330,38 @@ impl<'a> Starter<'a, '_> {
         let centre = Vec3::new(of(0), of(1), of(2));
         let away = level_direction(centre - self.scene.camera.centre())?;
         Some(centre + away * self.half_along(pose, away) * 0.5)
+    }
+
+    /// A place moved across the image so that the side that is seen fits the mask: what the image border or another
+    /// object cuts on one side goes on beyond the cut.
+    fn beyond_the_cut(&self, pose: &Pose, at: Vec3) -> Option<Vec3> {
+        let (camera, b) = (&self.scene.camera, &self.view.mask_box);
+        let (edge, side) = match (self.view.free[0], self.view.free[2]) {
+            (true, false) => (b.x0, 1.0),
+            (false, true) => (b.x1, -1.0),
+            _ => return None,
+        };
+        let right = level_direction(camera.right())?;
+        let seen = camera.unproject(Vec2::new(edge, b.centre().y), camera.depth(at).max(0.3));
+        Some(at + right * ((seen - at).dot(right) + side * self.half_along(pose, right)))
+    }
+
+    /// Base centre before the farthest of the masked points, where the near end is cut.
+    fn by_far_edge(&self, pose: &Pose) -> Option<Vec3> {
+        if !self.dense() || self.view.free[3] {
+            return None;
+        }
+        let points = self.view.masked_points();
+        if points.len() < 8 {
+            return None;
+        }
+        let of = |i: usize| median(&mut points.iter().map(|p| p[i]).collect::<Vec<_>>());
+        let centre = Vec3::new(of(0), 0.0, of(2));
+        let away = level_direction(centre - self.scene.camera.centre())?;
+        let mut far: Vec<f64> = points.iter().map(|p| (*p - centre).dot(away)).collect();
+        far.sort_by(f64::total_cmp);
+        let end = far[far.len() * 19 / 20];
+        Some(centre + away * (end - self.half_along(pose, away)))
     }
 
     /// Where the object has its prior size in the mask.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use harmony_scene::{Mask, Mat3, ObjectId, Pose, Vec3};
+use harmony_scene::{Mask, Mat3, ObjectId, Pose, Support, Vec3, Wall};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -119,6 +119,9 @@ pub enum ActionError {
         /// Largest allowed.
         max: f64,
     },
+    /// What hangs on a wall faces away from it.
+    #[error("it hangs on a wall and is turned as that wall is")]
+    HeldByWall,
     /// The action is not one that a scene change can express (reorder: place the level again).
     #[error("this action needs the level to be placed again")]
     NeedsPlacement,
@@ -183,7 +186,11 @@ pub fn apply(
         ReviewAction::Rotate { object, by_deg } => {
             let i = find(scene, object)?;
             in_range("a rotation", *by_deg, -360.0, 360.0)?;
-            carry(&mut after, i, settings, |pose| pose.yaw += by_deg.to_radians());
+            let wanted = scene.placed[i].pose.yaw + by_deg.to_radians();
+            match &scene.placed[i].support {
+                Support::Wall { wall } => hang_elsewhere(&mut after, i, *wall, wanted, settings)?,
+                _ => carry(&mut after, i, settings, |pose| pose.yaw = wanted),
+            }
             touched.push(object.clone());
         }
         ReviewAction::Rescale { object, factor } => {
@@ -271,7 +278,7 @@ fn carry(scene: &mut PartialScene, object: usize, settings: &PlacementSettings, 
 }
 
 /// Whether a wanted place is clearly off the wall.
-fn pulled_off(scene: &PartialScene, pose: &Pose, item: &Item, wall: harmony_scene::Wall) -> bool {
+fn pulled_off(scene: &PartialScene, pose: &Pose, item: &Item, wall: Wall) -> bool {
     let depth = item.shape.extent().z * pose.scale * pose.stretch.z;
     wall.distance(&scene.room.extents, pose.position) - depth / 2.0 > LARGEST_GAP + 0.05
 }
@@ -292,6 +299,11 @@ fn exchange(scene: &mut PartialScene, i: usize, j: usize, a: &Arc<crate::Shape>,
 fn rehost(scene: &mut PartialScene, object: usize, host: &ObjectId, settings: &PlacementSettings) {
     let mut item = (*scene.placed[object].item).clone();
     item.relations.on_top_of = Some(host.clone());
+    place_anew(scene, object, item, settings);
+}
+
+/// Places an object anew by changed relations.
+fn place_anew(scene: &mut PartialScene, object: usize, item: Item, settings: &PlacementSettings) {
     let item = Arc::new(item);
     let others = neighbours(scene, &item, &[], Some(object));
     let solution = View::new(scene, Some(object), &item.mask, &others, settings.window_px).map(|view| {
@@ -304,6 +316,23 @@ fn rehost(scene: &mut PartialScene, object: usize, host: &ObjectId, settings: &P
         placed.pose = pose;
         placed.support = support;
     }
+}
+
+/// Turns what hangs on a wall: it hangs on the wall that faces so, if that is another one.
+fn hang_elsewhere(
+    scene: &mut PartialScene,
+    object: usize,
+    from: Wall,
+    yaw: f64,
+    settings: &PlacementSettings,
+) -> Result<(), ActionError> {
+    let off = |w: &Wall| angle_between(yaw, w.yaw()).abs();
+    let wall = Wall::ALL.into_iter().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|w| *w != from);
+    let wall = wall.ok_or(ActionError::HeldByWall)?;
+    let mut item = (*scene.placed[object].item).clone();
+    item.relations.wall_affinity = wall.into();
+    place_anew(scene, object, item, settings);
+    Ok(())
 }
 
 /// Adds a copy of an object, without a mask of its own; returns its id.
@@ -415,8 +444,7 @@ fn hides(before: &PartialScene, after: &PartialScene, id: &ObjectId) -> f64 {
 mod tests {
     use super::*;
     use crate::testing::{boxed, empty_room};
-    use harmony_scene::Support;
-
+    
     fn scene() -> PartialScene {
         let mut scene = empty_room();
         for (i, x) in [1.0, 2.6].into_iter().enumerate() {

@@ -138,6 +138,17 @@ impl WallAffinity {
     }
 }
 
+impl From<Wall> for WallAffinity {
+    fn from(wall: Wall) -> Self {
+        match wall {
+            Wall::Back => Self::Back,
+            Wall::Left => Self::Left,
+            Wall::Right => Self::Right,
+            Wall::Front => Self::Front,
+        }
+    }
+}
+
 /// What carries an object.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "on", rename_all = "snake_case")]

@@ -264,13 +264,7 @@ impl Oracle {
         let wrong = |what: &str| self.draws.happens(&format!("wrong {what} {name}"), self.noise.relations);
         let mut rng = self.draws.rng(&format!("relations {name}"));
         let walls = [WallAffinity::Back, WallAffinity::Left, WallAffinity::Right, WallAffinity::Centre];
-        let affinity = match object.wall {
-            Some(Wall::Back) => WallAffinity::Back,
-            Some(Wall::Left) => WallAffinity::Left,
-            Some(Wall::Right) => WallAffinity::Right,
-            Some(Wall::Front) => WallAffinity::Front,
-            None => WallAffinity::Centre,
-        };
+        let affinity = object.wall.map_or(WallAffinity::Centre, WallAffinity::from);
         o.wall_affinity = if wrong("wall") { walls[rng.random_range(0..4)] } else { affinity };
         if let Support::Wall { wall } = object.support {
             let other = [Wall::Back, Wall::Left, Wall::Right][rng.random_range(0..3)];

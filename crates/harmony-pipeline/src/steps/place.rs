@@ -78,7 +78,7 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
     let planar = catalogue::is_planar(&label);
     let known = |id: &Option<String>| id.as_deref().and_then(|id| ObjectId::new(id).ok());
     let wall_affinity = match (level, o.wall) {
-        (Level::Wall, Some(wall)) => affinity(wall),
+        (Level::Wall, Some(wall)) => WallAffinity::from(wall),
         _ => o.wall_affinity,
     };
     let on_top_of = known(&o.on_top_of).or_else(|| p.candidate.host_hint.clone());
@@ -143,15 +143,6 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
         mean_color: mean,
         detection: p.candidate.detection.score,
         label,
-    }
-}
-
-fn affinity(wall: harmony_scene::Wall) -> WallAffinity {
-    match wall {
-        harmony_scene::Wall::Back => WallAffinity::Back,
-        harmony_scene::Wall::Left => WallAffinity::Left,
-        harmony_scene::Wall::Right => WallAffinity::Right,
-        harmony_scene::Wall::Front => WallAffinity::Front,
     }
 }
 
