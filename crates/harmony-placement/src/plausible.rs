@@ -14,6 +14,8 @@ const SUPPORTED: f64 = 0.5;
 const NEARLY: f64 = 0.8;
 const LEAST_SUPPORTED: f64 = 0.15;
 const SAME_LEVEL: f64 = 0.05;
+/// Height within which the lowest points of an object are what it stands on, metres.
+const FOOT: f64 = 0.003;
 /// Steps in which an object is moved towards its host's middle.
 const STEPS: u32 = 40;
 /// What is farther from its host than this does not rest on it, metres: the host is wrong, not the place.
@@ -36,7 +38,8 @@ pub(crate) fn back_onto_hosts(scene: &mut PartialScene) {
         let Some((object, host)) = with_host(scene, i) else { continue };
         let start = object.pose.position;
         let places = places_towards_middle(object, host);
-        let found = places.iter().find(|p| p.carries).filter(|p| p.at.distance(start) <= FARTHEST_BACK);
+        let found = places.iter().find(|p| p.carries && p.stands).or_else(|| places.iter().find(|p| p.carries));
+        let found = found.filter(|p| p.at.distance(start) <= FARTHEST_BACK);
         if let Some(place) = found {
             let by = place.at - start;
             for member in crate::collision::body(scene, i) {
@@ -53,6 +56,8 @@ struct Place {
     /// Whether the surface holds an object there: half of its footprint, or, as a narrow shelf carries what is deeper
     /// than it, nearly as much as anywhere on this host.
     carries: bool,
+    /// Whether one of the points on which the object stands is on the surface, and not beyond its edge.
+    stands: bool,
 }
 
 /// The places with a surface under them, from where an object stands to its host's middle.
@@ -65,7 +70,16 @@ fn places_towards_middle(object: &Placed, host: &Placed) -> Vec<Place> {
         .collect();
     let most = surfaces.iter().map(|(_, s)| s.share).fold(0.0, f64::max);
     let enough = SUPPORTED.min(NEARLY * most).max(LEAST_SUPPORTED);
-    let place = |(p, s): (Vec3, Surface)| Place { at: Vec3::new(p.x, s.height, p.z), carries: s.share >= enough };
+    let linear = object.pose.linear();
+    let corners: Vec<Vec3> = object.item.shape.hulls().iter().flatten().map(|p| linear * *p).collect();
+    let lowest = corners.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
+    let feet: Vec<Vec3> = corners.into_iter().filter(|p| p.y < lowest + FOOT).collect();
+    let under = |at: Vec3| crate::support::ray_hit(host, at + Vec3::Y * SAME_LEVEL, Vec3::NEG_Y);
+    let place = |(p, s): (Vec3, Surface)| {
+        let at = Vec3::new(p.x, s.height, p.z);
+        let stands = feet.iter().any(|f| under(at + *f).is_some_and(|(hit, _)| (at + *f).y - hit.y < FOOT));
+        Place { at, carries: s.share >= enough, stands }
+    };
     surfaces.into_iter().map(place).collect()
 }
 
@@ -251,6 +265,29 @@ mod tests {
         assert_eq!(at(2), Vec3::new(1.9, 0.5, 1.9));
         // What stands on it goes along.
         assert!((at(3).x - at(1).x).abs() < 1e-9, "{:?}", at(3));
+    }
+
+    #[test]
+    fn what_leans_over_an_edge_moves_until_it_stands_on_it() {
+        let mut scene = empty_room();
+        add(&mut scene, "shelf_01", Vec3::new(0.6, 0.05, 0.2), Vec3::new(2.0, 0.0, 2.0), |_| {});
+        // A frame tilted forwards: its front edge is 6 mm lower than its back.
+        let slab = Vec3::new(0.2, 0.25, 0.1);
+        add(&mut scene, "frame_01", slab, Vec3::new(2.0, 0.05, 2.06), |p| {
+            p.support = on("shelf_01");
+            let mut item = (*p.item).clone();
+            let mut mesh = crate::testing::box_mesh(slab);
+            for p in &mut mesh.positions {
+                p.y += if p.z < 0.0 { 0.006 } else { 0.0 };
+            }
+            let hull = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
+            item.shape = Arc::new(crate::Shape::new(Arc::new(mesh), vec![hull]));
+            p.item = Arc::new(item);
+        });
+        assert!(!hangs_in_the_air(&scene, 1));
+        back_onto_hosts(&mut scene);
+        let at = scene.placed[1].pose.position;
+        assert!(at.z <= 2.05 + 1e-6 && at.z > 2.03, "{at}");
     }
 
     #[test]

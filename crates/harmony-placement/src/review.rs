@@ -228,6 +228,18 @@ pub fn apply(
         }
         ReviewAction::Reorder { .. } => return Err(ActionError::NeedsPlacement),
     }
+    if settings.collision {
+        for id in touched.clone() {
+            let Some(i) = after.position(&id) else { continue };
+            // Its neighbours make room for it, and it for them.
+            for (moved, _) in collision::resolve(&mut after, i, settings).moved {
+                let id = &after.placed[moved].item.id;
+                if !touched.contains(id) {
+                    touched.push(id.clone());
+                }
+            }
+        }
+    }
     let mut evidence = Vec::new();
     for id in &touched {
         if let Some(i) = after.position(id) {
