@@ -74,6 +74,40 @@ fn drop(d: &Detection, reason: String) -> Dropped {
     Dropped { label: d.label.clone(), bounds: d.bounds, reason }
 }
 
+/// Share of a mask that must be in another one to be the same pixels, and of a box to be within another.
+const WITHIN: f64 = 0.8;
+
+/// Raggedness of masks, one of so many parts of the image's width.
+const RIM: u32 = 200;
+
+/// Takes from each mask what a segmenter added of a neighbour: a mask of another detection that is nearly all in it,
+/// though the other's box is not in its box. Returns the labels of who lost what to whom.
+pub fn part_merged(found: &mut [(Detection, Mask)]) -> Vec<[String; 2]> {
+    let mut parted = Vec::new();
+    let taken: Vec<Vec<usize>> = found
+        .iter()
+        .enumerate()
+        .map(|(i, (own, mask))| {
+            let merged = |(j, (other, others)): (usize, &(Detection, Mask))| {
+                let shared = mask.and(others).count() as f64;
+                let within = shared >= WITHIN * others.count() as f64 && shared < WITHIN * mask.count() as f64;
+                (i != j && within && other.bounds.covered_by(&own.bounds) < WITHIN).then_some(j)
+            };
+            found.iter().enumerate().filter_map(merged).collect()
+        })
+        .collect();
+    let masks: Vec<Mask> = found.iter().map(|(_, mask)| mask.clone()).collect();
+    for (i, others) in taken.into_iter().enumerate() {
+        for j in others {
+            // The two outlines of the neighbour differ by their raggedness.
+            let rim = i32::try_from(masks[j].size().width / RIM).unwrap_or(i32::MAX);
+            found[i].1 = found[i].1.minus(&masks[j].dilated(rim.max(2)));
+            parted.push([found[i].0.label.clone(), found[j].0.label.clone()]);
+        }
+    }
+    parted
+}
+
 /// Which masks to keep: `None` = kept, `Some(reason)` = dropped.
 ///
 /// Masks of one type with high IoU or near-full containment collapse onto the one of higher confidence.
@@ -131,6 +165,26 @@ mod tests {
             score,
             outline: None,
         }
+    }
+
+    #[test]
+    fn a_mask_that_swallowed_its_neighbour_gives_it_back_and_one_with_a_part_of_itself_does_not() {
+        let size = ImageSize { width: 100, height: 50 };
+        let rows = |x0: u32, x1: u32| Mask::from_fn(size, |x, y| (x0..x1).contains(&x) && (10..40).contains(&y));
+        let cupboard = |x0: f64, x1: f64| detection("cupboard", [x0, 10.0, x1, 40.0], None);
+        let mut found = vec![(cupboard(10.0, 50.0), rows(10, 70)), (cupboard(50.0, 70.0), rows(50, 70))];
+        assert_eq!(part_merged(&mut found).len(), 1);
+        assert_eq!(found[0].1, rows(10, 48), "and the rim");
+        assert_eq!(found[1].1, rows(50, 70));
+        assert!(filter_masks(&found, &FilterSettings::default()).iter().all(Option::is_none));
+        // A door of the cupboard is in its box.
+        let whole = vec![(cupboard(10.0, 70.0), rows(10, 70)), (cupboard(50.0, 70.0), rows(50, 70))];
+        let mut found = whole.clone();
+        assert!(part_merged(&mut found).is_empty());
+        assert_eq!(found[0].1, whole[0].1);
+        // Both masks show both: nobody knows whose is what.
+        let mut found = vec![(cupboard(10.0, 50.0), rows(10, 70)), (cupboard(50.0, 70.0), rows(10, 70))];
+        assert!(part_merged(&mut found).is_empty());
     }
 
     #[test]
