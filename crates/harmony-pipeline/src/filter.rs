@@ -77,8 +77,35 @@ fn drop(d: &Detection, reason: String) -> Dropped {
 /// Share of a mask that must be in another one to be the same pixels, and of a box to be within another.
 const WITHIN: f64 = 0.8;
 
+/// Share of a mask from which on it is all in another one.
+const SAME: f64 = 0.9;
+
+/// How far a mask may reach beyond the box that it was asked for, share of the box, and how much of it, before it is cut.
+const BEYOND_BOX: f64 = 0.15;
+const MOST_BEYOND: f64 = 0.1;
+
 /// Raggedness of masks, one of so many parts of the image's width.
 const RIM: u32 = 200;
+
+/// Cuts off what a segmenter added far outside of the box that it was asked for; returns the labels.
+pub fn cut_to_boxes(found: &mut [(Detection, Mask)]) -> Vec<String> {
+    let mut cut = Vec::new();
+    for (detection, mask) in found.iter_mut().filter(|(d, _)| d.outline.is_none()) {
+        let b = detection.bounds.padded(BEYOND_BOX, mask.size());
+        let bits = mask.bits();
+        let width = mask.size().width;
+        let own = Mask::from_fn(mask.size(), |x, y| {
+            let (u, v) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
+            bits[(y * width + x) as usize] && (b.x0..=b.x1).contains(&u) && (b.y0..=b.y1).contains(&v)
+        });
+        let (left, all) = (own.count() as f64, mask.count() as f64);
+        if left > 0.0 && left < (1.0 - MOST_BEYOND) * all {
+            *mask = own;
+            cut.push(detection.label.clone());
+        }
+    }
+    cut
+}
 
 /// Takes from each mask what a segmenter added of a neighbour: a mask of another detection that is nearly all in it,
 /// though the other's box is not in its box. Returns the labels of who lost what to whom.
@@ -90,7 +117,7 @@ pub fn part_merged(found: &mut [(Detection, Mask)]) -> Vec<[String; 2]> {
         .map(|(i, (own, mask))| {
             let merged = |(j, (other, others)): (usize, &(Detection, Mask))| {
                 let shared = mask.and(others).count() as f64;
-                let within = shared >= WITHIN * others.count() as f64 && shared < WITHIN * mask.count() as f64;
+                let within = shared >= WITHIN * others.count() as f64 && shared < SAME * mask.count() as f64;
                 (i != j && within && other.bounds.covered_by(&own.bounds) < WITHIN).then_some(j)
             };
             found.iter().enumerate().filter_map(merged).collect()
@@ -182,9 +209,12 @@ mod tests {
         let mut found = whole.clone();
         assert!(part_merged(&mut found).is_empty());
         assert_eq!(found[0].1, whole[0].1);
-        // Both masks show both: nobody knows whose is what.
+        // Both masks show both: nobody knows whose is what, but that it is in the boxes.
         let mut found = vec![(cupboard(10.0, 50.0), rows(10, 70)), (cupboard(50.0, 70.0), rows(10, 70))];
         assert!(part_merged(&mut found).is_empty());
+        assert_eq!(cut_to_boxes(&mut found).len(), 2);
+        assert!(found[0].1.bounds().unwrap().x1 <= 56.0 && found[1].1.bounds().unwrap().x0 >= 47.0);
+        assert!(cut_to_boxes(&mut found).is_empty());
     }
 
     #[test]

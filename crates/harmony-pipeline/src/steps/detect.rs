@@ -12,7 +12,7 @@ use serde_json::json;
 
 use crate::before::{Before, stem};
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::filter::{Dropped, filter_boxes, filter_masks, part_merged};
+use crate::filter::{Dropped, cut_to_boxes, filter_boxes, filter_masks, part_merged};
 use crate::state::{Candidate, SceneState};
 
 /// What was found for a level: boxes with masks, not yet named.
@@ -61,17 +61,22 @@ pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> 
         ctx.calls.segment(&request).await?
     };
     let filters = ctx.settings.filters;
-    let (pairs, verdicts, parted) = ctx
+    let (pairs, verdicts, (parted, cut)) = ctx
         .computed(move || {
             let pairs: Vec<_> = found.into_iter().zip(masks).map(|(d, m)| ((d, m.mask), m.score)).collect();
             let (mut pairs, scores): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
             let parted = part_merged(&mut pairs);
+            let cut = cut_to_boxes(&mut pairs);
             let verdicts = filter_masks(&pairs, &filters);
-            (pairs.into_iter().zip(scores).collect::<Vec<_>>(), verdicts, parted)
+            (pairs.into_iter().zip(scores).collect::<Vec<_>>(), verdicts, (parted, cut))
         })
         .await?;
     for [label, other] in parted {
         let message = format!("the mask of a {label} also showed the {other} beside it, which was taken out");
+        ctx.warn(WarningKind::AnswerRepaired, None, message);
+    }
+    for label in cut {
+        let message = format!("the mask of a {label} reached far beyond its box, and was cut there");
         ctx.warn(WarningKind::AnswerRepaired, None, message);
     }
 
