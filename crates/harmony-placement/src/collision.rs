@@ -20,8 +20,9 @@ const CLEARANCE: f64 = 1e-3;
 /// Longest move: a share of the object's larger level side, and metres. A longer one would contradict what is seen.
 const LONGEST_MOVE: [f64; 2] = [0.6, 0.16];
 
-/// How many times farther what no such move parts may go in the end.
+/// How many times farther an object may go in the end that agrees less with its mask than this.
 const FARTHER: f64 = 5.0;
+const GUESSED_IOU: f64 = 0.3;
 
 /// Rounds in which all objects are brought apart together, and the share of a gap that is closed in each.
 const ROUNDS: usize = 60;
@@ -193,22 +194,26 @@ fn longest_move(size: &harmony_scene::Size) -> f64 {
 /// 2007). Where the paper moves one object clear of all its neighbours at once, a row of cupboards each a little too
 /// wide makes room along the whole row.
 ///
-/// What no short move parts may go farther in the end: a simulation does not start with things in each other, and who
-/// agrees least with its mask moves most.
+/// What no short move parts may go farther in the end, where it agrees so little with its mask that its place is a guess:
+/// a simulation should not start with things in each other.
 ///
 /// Returns how far each object went, metres.
 pub(crate) fn relax(scene: &mut PartialScene, settings: &PlacementSettings) -> Vec<f64> {
     let mut gone = vec![Vec3::ZERO; scene.placed.len()];
-    for farther in [1.0, FARTHER] {
-        if relaxed(scene, settings, farther, &mut gone) {
-            break;
+    let mut longest: Vec<f64> = scene.placed.iter().map(|p| longest_move(&p.size())).collect();
+    if !relaxed(scene, settings, &longest, &mut gone) {
+        for (longest, p) in longest.iter_mut().zip(&scene.placed) {
+            if p.evidence.silhouette_iou.is_some_and(|iou| iou < GUESSED_IOU) {
+                *longest *= FARTHER;
+            }
         }
+        relaxed(scene, settings, &longest, &mut gone);
     }
     gone.into_iter().map(Vec3::length).collect()
 }
 
-/// Rounds of [`relax`] within so many times the longest move; whether nothing collides any more.
-fn relaxed(scene: &mut PartialScene, settings: &PlacementSettings, farther: f64, gone: &mut [Vec3]) -> bool {
+/// Rounds of [`relax`] within the longest move of each object; whether nothing collides any more.
+fn relaxed(scene: &mut PartialScene, settings: &PlacementSettings, longest: &[f64], gone: &mut [Vec3]) -> bool {
     let mut all = solids(scene);
     let n = all.len();
     let weights: Vec<f64> = scene
@@ -230,7 +235,7 @@ fn relaxed(scene: &mut PartialScene, settings: &PlacementSettings, farther: f64,
                     continue;
                 }
                 worst = worst.max(depth);
-                let Some((who, by)) = cheapest_parting(scene, &all, [a, b], &weights, &free, (gone, farther)) else { continue };
+                let Some((who, by)) = cheapest_parting(scene, &all, [a, b], &weights, &free, (gone, longest)) else { continue };
                 for (object, by) in who.into_iter().zip(by) {
                     if by != Vec3::ZERO {
                         shift(scene, &mut all, object, by);
@@ -253,7 +258,7 @@ fn cheapest_parting(
     pair: [usize; 2],
     weights: &[f64],
     free: &[Vec<Vec3>],
-    (gone, farther): (&[Vec3], f64),
+    (gone, longest): (&[Vec3], &[f64]),
 ) -> Option<([usize; 2], [Vec3; 2])> {
     let [a, b] = pair;
     let mut best: Option<(f64, [Vec3; 2])> = None;
@@ -262,7 +267,7 @@ fn cheapest_parting(
             let depth = STEP * (way_out(&all[a].meetings(&all[b], d)) + CLEARANCE);
             let may = |object: usize, by: Vec3| {
                 let goes = free[object].iter().any(|f| f.dot(by.normalize_or_zero()) > 0.999);
-                let near = (gone[object] + by).length() <= farther * longest_move(&scene.placed[object].size());
+                let near = (gone[object] + by).length() <= longest[object];
                 goes && near && feasible(scene, all, object, &body(scene, object), by)
             };
             let (wa, wb) = (weights[a], weights[b]);
