@@ -235,7 +235,9 @@ fn relaxed(scene: &mut PartialScene, settings: &PlacementSettings, longest: &[f6
                     continue;
                 }
                 worst = worst.max(depth);
-                let Some((who, by)) = cheapest_parting(scene, &all, [a, b], &weights, &free, (gone, longest)) else { continue };
+                let Some((who, by)) = cheapest_parting(scene, &all, [a, b], &weights, &free, (gone, longest)) else {
+                    continue;
+                };
                 for (object, by) in who.into_iter().zip(by) {
                     if by != Vec3::ZERO {
                         shift(scene, &mut all, object, by);
@@ -512,5 +514,21 @@ mod tests {
         assert!(gone.iter().all(|g| *g < 0.12), "{gone:?}");
         let x: Vec<f64> = scene.placed.iter().map(|p| p.pose.position.x).collect();
         assert!(x.windows(2).all(|w| w[0] < w[1]), "nobody jumps over a neighbour: {x:?}");
+    }
+
+    #[test]
+    fn only_what_agrees_with_nothing_goes_farther_than_it_should() {
+        let settings = PlacementSettings::default();
+        let mut scene = with(&[(Vec3::new(1.0, 0.8, 1.0), 1.5, 2.0), (Vec3::new(1.0, 0.8, 1.0), 2.0, 2.0)]);
+        let seen = |iou| Evidence { silhouette_iou: Some(iou), ..Evidence::default() };
+        scene.placed[0].evidence = seen(0.9);
+        scene.placed[1].evidence = seen(0.8);
+        let mut sure = scene.clone();
+        relax(&mut sure, &settings);
+        assert!(!collisions(&sure, &settings).is_empty(), "both are where they are seen");
+        scene.placed[1].evidence = seen(0.1);
+        let gone = relax(&mut scene, &settings);
+        assert!(collisions(&scene, &settings).is_empty());
+        assert!(gone[0] <= LONGEST_MOVE[1] && gone[1] > LONGEST_MOVE[1], "{gone:?}");
     }
 }

@@ -1,7 +1,7 @@
 //! First poses on walls: the mask's centre as a ray against the walls, its extent projected onto the wall plane.
 //! Paper App. C "Wall-Mounted Object Placement".
 
-use harmony_scene::{Pose, Ray, Surface, Vec3, Wall};
+use harmony_scene::{Pose, Ray, Surface, Vec2, Vec3, Wall};
 
 use crate::anchoring::{Anchoring, YawRule, prior_scale, size_of};
 use crate::first_pose::{Hypothesis, Starter};
@@ -26,21 +26,23 @@ pub(crate) fn hypotheses<'a>(starter: &Starter<'a, '_>) -> Vec<Hypothesis<'a>> {
         let frame = starter.frame(Anchoring::OnWall(wall), YawRule::Fixed(wall.yaw()));
         let pose = on_wall(starter, wall);
         let price = if said.is_some_and(|said| said != wall) { OTHER_WALL } else { 0.0 };
-        out.extend(wholes(starter, wall, &pose).map(|whole| Hypothesis { frame, pose: frame.settle(&whole), price }));
+        out.extend(wholes(starter, wall).iter().map(|whole| Hypothesis { frame, pose: frame.settle(whole), price }));
         out.push(Hypothesis { frame, pose: frame.settle(&pose), price });
     }
     out
 }
 
 /// The object in its prior size with one of its ends and its top where they are seen, where only a part may be seen.
-fn wholes(starter: &Starter, wall: Wall, seen: &Pose) -> impl Iterator<Item = Pose> {
+fn wholes(starter: &Starter, wall: Wall) -> Vec<Pose> {
     let e = &starter.scene.room.extents;
-    let along = wall.point(e, 1.0, 0.0) - wall.point(e, 0.0, 0.0);
-    let (whole, part) = (starter.sized(seen.position, seen.yaw), size_of(starter.item, seen));
+    let whole = starter.sized(Vec3::ZERO, wall.yaw());
     let size = size_of(starter.item, &whole);
-    let up = Vec3::Y * (part.y - size.y);
-    let sides: &[f64] = if part.x < PART * size.x { &[-0.5, 0.5] } else { &[] };
-    sides.iter().map(move |side| Pose { position: seen.position + up + along * (side * (size.x - part.x)), ..whole })
+    let Some([(u0, u1), (_, top)]) = seen_on(starter, wall, size).filter(|[(u0, u1), _]| u1 - u0 < PART * size.x)
+    else {
+        return Vec::new();
+    };
+    let at = |u: f64| Pose { position: wall.point(e, u, top - size.y), ..whole };
+    vec![at(u0 + size.x / 2.0), at(u1 - size.x / 2.0)]
 }
 
 /// The walls in question: the one that the centre ray meets, its neighbour near a seam, and the reasoned one.
@@ -80,6 +82,30 @@ fn nearest_wall(starter: &Starter, ray: &Ray, _: Surface) -> Option<(Wall, Vec3)
     Some((wall, at))
 }
 
+/// Where a pixel's ray meets the plane of an object on a wall: `(u, y)` of the wall.
+fn on_plane(starter: &Starter, wall: Wall, size: Vec3, pixel: Vec2) -> Option<Vec2> {
+    // What is seen of a thick object is its front as much as its sides: the middle plane is the least wrong.
+    let away = starter.settings.wall_gap + if starter.item.traits.planar { size.z } else { size.z / 2.0 };
+    let ray = starter.scene.camera.ray(pixel);
+    let towards = -ray.direction.dot(wall.normal());
+    let k = (wall.distance(&starter.scene.room.extents, ray.origin) - away) / towards;
+    (towards > 0.02 && k > 0.0).then(|| wall.coordinates(ray.at(k)))
+}
+
+/// From where to where the mask reaches on a wall, along it and in height; strays do not count.
+fn seen_on(starter: &Starter, wall: Wall, size: Vec3) -> Option<[(f64, f64); 2]> {
+    let pixels = starter.view.masked_pixels().into_iter();
+    let (mut us, mut ys): (Vec<f64>, Vec<f64>) =
+        pixels.filter_map(|p| on_plane(starter, wall, size, p)).map(|c| (c.x, c.y)).unzip();
+    if us.is_empty() {
+        return None;
+    }
+    us.sort_by(f64::total_cmp);
+    ys.sort_by(f64::total_cmp);
+    let span = |v: &[f64]| (v[v.len() / 200], v[v.len() - 1 - v.len() / 200]);
+    Some([span(&us), span(&ys)])
+}
+
 /// Place and size on a wall from the mask's free edges, projected onto the plane of the object's front.
 ///
 /// Projecting every pixel is the exact foreshortening correction.
@@ -88,25 +114,11 @@ fn on_wall(starter: &Starter, wall: Wall) -> Pose {
     let e = &starter.scene.room.extents;
     let mut pose = starter.sized(Vec3::ZERO, wall.yaw());
     let size = size_of(item, &pose);
-    // What is seen of a thick object is its front as much as its sides: the middle plane is the least wrong.
-    let away = starter.settings.wall_gap + if item.traits.planar { size.z } else { size.z / 2.0 };
-    let project = |pixel| {
-        let ray = camera.ray(pixel);
-        let towards = -ray.direction.dot(wall.normal());
-        let k = (wall.distance(e, ray.origin) - away) / towards;
-        (towards > 0.02 && k > 0.0).then(|| wall.coordinates(ray.at(k)))
-    };
-    let (mut us, mut ys): (Vec<f64>, Vec<f64>) =
-        view.masked_pixels().into_iter().filter_map(project).map(|c| (c.x, c.y)).unzip();
-    if us.is_empty() {
-        let centre = project(view.mask_box.centre()).unwrap_or(e.as_vec().truncate() / 2.0);
+    let Some([(u0, u1), (y0, y1)]) = seen_on(starter, wall, size) else {
+        let centre = on_plane(starter, wall, size, view.mask_box.centre()).unwrap_or(e.as_vec().truncate() / 2.0);
         pose.position = wall.point(e, centre.x, centre.y - size.y / 2.0);
         return pose;
-    }
-    us.sort_by(f64::total_cmp);
-    ys.sort_by(f64::total_cmp);
-    let span = |v: &[f64]| (v[v.len() / 200], v[v.len() - 1 - v.len() / 200]);
-    let ((u0, u1), (y0, y1)) = (span(&us), span(&ys));
+    };
     // Left and right in the image are low and high u on the back wall, and so on around the room.
     let along = wall.point(e, 1.0, 0.0) - wall.point(e, 0.0, 0.0);
     let low_is_left = along.dot(camera.right()) > 0.0;

@@ -92,7 +92,9 @@ impl<'a> Starter<'a, '_> {
         let set = self.item.relations.matched_set.as_ref().filter(|_| self.settings.groups)?;
         let iou = |p: &crate::Placed| p.evidence.silhouette_iou.unwrap_or(0.0);
         let members = self.scene.placed.iter().filter(|p| {
-            p.item.relations.matched_set.as_ref() == Some(set) && p.item.level == self.item.level && p.item.id != self.item.id
+            p.item.relations.matched_set.as_ref() == Some(set)
+                && p.item.level == self.item.level
+                && p.item.id != self.item.id
         });
         members.filter(|p| iou(p) >= SURE_IOU).max_by(|a, b| iou(a).total_cmp(&iou(b)))
     }

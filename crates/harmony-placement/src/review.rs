@@ -456,7 +456,7 @@ fn hides(before: &PartialScene, after: &PartialScene, id: &ObjectId) -> f64 {
 mod tests {
     use super::*;
     use crate::testing::{boxed, empty_room};
-    
+
     fn scene() -> PartialScene {
         let mut scene = empty_room();
         for (i, x) in [1.0, 2.6].into_iter().enumerate() {
@@ -509,6 +509,40 @@ mod tests {
         assert!(verdict(&scene, &free).kept);
         let before_it = ReviewAction::Add { like, at_m: [1.2, 0.0, 3.0], yaw_deg: 0.0 };
         assert!(!verdict(&scene, &before_it).kept);
+    }
+
+    #[test]
+    fn what_hangs_on_a_wall_turns_by_hanging_on_another_one() {
+        let mut scene = empty_room();
+        let at = Vec3::new(0.02, 1.2, 2.0);
+        let mut item = boxed(&scene, Vec3::new(0.8, 0.6, 0.03), at, Wall::Left.yaw());
+        item.level = harmony_scene::Level::Wall;
+        item.relations.wall_affinity = Wall::Back.into();
+        // Named for the wrong wall, it hangs there, far from its mask.
+        let pose = Pose::new(Vec3::new(2.0, 1.2, 0.02), Wall::Back.yaw(), 1.0);
+        let (object, support) = (item.id.clone(), Support::Wall { wall: Wall::Back });
+        scene.placed.push(Placed { item: Arc::new(item), pose, support, evidence: Evidence::default() });
+        let rotate = |by_deg| ReviewAction::Rotate { object: object.clone(), by_deg };
+        let settings = PlacementSettings::default();
+        let after = apply(&scene, &rotate(90.0), &settings).unwrap();
+        assert!(judge(&scene, &after, &settings).kept);
+        let found = &after.scene.placed[0];
+        assert_eq!(found.support, Support::Wall { wall: Wall::Left });
+        assert!(found.pose.position.distance(at) < 0.03, "{:?}", found.pose.position);
+        // Askew on the same wall it cannot hang.
+        assert_eq!(apply(&scene, &rotate(20.0), &settings).err(), Some(ActionError::HeldByWall));
+    }
+
+    #[test]
+    fn a_move_into_a_neighbour_makes_room() {
+        let scene = scene();
+        let object = ObjectId::numbered("box", 0);
+        // 0.8 wide, 1.6 apart: moved by 0.85 it is 5 cm deep in the other one.
+        let action = ReviewAction::Move { object, by_m: [0.85, 0.0, 0.0] };
+        let after = apply(&scene, &action, &PlacementSettings::default()).unwrap();
+        assert!(crate::collisions(&after.scene, &PlacementSettings::default()).is_empty());
+        let moved = after.scene.placed.iter().zip(&scene.placed).filter(|(a, b)| a.pose.position != b.pose.position);
+        assert!(moved.map(|(a, _)| &a.item.id).all(|id| after.touched.contains(id)), "who moves is measured");
     }
 
     #[test]
