@@ -187,17 +187,27 @@ struct Along {
     cells: Vec<Option<f64>>,
 }
 
+/// How far a joint refinement goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Refinement {
+    /// Until the axes and the focal length are known: lines, pins and the map's cells.
+    Axes,
+    /// To the end: by the map's creases and the photo's lines along edges too.
+    Full,
+}
+
 /// Refines a calibration by photo, pins and map together (key `cam.joint`, beyond the paper).
 ///
 /// `view` are the photo's lines; `calibration.camera` is at the map's size and stays so. The calibration comes back
 /// unchanged, with `None`, where there is nothing to refine by or the result is not believable.
-pub fn refine_jointly(
+pub(super) fn refine_jointly(
     calibration: &Calibration,
     points: &PointMap,
     view: &ViewEstimate,
     prior: &LayoutPrior,
+    until: Refinement,
 ) -> (Calibration, Option<JointEvidence>) {
-    match Problem::new(calibration, points, view, prior).and_then(|p| p.refine(calibration, points)) {
+    match Problem::new(calibration, points, view, prior).and_then(|p| p.refine(calibration, points, until)) {
         Some((refined, evidence)) => (refined, Some(evidence)),
         None => (calibration.clone(), None),
     }
@@ -424,7 +434,16 @@ impl<'a> Problem<'a> {
         pins
     }
 
-    fn refine(mut self, before: &Calibration, points: &PointMap) -> Option<(Calibration, JointEvidence)> {
+    fn refine(
+        mut self,
+        before: &Calibration,
+        points: &PointMap,
+        until: Refinement,
+    ) -> Option<(Calibration, JointEvidence)> {
+        let (creases, lines): (usize, &[[f64; 2]]) = match until {
+            Refinement::Axes => (0, &[]),
+            Refinement::Full => (CREASE_ROUNDS, &LINE_REACH),
+        };
         let mut p = self.start;
         let (mut sigmas, mut information) = (Vec::new(), Vec::new());
         for (round, reach) in self.accuracy.reach.into_iter().enumerate() {
@@ -440,7 +459,7 @@ impl<'a> Problem<'a> {
         }
         let given = self.pins.len();
         let depths = Depths::new(points, self.prior.photo);
-        for _ in 0..CREASE_ROUNDS {
+        for _ in 0..creases {
             self.pins.truncate(given);
             let seen = |s: Surface| self.seen[index(s)];
             let found = pins_on_creases(&Self::unpack(&p), &depths, seen, given);
@@ -456,7 +475,7 @@ impl<'a> Problem<'a> {
         edges.sort_unstable();
         edges.dedup();
         let side_px = f64::from(self.prior.photo.width.max(self.prior.photo.height));
-        for [px, sigma_px] in LINE_REACH {
+        for &[px, sigma_px] in lines {
             let reach = Reach { px: px * side_px, sigma_px: sigma_px * side_px, side_px };
             self.pins.truncate(pinned);
             let found = self.lines_in_turn(&p, &information, &edges, reach);
@@ -623,13 +642,14 @@ fn cells(points: &PointMap, photo: ImageSize, most_spread: f64) -> (Vec<Cell>, u
             if depths.len() * 2 < (side * side) as usize {
                 continue;
             }
-            depths.sort_by(f64::total_cmp);
-            let at = |q: f64| depths[((depths.len() - 1) as f64 * q) as usize];
-            if at(0.9) / at(0.1) - 1.0 > most_spread {
+            let last = (depths.len() - 1) as f64;
+            let mut at = |q: f64| *depths.select_nth_unstable_by((last * q) as usize, f64::total_cmp).1;
+            let (low, depth, high) = (at(0.1), at(0.5), at(0.9));
+            if high / low - 1.0 > most_spread {
                 continue;
             }
             let middle = |c: u32, k: f64| (f64::from(c * side) + f64::from(side) / 2.0) * k;
-            out.push(Cell { at: Vec2::new(middle(cx, kx), middle(cy, ky)) - centre, depth: at(0.5), face: None });
+            out.push(Cell { at: Vec2::new(middle(cx, kx), middle(cy, ky)) - centre, depth, face: None });
         }
     }
     (out, w.max(h).div_ceil(side))

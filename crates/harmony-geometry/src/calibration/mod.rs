@@ -10,8 +10,8 @@ mod types;
 
 use harmony_scene::{Camera, Extents, Mat3, PointMap, PointMapKind, Surface, Vec2, Vec3};
 
-use joint::refine_jointly;
 pub use joint::{JointEvidence, RoomPosterior, room_from_unknowns, room_unknowns};
+use joint::{Refinement, refine_jointly};
 pub use types::{
     AnchorKind, Calibration, CalibrationError, CalibrationEvidence, CalibrationMethod, CalibrationSettings,
     PlaneEvidence,
@@ -59,7 +59,7 @@ pub fn calibrate(
     prior: &LayoutPrior,
     settings: &CalibrationSettings,
 ) -> Result<Calibration, CalibrationError> {
-    calibrate_along(points, prior, settings, None)
+    Ok(calibrate_along(points, prior, settings, None)?.0)
 }
 
 /// Confidence of a view whose lines are believed where the map has no frame.
@@ -80,33 +80,36 @@ pub fn calibrate_with_photo(
     view: &ViewEstimate,
     settings: &CalibrationSettings,
 ) -> Result<(Calibration, PointMap), CalibrationError> {
-    let mut first = calibrate(points, prior, settings)?;
+    let (mut first, frame) = calibrate_along(points, prior, settings, None)?;
+    let refined = |before: &Calibration, map: &PointMap, until| {
+        let (calibration, evidence) = refine_jointly(before, map, view, prior, until);
+        let map = evidence.map(|e| map.with_focal(map.intrinsics.fx * e.focal_ratio));
+        map.map(|map| (calibration, map))
+    };
+    let alone = |first: Calibration| match refined(&first, points, Refinement::Full) {
+        Some(refined) => Ok(refined),
+        None => Ok((first, points.clone())),
+    };
     if first.evidence.method != CalibrationMethod::Manhattan && view.confidence >= SURE_VIEW {
         // Without a frame from the map the photo's lines know the directions better than hints.
         let reason = first.evidence.fallbacks.first().cloned().unwrap_or_default();
         first = fallback::calibrate_by_prior(points, prior, &reason, &longest(view));
         first.evidence.fallbacks.push("directions from the photo's lines".to_owned());
     }
-    let (along, evidence) = refine_jointly(&first, points, view, prior);
-    let Some(evidence) = evidence else { return Ok((first, points.clone())) };
-    let map = points.with_focal(points.intrinsics.fx * evidence.focal_ratio);
+    let Some((along, map)) = refined(&first, points, Refinement::Axes) else { return Ok((first, points.clone())) };
     // With the right axes other faces may turn out to be the room's.
-    let second = calibrate_along(&map, prior, settings, Some(along.camera.rotation))?;
+    let known = Known { camera_from_room: along.camera.rotation, frame };
+    let (second, _) = calibrate_along(&map, prior, settings, Some(known))?;
     if second.evidence.method != CalibrationMethod::Manhattan {
-        return Ok((along, map));
+        return alone(first);
     }
-    let (refined, more) = refine_jointly(&second, &map, view, prior);
-    match more {
-        Some(more) => {
-            let map = map.with_focal(map.intrinsics.fx * more.focal_ratio);
-            let mut refined = refined;
-            let total = JointEvidence { focal_ratio: evidence.focal_ratio * more.focal_ratio, ..more };
-            let total = total.against(&first.camera, &refined.camera);
-            refined.evidence.joint = Some(total);
-            Ok((refined, map))
-        }
-        None => Ok((along, map)),
-    }
+    let Some((mut calibration, map)) = refined(&second, &map, Refinement::Full) else { return alone(first) };
+    let focal_ratio = map.intrinsics.fx / points.intrinsics.fx;
+    calibration.evidence.joint = calibration
+        .evidence
+        .joint
+        .map(|joint| JointEvidence { focal_ratio, ..joint }.against(&first.camera, &calibration.camera));
+    Ok((calibration, map))
 }
 
 /// The view with its longest lines only: enough to hold its directions.
@@ -118,25 +121,34 @@ fn longest(view: &ViewEstimate) -> ViewEstimate {
     ViewEstimate { segments, ..view.clone() }
 }
 
-/// [`calibrate`]; with `camera_from_room` its axes are those, and neither searched for nor polished.
+/// What an earlier calibration knows of the axes.
+struct Known {
+    /// The axes, which are neither searched for nor polished.
+    camera_from_room: Mat3,
+    /// How the normals agree with the frame that was found first.
+    frame: Option<ManhattanFrame>,
+}
+
+/// [`calibrate`], along axes that are known if they are; with the frame that the normals have.
 fn calibrate_along(
     points: &PointMap,
     prior: &LayoutPrior,
     settings: &CalibrationSettings,
-    camera_from_room: Option<Mat3>,
-) -> Result<Calibration, CalibrationError> {
+    known: Option<Known>,
+) -> Result<(Calibration, Option<ManhattanFrame>), CalibrationError> {
     check(points, prior)?;
     let surfels = surfels(points);
     if surfels.usable_points < LEAST_POINTS {
         return Err(CalibrationError::TooFewPoints { got: surfels.usable_points, min: LEAST_POINTS });
     }
-    let measured = measure(points, &surfels, prior, settings, camera_from_room);
-    match measured.and_then(|m| solve(points, &surfels, prior, &m).map_err(NoBox::from)) {
-        Ok(calibration) => Ok(calibration),
+    let camera_from_room = known.as_ref().map(|k| k.camera_from_room);
+    let measured = measure(points, &surfels, prior, settings, known);
+    match measured.and_then(|m| Ok((solve(points, &surfels, prior, &m)?, Some(m.frame)))) {
+        Ok(calibrated) => Ok(calibrated),
         Err(NoBox { reason, camera_from_room: found }) => {
             tracing::debug!(reason, "no Manhattan calibration, the prior's camera stands in");
             let view = fallback::view_of(points, prior, camera_from_room.or(found));
-            Ok(fallback::calibrate_by_prior(points, prior, &reason, &view))
+            Ok((fallback::calibrate_by_prior(points, prior, &reason, &view), None))
         }
     }
 }
@@ -196,10 +208,13 @@ fn measure(
     surfels: &Surfels,
     prior: &LayoutPrior,
     settings: &CalibrationSettings,
-    camera_from_room: Option<Mat3>,
+    known: Option<Known>,
 ) -> Result<Measured, NoBox> {
     let tilt = hint(prior.camera.tilt_deg, -80.0, 80.0).unwrap_or(0.0).to_radians();
-    let frame = manhattan_frame(surfels, points.rotation, tilt)
+    let camera_from_room = known.as_ref().map(|k| k.camera_from_room);
+    let frame = known
+        .and_then(|k| k.frame)
+        .or_else(|| manhattan_frame(surfels, points.rotation, tilt))
         .ok_or_else(|| NoBox::from("the point map has hardly any smooth surface".to_owned()))?;
     if frame.support < LEAST_SUPPORT {
         return Err(format!("only {:.0} % of the normals agree with a Manhattan frame", frame.support * 100.0).into());
