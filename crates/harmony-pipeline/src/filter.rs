@@ -92,11 +92,9 @@ pub fn cut_to_boxes(found: &mut [(Detection, Mask)]) -> Vec<String> {
     let mut cut = Vec::new();
     for (detection, mask) in found.iter_mut().filter(|(d, _)| d.outline.is_none()) {
         let b = detection.bounds.padded(BEYOND_BOX, mask.size());
-        let bits = mask.bits();
-        let width = mask.size().width;
         let own = Mask::from_fn(mask.size(), |x, y| {
             let (u, v) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
-            bits[(y * width + x) as usize] && (b.x0..=b.x1).contains(&u) && (b.y0..=b.y1).contains(&v)
+            mask.get(i64::from(x), i64::from(y)) && (b.x0..=b.x1).contains(&u) && (b.y0..=b.y1).contains(&v)
         });
         let (left, all) = (own.count() as f64, mask.count() as f64);
         if left > 0.0 && left < (1.0 - MOST_BEYOND) * all {
@@ -115,10 +113,16 @@ pub fn part_merged(found: &mut [(Detection, Mask)]) -> Vec<[String; 2]> {
         .iter()
         .enumerate()
         .map(|(i, (own, mask))| {
+            let reach = mask.bounds();
             let merged = |(j, (other, others)): (usize, &(Detection, Mask))| {
+                // The boxes tell of most pairs, without a look at every pixel.
+                let beside = i != j && other.bounds.covered_by(&own.bounds) < WITHIN;
+                let met = reach?.intersection(&others.bounds()?).area() > 0.0;
+                if !beside || !met {
+                    return None;
+                }
                 let shared = mask.and(others).count() as f64;
-                let within = shared >= WITHIN * others.count() as f64 && shared < SAME * mask.count() as f64;
-                (i != j && within && other.bounds.covered_by(&own.bounds) < WITHIN).then_some(j)
+                (shared >= WITHIN * others.count() as f64 && shared < SAME * mask.count() as f64).then_some(j)
             };
             found.iter().enumerate().filter_map(merged).collect()
         })

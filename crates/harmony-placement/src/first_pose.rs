@@ -206,13 +206,12 @@ impl<'a> Starter<'a, '_> {
         if !self.item.traits.has_front {
             return Vec::new();
         }
-        let mut out = Vec::new();
-        for quarters in 1..4 {
-            let yaw = wall.yaw() + f64::from(quarters) * std::f64::consts::FRAC_PI_2;
-            let frame = self.frame(Anchoring::Floor, YawRule::About { yaw, sigma: WALL_SIGMA });
-            out.extend(self.floor_positions(&frame).into_iter().map(|p| self.settled(frame, p, price)));
-        }
-        out
+        let about = YawRule::About { yaw: wall.yaw(), sigma: WALL_SIGMA };
+        let turned = quarter_turns(about).into_iter().skip(1).map(|(rule, _)| self.frame(Anchoring::Floor, rule));
+        turned
+            .flat_map(|frame| self.floor_positions(&frame).into_iter().map(move |p| (frame, p)))
+            .map(|(frame, p)| self.settled(frame, p, price))
+            .collect()
     }
 
     /// Poses for the case that the relation is wrong: against another wall, or turned as the given front says.
@@ -319,18 +318,21 @@ impl<'a> Starter<'a, '_> {
         Some(hit + away * self.half_along(pose, away))
     }
 
-    /// Centre of the masked points, pushed back by what is hidden behind the front.
-    pub(crate) fn by_points(&self, pose: &Pose) -> Option<Vec3> {
-        if !self.dense() {
-            return None;
-        }
-        let points = self.view.masked_points();
+    /// The masked points, their middle, and the level direction to it; `None` without a dense map.
+    fn middle_of_points(&self) -> Option<(Vec<Vec3>, Vec3, Vec3)> {
+        let points = if self.dense() { self.view.masked_points() } else { return None };
         if points.len() < 8 {
             return None;
         }
         let of = |i: usize| median(&mut points.iter().map(|p| p[i]).collect::<Vec<_>>());
         let centre = Vec3::new(of(0), of(1), of(2));
         let away = level_direction(centre - self.scene.camera.centre())?;
+        Some((points, centre, away))
+    }
+
+    /// Centre of the masked points, pushed back by what is hidden behind the front.
+    pub(crate) fn by_points(&self, pose: &Pose) -> Option<Vec3> {
+        let (_, centre, away) = self.middle_of_points()?;
         Some(centre + away * self.half_along(pose, away) * 0.5)
     }
 
@@ -350,16 +352,11 @@ impl<'a> Starter<'a, '_> {
 
     /// Base centre before the farthest of the masked points, where the near end is cut.
     fn by_far_edge(&self, pose: &Pose) -> Option<Vec3> {
-        if !self.dense() || self.view.free[3] {
+        if self.view.free[3] {
             return None;
         }
-        let points = self.view.masked_points();
-        if points.len() < 8 {
-            return None;
-        }
-        let of = |i: usize| median(&mut points.iter().map(|p| p[i]).collect::<Vec<_>>());
-        let centre = Vec3::new(of(0), 0.0, of(2));
-        let away = level_direction(centre - self.scene.camera.centre())?;
+        let (points, middle, away) = self.middle_of_points()?;
+        let centre = middle.with_y(0.0);
         let mut far: Vec<f64> = points.iter().map(|p| (*p - centre).dot(away)).collect();
         far.sort_by(f64::total_cmp);
         let end = far[far.len() * 19 / 20];

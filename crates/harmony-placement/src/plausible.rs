@@ -38,7 +38,9 @@ pub(crate) fn back_onto_hosts(scene: &mut PartialScene) {
         let Some((object, host)) = with_host(scene, i) else { continue };
         let start = object.pose.position;
         let places = places_towards_middle(object, host);
-        let found = places.iter().find(|p| p.carries && p.stands).or_else(|| places.iter().find(|p| p.carries));
+        let feet = feet(object);
+        let stands = |p: &&Place| p.carries && stands(&feet, host, p.at);
+        let found = places.iter().find(stands).or_else(|| places.iter().find(|p| p.carries));
         let found = found.filter(|p| p.at.distance(start) <= FARTHEST_BACK);
         if let Some(place) = found {
             let by = place.at - start;
@@ -56,8 +58,6 @@ struct Place {
     /// Whether the surface holds an object there: half of its footprint, or, as a narrow shelf carries what is deeper
     /// than it, nearly as much as anywhere on this host.
     carries: bool,
-    /// Whether one of the points on which the object stands is on the surface, and not beyond its edge.
-    stands: bool,
 }
 
 /// The places with a surface under them, from where an object stands to its host's middle.
@@ -70,17 +70,25 @@ fn places_towards_middle(object: &Placed, host: &Placed) -> Vec<Place> {
         .collect();
     let most = surfaces.iter().map(|(_, s)| s.share).fold(0.0, f64::max);
     let enough = SUPPORTED.min(NEARLY * most).max(LEAST_SUPPORTED);
-    let linear = object.pose.linear();
-    let corners: Vec<Vec3> = object.item.shape.hulls().iter().flatten().map(|p| linear * *p).collect();
-    let lowest = corners.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
-    let feet: Vec<Vec3> = corners.into_iter().filter(|p| p.y < lowest + FOOT).collect();
-    let under = |at: Vec3| crate::support::ray_hit(host, at + Vec3::Y * SAME_LEVEL, Vec3::NEG_Y);
-    let place = |(p, s): (Vec3, Surface)| {
-        let at = Vec3::new(p.x, s.height, p.z);
-        let stands = feet.iter().any(|f| under(at + *f).is_some_and(|(hit, _)| (at + *f).y - hit.y < FOOT));
-        Place { at, carries: s.share >= enough, stands }
-    };
+    let place = |(p, s): (Vec3, Surface)| Place { at: Vec3::new(p.x, s.height, p.z), carries: s.share >= enough };
     surfaces.into_iter().map(place).collect()
+}
+
+/// The points on which an object stands, relative to its position.
+fn feet(object: &Placed) -> Vec<Vec3> {
+    let linear = object.pose.linear();
+    let mut corners: Vec<Vec3> = object.item.shape.hulls().iter().flatten().map(|p| linear * *p).collect();
+    let lowest = corners.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
+    corners.retain(|p| p.y < lowest + FOOT);
+    corners
+}
+
+/// Whether one of its feet is on the host's surface, and not beyond its edge, when an object is at a place.
+fn stands(feet: &[Vec3], host: &Placed, at: Vec3) -> bool {
+    feet.iter().map(|f| at + *f).any(|foot| {
+        let under = crate::support::ray_hit(host, foot + Vec3::Y * SAME_LEVEL, Vec3::NEG_Y);
+        under.is_some_and(|(hit, _)| foot.y - hit.y < FOOT)
+    })
 }
 
 /// An object that stands on another one, and that one.
