@@ -1,6 +1,6 @@
 //! What speaks for a pose.
 
-use harmony_scene::{Confidence, Level};
+use harmony_scene::Confidence;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -132,14 +132,14 @@ fn contact_gap(frame: &Frame, bottom: f64) -> f64 {
     }
 }
 
-/// Measures all objects of a level again.
-pub(crate) fn measure_level(scene: &mut PartialScene, level: Level, settings: &PlacementSettings) {
-    let all: Vec<usize> = (0..scene.placed.len()).filter(|i| scene.placed[*i].item.level == level).collect();
+/// Measures all objects again: those of earlier levels move too, by global refinement and by what came beside them.
+pub(crate) fn measure_all(scene: &mut PartialScene, settings: &PlacementSettings) {
     let still: &PartialScene = scene;
     let solids = collision::solids(still);
-    let measured: Vec<Evidence> = all.par_iter().map(|i| measure_among(still, &solids, *i, settings)).collect();
-    for (i, evidence) in all.into_iter().zip(measured) {
-        scene.placed[i].evidence = evidence;
+    let measured: Vec<Evidence> =
+        (0..still.placed.len()).into_par_iter().map(|i| measure_among(still, &solids, i, settings)).collect();
+    for (placed, evidence) in scene.placed.iter_mut().zip(measured) {
+        placed.evidence = evidence;
     }
 }
 

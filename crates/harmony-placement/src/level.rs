@@ -132,7 +132,7 @@ pub fn place_level(
     }
     if let Some(level) = level {
         if settings.refinement && settings.global_refinement {
-            crate::evidence::measure_level(scene, level, settings);
+            crate::evidence::measure_all(scene, settings);
             report.global = crate::refine_globally(scene, settings);
             tracing::debug!(?level, report = ?report.global, "refined globally");
         }
@@ -140,12 +140,12 @@ pub fn place_level(
         crate::plausible::between_curtains(scene, settings);
         crate::plausible::back_onto_hosts(scene);
         if settings.collision {
-            part_all(scene, level, settings, &mut report);
+            part_all(scene, settings, &mut report);
         }
         report.shifted_x = scene.fit_loose_walls();
         // Collisions may have moved a host under what it carries.
         crate::global::settle_all(scene, settings);
-        crate::evidence::measure_level(scene, level, settings);
+        crate::evidence::measure_all(scene, settings);
     }
     for object in &mut report.objects {
         if let Some(p) = scene.find(&object.id) {
@@ -236,8 +236,8 @@ fn look_again(scene: &mut PartialScene, first: usize, settings: &PlacementSettin
 }
 
 /// Brings everything apart together, and reports what stays.
-fn part_all(scene: &mut PartialScene, level: Level, settings: &PlacementSettings, report: &mut LevelReport) {
-    crate::evidence::measure_level(scene, level, settings);
+fn part_all(scene: &mut PartialScene, settings: &PlacementSettings, report: &mut LevelReport) {
+    crate::evidence::measure_all(scene, settings);
     let gone = collision::relax(scene, settings);
     for (placed, far) in scene.placed.iter().zip(gone) {
         if let Some(object) = report.objects.iter_mut().find(|o| o.id == placed.item.id) {
