@@ -12,7 +12,7 @@ use crate::first_pose::facing;
 use crate::formulas::median;
 use crate::level::{anchoring_of, neighbours};
 use crate::solve::polish;
-use crate::view::View;
+use crate::view::{View, cut_by_border};
 use crate::{Item, PartialScene, Placed, PlacementSettings, measure};
 
 /// Members whose sizes differ by less than this factor belong to one size.
@@ -20,9 +20,6 @@ const SAME_KIND: f64 = 1.6;
 
 /// Members that see less of themselves than this do not vote on the size.
 const VOTING_IOU: f64 = 0.5;
-
-/// A mask this near to the image's border is cut by it, pixels.
-const AT_BORDER: f64 = 3.0;
 
 /// A member that deviates more than this from facing its target, while the others don't, is turned, radians.
 const INCOHERENT: f64 = 0.7;
@@ -117,10 +114,7 @@ fn one_size(scene: &mut PartialScene, members: &[usize], settings: &PlacementSet
 }
 
 fn touches_border(mask: &Mask) -> bool {
-    let size = mask.size();
-    let (width, height) = (f64::from(size.width), f64::from(size.height));
-    mask.bounds()
-        .is_some_and(|b| b.x0 < AT_BORDER || b.y0 < AT_BORDER || b.x1 > width - AT_BORDER || b.y1 > height - AT_BORDER)
+    mask.bounds().is_some_and(|b| cut_by_border(&b, mask.size()).contains(&true))
 }
 
 fn one_facing(scene: &mut PartialScene, members: &[usize], settings: &PlacementSettings, report: &mut GroupReport) {

@@ -497,26 +497,39 @@ fn padded(b: &PixelBox, image: ImageSize) -> PixelBox {
     g.clamped(image)
 }
 
-/// Distance from the image's border at which it cuts a mask, pixels.
-const BORDER: f64 = 2.0;
+/// Distance from the image's border at which it cuts a mask, relative to the image's longer side: masks end a little
+/// before it, and sensors and scans leave a frame around their pictures.
+const BORDER: f64 = 0.012;
+
+/// The same in pixels.
+pub(crate) fn border_px(image: ImageSize) -> f64 {
+    (BORDER * f64::from(image.width.max(image.height))).max(2.0)
+}
 
 /// The image's own sides where they cut a box, sides far outside where not.
 fn within_border(b: &PixelBox, image: ImageSize) -> PixelBox {
     let (w, h) = (f64::from(image.width), f64::from(image.height));
+    let [left, top, right, bottom] = cut_by_border(b, image);
     let far = 1e6;
     PixelBox {
-        x0: if b.x0 > BORDER { -far } else { 0.0 },
-        y0: if b.y0 > BORDER { -far } else { 0.0 },
-        x1: if b.x1 < w - BORDER { far } else { w },
-        y1: if b.y1 < h - BORDER { far } else { h },
+        x0: if left { 0.0 } else { -far },
+        y0: if top { 0.0 } else { -far },
+        x1: if right { w } else { far },
+        y1: if bottom { h } else { far },
     }
+}
+
+/// Which sides of a mask's box the image's border cuts: left, top, right, bottom.
+pub(crate) fn cut_by_border(b: &PixelBox, image: ImageSize) -> [bool; 4] {
+    let border = border_px(image);
+    let (w, h) = (f64::from(image.width), f64::from(image.height));
+    [b.x0 <= border, b.y0 <= border, b.x1 >= w - border, b.y1 >= h - border]
 }
 
 /// Which edges of the mask's box are the object's own: not cut by the image border, nor by what may hide it.
 fn free_edges(mask: &Mask, b: &PixelBox, neighbours: &[Neighbour]) -> [bool; 4] {
     let image = mask.size();
-    let mut free =
-        [b.x0 > BORDER, b.y0 > BORDER, b.x1 < f64::from(image.width) - BORDER, b.y1 < f64::from(image.height) - BORDER];
+    let mut free = cut_by_border(b, image).map(|cut| !cut);
     if !neighbours.iter().any(|n| n.may_hide) {
         return free;
     }

@@ -11,7 +11,7 @@ use crate::formulas::front_surface_depth;
 use crate::level::{anchoring_of, neighbours};
 use crate::proxy::Proxy;
 use crate::standard::standard_height;
-use crate::view::View;
+use crate::view::{View, border_px};
 use crate::{PartialScene, PlacementSettings, RoomPoints};
 
 /// Directions in which outlines are compared.
@@ -219,18 +219,22 @@ fn mask_reach(scene: &PartialScene, mask: &Mask, d: Vec2, others: &[usize]) -> (
     // A stray pixel or two is no outline.
     let reach = along.get(along.len() / 300).map_or(f64::NEG_INFINITY, |a| a.0);
     let band: Vec<&(f64, i64, i64)> = along.iter().take_while(|a| a.0 > reach - 3.0).take(200).collect();
+    let beyond = |x: i64, y: i64, by: f64| (x + (d.x * by).round() as i64, y + (d.y * by).round() as i64);
+    let outside = |(u, v): (i64, i64)| u < 0 || v < 0 || u >= w || v >= h;
+    let border = border_px(size);
     let cut = |&&(_, x, y): &&(f64, i64, i64)| {
-        (2..=6).step_by(2).any(|k| {
-            let (u, v) = (x + (d.x * f64::from(k)).round() as i64, y + (d.y * f64::from(k)).round() as i64);
-            if u < 1 || v < 1 || u >= w - 1 || v >= h - 1 {
-                return true;
-            }
-            let other = others.iter().any(|o| scene.placed[*o].item.mask.get(u, v)) && !mask.get(u, v);
-            match (depth_at(scene, u, v), depth_at(scene, x, y)) {
-                (Some(there), Some(here)) => there < NEARER * here,
-                _ => other,
-            }
-        })
+        outside(beyond(x, y, border))
+            || (2..=6).step_by(2).any(|k| {
+                let (u, v) = beyond(x, y, f64::from(k));
+                if outside((u, v)) {
+                    return true;
+                }
+                let other = others.iter().any(|o| scene.placed[*o].item.mask.get(u, v)) && !mask.get(u, v);
+                match (depth_at(scene, u, v), depth_at(scene, x, y)) {
+                    (Some(there), Some(here)) => there < NEARER * here,
+                    _ => other,
+                }
+            })
     };
     let cuts = band.iter().filter(|a| cut(a)).count();
     (reach, (cuts as f64) < (1.0 - FREE_SHARE) * band.len() as f64)
