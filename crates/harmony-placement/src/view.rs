@@ -3,6 +3,7 @@
 use harmony_mesh::Bounds;
 use harmony_scene::{Camera, ImageSize, Intrinsics, Mask, PixelBox, Pose, Vec2, Vec3};
 
+use crate::formulas::front_surface_depth;
 use crate::proxy::Proxy;
 use crate::raster::{Scratch, Span, rasterise, to_camera, with_scratch};
 use crate::shape::corners;
@@ -303,6 +304,21 @@ impl View {
                 .collect()
         });
         (reference, rendered)
+    }
+
+    /// Depth of the point map over that of the object, where both are seen at one pixel; `None` where that is nowhere.
+    pub(crate) fn depth_ratio(&self, proxy: &Proxy, pose: &Pose) -> Option<f64> {
+        let logs: Vec<f64> = with_scratch(|scratch| {
+            let span = scratch.draw_alone(&self.camera, proxy, pose);
+            let depth = &scratch.depth;
+            span.rows(self.size.width as usize)
+                .flatten()
+                .filter(|i| self.mask[*i] && depth[*i] > 0.0 && self.reference[*i].is_finite())
+                .filter(|i| !(self.scene[*i] > 0.0 && depth[*i] > self.scene[*i] + HIDING_TOLERANCE))
+                .map(|i| f64::from(self.reference[i] / depth[i]).ln())
+                .collect()
+        });
+        (logs.len() >= 12).then(|| front_surface_depth(&logs)).flatten().map(f64::exp)
     }
 
     /// Reference depths within the mask.

@@ -7,7 +7,6 @@ use harmony_scene::{Camera, Extents, Level, Mask, PixelBox, PointMapKind, Pose, 
 
 use super::EACH;
 use crate::anchoring::{Anchoring, USUAL_GAP, prior_scale, size_of};
-use crate::formulas::front_surface_depth;
 use crate::level::{anchoring_of, neighbours};
 use crate::proxy::Proxy;
 use crate::standard::standard_height;
@@ -101,7 +100,6 @@ fn body(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Op
     let item = &placed.item;
     let others = neighbours(scene, item, &[], Some(object));
     let view = View::new(scene, Some(object), &item.mask, &others, settings.window_px)?;
-    let (reference, rendered) = view.front_depths(item.shape.proxy(), &placed.pose);
     let dense = settings.point_map && scene.points.as_ref().is_some_and(RoomPoints::is_dense);
     let poor = placed.evidence.silhouette_iou.unwrap_or(0.0) < TRUSTED_IOU;
     let b = &view.mask_box;
@@ -109,8 +107,8 @@ fn body(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Op
     let metric = scene.points.as_ref().is_some_and(|p| p.kind == PointMapKind::Metric);
     let patches = 1.0 + b.width() * b.height() / (PATCH * width).powi(2);
     let depth_sigma = if metric { SENSOR_SIGMA } else { (DEPTH_SIGMA[0] / patches.sqrt()).hypot(DEPTH_SIGMA[1]) };
-    let readable = !poor && dense && reference.len() >= 12 && rendered.len() >= 12;
-    let ratio = || Some(front_surface_depth(&reference)? / front_surface_depth(&rendered)?);
+    let readable = !poor && dense;
+    let ratio = || view.depth_ratio(item.shape.proxy(), &placed.pose);
     // Far from 1 another surface was read: an object in front, a wall behind.
     let depth = if readable { ratio().filter(|r| (r - 1.0).abs() < 0.25) } else { None };
     let depth = depth.map(|ratio| (ratio, depth_sigma));
