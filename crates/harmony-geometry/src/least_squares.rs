@@ -29,6 +29,17 @@ pub fn minimise(
     max_iterations: usize,
     residuals: impl Fn(&[f64], &mut Vec<f64>),
 ) -> Solution {
+    minimise_with(start, max_iterations, &residuals, |p, rows| differences(p, steps, rows, &residuals))
+}
+
+/// [`minimise`] for those who know the derivatives: `jacobian` gets the parameters and the number of residuals, and
+/// returns as many rows and a column for each parameter.
+pub fn minimise_with(
+    start: &[f64],
+    max_iterations: usize,
+    residuals: impl Fn(&[f64], &mut Vec<f64>),
+    jacobian: impl Fn(&[f64], usize) -> DMatrix<f64>,
+) -> Solution {
     let n = start.len();
     let evaluate = |p: &[f64]| {
         let mut r = Vec::new();
@@ -43,7 +54,7 @@ pub fn minimise(
     let mut normal = DMatrix::<f64>::zeros(n, n);
     while iterations < max_iterations && cost.is_finite() {
         iterations += 1;
-        let jacobian = jacobian(&p, steps, r.len(), &evaluate);
+        let jacobian = jacobian(&p, r.len());
         normal = jacobian.tr_mul(&jacobian);
         let gradient = jacobian.tr_mul(&r);
         let mut improved = false;
@@ -76,19 +87,23 @@ pub fn minimise(
     Solution { parameters: p, cost, iterations, sigmas, information }
 }
 
-fn jacobian(p: &[f64], steps: &[f64], rows: usize, evaluate: &impl Fn(&[f64]) -> (DVector<f64>, f64)) -> DMatrix<f64> {
+/// Derivatives of what `residuals` pushes, by central differences; 0 where those are not finite.
+pub fn differences(p: &[f64], steps: &[f64], rows: usize, residuals: impl Fn(&[f64], &mut Vec<f64>)) -> DMatrix<f64> {
     let mut jacobian = DMatrix::zeros(rows, p.len());
     let mut moved = p.to_vec();
+    let (mut plus, mut minus) = (Vec::with_capacity(rows), Vec::with_capacity(rows));
     for i in 0..p.len() {
+        plus.clear();
+        minus.clear();
         moved[i] = p[i] + steps[i];
-        let (plus, _) = evaluate(&moved);
+        residuals(&moved, &mut plus);
         moved[i] = p[i] - steps[i];
-        let (minus, _) = evaluate(&moved);
+        residuals(&moved, &mut minus);
         moved[i] = p[i];
         if plus.len() == rows && minus.len() == rows {
-            let column = (plus - minus) / (2.0 * steps[i]);
-            for (k, v) in column.iter().enumerate() {
-                jacobian[(k, i)] = if v.is_finite() { *v } else { 0.0 };
+            for (k, (plus, minus)) in plus.iter().zip(&minus).enumerate() {
+                let slope = (plus - minus) / (2.0 * steps[i]);
+                jacobian[(k, i)] = if slope.is_finite() { slope } else { 0.0 };
             }
         }
     }
@@ -99,6 +114,12 @@ fn jacobian(p: &[f64], steps: &[f64], rows: usize, evaluate: &impl Fn(&[f64]) ->
 pub fn robust(r: f64, limit: f64) -> f64 {
     let k = r / limit;
     r / (1.0 + k * k).sqrt()
+}
+
+/// Derivative of [`robust`] by `r`.
+pub fn robust_slope(r: f64, limit: f64) -> f64 {
+    let k = r / limit;
+    (1.0 + k * k).powf(-1.5)
 }
 
 #[cfg(test)]

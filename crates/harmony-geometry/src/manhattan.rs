@@ -14,10 +14,10 @@ use crate::surfels::{Surfel, Surfels};
 
 /// Starting and final width of the biweight, degrees.
 const WIDTH_DEG: [f64; 2] = [40.0, 15.0];
-/// Rounds in which the width shrinks, and rounds at most.
+/// Rounds in which the width shrinks; after them starts are compared, and the best goes on for some more.
 const ROUNDS: [usize; 2] = [8, 20];
 /// Normals used while comparing starts.
-const SAMPLE: usize = 900;
+const SAMPLE: usize = 600;
 /// Turns and tilts of the starts from the camera's axes, degrees. A frame repeats every 90 degrees.
 const START_YAWS_DEG: [f64; 6] = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0];
 const START_TILTS_DEG: [f64; 5] = [0.0, -25.0, 15.0, 30.0, 50.0];
@@ -106,7 +106,7 @@ pub fn manhattan_frame(surfels: &Surfels, camera_from_points: Mat3, tilt: f64) -
             let start = points_from_camera
                 * Mat3::from_rotation_x(start_tilt.to_radians())
                 * Mat3::from_rotation_y(yaw.to_radians());
-            let (frame, iterations) = refine(&sample, start, WIDTH_DEG, ROUNDS);
+            let (frame, iterations) = refine(&sample, start, WIDTH_DEG, [ROUNDS[0]; 2]);
             (agreement(&sample, frame).weight, frame, iterations)
         })
         .collect();

@@ -10,9 +10,10 @@
 //! slanted roofs can outvote a bare room.
 
 use harmony_scene::{ImageSize, Intrinsics, Mat3, Vec2, Vec3};
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
-use crate::least_squares::{Solution, minimise, robust};
+use crate::least_squares::{Solution, minimise_with, robust, robust_slope};
 use crate::{CameraHints, GrayImage, LineSegment, detect_segments};
 
 /// Focal length over image diagonal of a typical room photo, and one sigma of its logarithm: phones 0.60, sensors
@@ -143,6 +144,16 @@ pub fn camera_rotation(yaw: f64, tilt: f64, roll: f64) -> Mat3 {
     Mat3::from_rotation_z(-roll) * Mat3::from_rotation_x(tilt) * facing * Mat3::from_rotation_y(-yaw)
 }
 
+/// Derivatives of [`camera_rotation`] by yaw, tilt and roll.
+pub(crate) fn rotation_slopes(yaw: f64, tilt: f64, roll: f64) -> [Mat3; 3] {
+    const STEP: f64 = 1e-5;
+    let slope = |d: [f64; 3]| {
+        let at = |k: f64| camera_rotation(yaw + k * d[0], tilt + k * d[1], roll + k * d[2]);
+        (at(STEP) - at(-STEP)) * (0.5 / STEP)
+    };
+    [slope([1.0, 0.0, 0.0]), slope([0.0, 1.0, 0.0]), slope([0.0, 0.0, 1.0])]
+}
+
 /// Focal length and rotation of one image. Never fails: without evidence it is a level camera with a typical
 /// lens and confidence 0. Any size will do; the work is done on at most 960 pixels.
 pub fn estimate_view(image: &GrayImage, focal_prior: Option<FocalPrior>) -> ViewEstimate {
@@ -231,13 +242,12 @@ impl Line {
         angle(self.sides_to(focal, axis))
     }
 
-    /// The angle to the nearest of three vanishing points. Only this one is computed: the sides of the triangles tell
-    /// which is nearest.
-    fn nearest_angle(&self, focal: f64, axes: [Vec3; 3]) -> f64 {
+    /// The nearest of three vanishing points, and the sides of its triangle, which tell.
+    fn nearest(&self, focal: f64, axes: [Vec3; 3]) -> (usize, [f64; 2]) {
         let [a, b, c] = axes.map(|axis| self.sides_to(focal, axis));
         let steeper = |p: [f64; 2], q: [f64; 2]| p[0].abs() * q[1].abs() > q[0].abs() * p[1].abs();
-        let nearer = if steeper(a, b) { b } else { a };
-        angle(if steeper(nearer, c) { c } else { nearer })
+        let nearer = if steeper(a, b) { (1, b) } else { (0, a) };
+        if steeper(nearer.1, c) { (2, c) } else { nearer }
     }
 
     /// The angle's opposite and adjacent side; a vanishing point at the middle is at a right angle.
@@ -425,8 +435,11 @@ impl Search {
     }
 
     fn refine(&self, start: [f64; 4]) -> Candidate {
-        let steps = [1e-4, 1e-5, 1e-5, 1e-5];
-        let Solution { parameters, cost, sigmas, .. } = minimise(&start, &steps, 40, |p, out| self.residuals(p, out));
+        let residuals = |p: &[f64], out: &mut Vec<f64>| self.residuals(p, out);
+        let Solution { parameters, cost, sigmas, .. } = minimise_with(&start, 40, residuals, |p, rows| {
+            let slopes = self.slopes(p);
+            DMatrix::from_fn(rows, 4, |row, column| slopes[row][column])
+        });
         let [log, yaw, tilt, roll] = [parameters[0], parameters[1], parameters[2], parameters[3]];
         // A frame repeats every quarter turn; back to the turn that is at most 45 degrees.
         let quarter = std::f64::consts::FRAC_PI_2;
@@ -448,13 +461,48 @@ impl Search {
         let weight = EACH_WEIGHT.sqrt();
         let axes = [rotation.x_axis, rotation.y_axis, rotation.z_axis];
         for line in &self.lines {
-            let nearest = line.nearest_angle(focal, axes) / line.sigma;
-            out.push(weight * robust(nearest, LIMIT_SIGMAS));
+            let (_, sides) = line.nearest(focal, axes);
+            out.push(weight * robust(angle(sides) / line.sigma, LIMIT_SIGMAS));
         }
         out.push((p[0] - self.focal_log) / self.focal_sigma);
         out.push((p[0] - log) / 0.01);
         out.push((p[2].to_degrees() - USUAL_TILT_DEG[0]) / USUAL_TILT_DEG[1]);
         out.push((p[3].to_degrees() - USUAL_ROLL_DEG[0]) / USUAL_ROLL_DEG[1]);
+    }
+
+    /// Residuals after those of the lines.
+    pub(crate) const BESIDE_LINES: usize = 4;
+
+    /// Derivatives of [`Self::residuals`] by the four numbers, row by row.
+    pub(crate) fn slopes(&self, p: &[f64]) -> Vec<[f64; 4]> {
+        let log = p[0].clamp(self.log_range[0], self.log_range[1]);
+        let inside = if log == p[0] { 1.0 } else { 0.0 };
+        let rotation = camera_rotation(p[1], p[2], p[3]);
+        let turns = rotation_slopes(p[1], p[2], p[3]);
+        let focal = log.exp();
+        let weight = EACH_WEIGHT.sqrt();
+        let axes = [rotation.x_axis, rotation.y_axis, rotation.z_axis];
+        let mut out = Vec::with_capacity(self.lines.len() + Self::BESIDE_LINES);
+        for line in &self.lines {
+            let (nearest, [cross, dot]) = line.nearest(focal, axes);
+            let (axis, hypot) = (axes[nearest], cross * cross + dot * dot);
+            let slope = weight * robust_slope(angle([cross, dot]) / line.sigma, LIMIT_SIGMAS) / (line.sigma * hypot);
+            let of = |to: Vec2| {
+                let s = slope * (dot * line.direction.perp_dot(to) - cross * line.direction.dot(to));
+                if s.is_finite() { s } else { 0.0 }
+            };
+            let turned = |turn: &Mat3| {
+                let axis = turn.col(nearest);
+                of(Vec2::new(axis.x, axis.y) * focal - line.middle * axis.z)
+            };
+            let [yaw, tilt, roll] = &turns;
+            out.push([of(Vec2::new(axis.x, axis.y) * (focal * inside)), turned(yaw), turned(tilt), turned(roll)]);
+        }
+        out.push([1.0 / self.focal_sigma, 0.0, 0.0, 0.0]);
+        out.push([(1.0 - inside) / 0.01, 0.0, 0.0, 0.0]);
+        out.push([0.0, 0.0, 1f64.to_degrees() / USUAL_TILT_DEG[1], 0.0]);
+        out.push([0.0, 0.0, 0.0, 1f64.to_degrees() / USUAL_ROLL_DEG[1]]);
+        out
     }
 }
 

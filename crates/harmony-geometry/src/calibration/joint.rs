@@ -5,8 +5,6 @@
 //! the planes meet, the map holds how far they are. One robust least squares over focal length, rotation, the distances
 //! to the faces, the map's scale and the room's height weighs them, each in units of its own uncertainty.
 
-use std::cell::{Ref, RefCell};
-
 use harmony_scene::{Camera, Extents, ImageSize, PointMap, PointMapKind, Similarity, Surface, Vec2, Vec3};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -14,10 +12,10 @@ use serde::{Deserialize, Serialize};
 use super::creases::{Depths, pins_on_creases};
 use super::edge_lines::{EdgeLine, Reach, line_on_edge};
 use super::types::{AnchorKind, Calibration, CalibrationMethod};
-use crate::least_squares::{minimise, robust};
+use crate::least_squares::{Solution, differences, minimise, minimise_with, robust, robust_slope};
 use crate::room_box::pins::{FLOOR_LOGIT, LN_BACK, LN_FOCAL, LN_LEFT, LN_RIGHT, Pin, ROLL, TILT, YAW, pins};
 use crate::room_box::solved::CameraBox;
-use crate::vanishing::Search;
+use crate::vanishing::{Search, rotation_slopes};
 use crate::{CameraHints, FocalPrior, LayoutPrior, LineSegment, RoomEdge, ViewEstimate, median};
 
 /// Cells along the longer side of the map.
@@ -157,6 +155,13 @@ struct Cell {
     face: Option<Surface>,
 }
 
+impl Cell {
+    /// Its ray in the camera's frame, planar depth 1.
+    fn ray(&self, focal: f64) -> Vec3 {
+        Vec3::new(self.at.x / focal, self.at.y / focal, 1.0)
+    }
+}
+
 struct Problem<'a> {
     prior: &'a LayoutPrior,
     lines: Search,
@@ -171,20 +176,6 @@ struct Problem<'a> {
     seen: [bool; 6],
     measured: [bool; 6],
     kind: PointMapKind,
-    along: RefCell<Along>,
-}
-
-/// What focal length and rotation alone make of lines and cells, for those asked last: derivatives by the other unknowns
-/// ask for the same ones.
-#[derive(Default)]
-struct Along {
-    /// `None`: nothing was asked, or the cells have got other faces since.
-    of: Option<[f64; 4]>,
-    /// Residuals of the lines.
-    lines: Vec<f64>,
-    /// Of each cell, the logarithm of its depth over the distance to its face; `None` without a face, NaN where the ray
-    /// does not meet it.
-    cells: Vec<Option<f64>>,
 }
 
 /// How far a joint refinement goes.
@@ -267,7 +258,6 @@ impl<'a> Problem<'a> {
             seen,
             measured,
             kind: points.kind,
-            along: RefCell::default(),
         };
         start.iter().all(|v| v.is_finite()).then_some(problem)
     }
@@ -290,24 +280,29 @@ impl<'a> Problem<'a> {
     }
 
     fn residuals(&self, p: &[f64], limit: f64, out: &mut Vec<f64>) {
+        self.residuals_of_pins(p, limit, out);
+        self.residuals_of_prior(p, out);
+        let lines = out.len();
+        self.lines.residuals(&p[..4], out);
+        for r in &mut out[lines..lines + self.lines.count()] {
+            *r *= LINES_WEIGHT;
+        }
+        let solved = Self::unpack(p);
+        let off = self.off_faces(p, &solved);
+        out.extend(off.map(|off| robust(off.unwrap_or(limit), limit)));
+    }
+
+    fn residuals_of_pins(&self, p: &[f64], limit: f64, out: &mut Vec<f64>) {
         let solved = Self::unpack(p);
         let rotation = solved.rotation();
         for pin in &self.pins {
             out.push(robust(solved.distance_to_edge(&rotation, pin.edge, pin.point) / pin.sigma, limit));
         }
-        let along = self.along(p, &solved);
-        out.extend_from_slice(&along.lines);
-        let ln_distances = Surface::ALL.map(|face| distance_to(&solved, face).map_or(f64::NAN, f64::ln));
-        for (cell, share) in self.cells.iter().zip(&along.cells) {
-            out.push(match (cell.face, share) {
-                (Some(face), Some(share)) => {
-                    let off = (share + p[LN_SCALE] - ln_distances[index(face)]) / self.cell_sigma;
-                    robust(if off.is_nan() { limit } else { off }, limit)
-                }
-                _ => 0.0,
-            });
-        }
-        // What holds the rest: where a face is not seen, its distance stays about what it was.
+    }
+
+    /// What holds the rest: where a face is not seen, its distance stays about what it was.
+    fn residuals_of_prior(&self, p: &[f64], out: &mut Vec<f64>) {
+        let solved = Self::unpack(p);
         let keep = |i: usize, sigma: f64| (p[i] - self.start[i]) / sigma;
         let unseen = |surface: Surface| if self.seen[index(surface)] { 10.0 } else { UNSEEN_SIGMA };
         out.push(keep(LN_LEFT, unseen(Surface::Left)));
@@ -334,37 +329,80 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Lines and cells for the focal length and rotation of some unknowns.
-    fn along(&self, p: &[f64], solved: &CameraBox) -> Ref<'_, Along> {
-        let of = [p[LN_FOCAL], p[YAW], p[TILT], p[ROLL]];
-        if self.along.borrow().of != Some(of) {
-            let mut along = self.along.borrow_mut();
-            let Along { lines, cells, .. } = &mut *along;
-            lines.clear();
-            self.lines.residuals(&p[..4], lines);
-            for r in &mut lines[..self.lines.count()] {
-                *r *= LINES_WEIGHT;
+    /// How far each cell is off its face, sigmas: 0 where it has none, `None` where its ray does not meet it.
+    fn off_faces(&self, p: &[f64], solved: &CameraBox) -> impl Iterator<Item = Option<f64>> {
+        let ln_distances = Surface::ALL.map(|face| distance_to(solved, face).map_or(f64::NAN, f64::ln));
+        let room_from_camera = solved.rotation().transpose();
+        self.cells.iter().map(move |cell| {
+            let Some(face) = cell.face else { return Some(0.0) };
+            let towards = towards(face, room_from_camera * cell.ray(solved.focal))?;
+            let off = (cell.depth * towards).ln() + p[LN_SCALE] - ln_distances[index(face)];
+            off.is_finite().then_some(off / self.cell_sigma)
+        })
+    }
+
+    /// Derivatives of [`Self::residuals`]: of lines and cells, which are many, as written down; of the others by
+    /// differences.
+    fn jacobian(&self, p: &[f64], limit: f64, rows: usize) -> DMatrix<f64> {
+        let few = rows - self.lines.count() - Search::BESIDE_LINES - self.cells.len();
+        let mut out = DMatrix::zeros(rows, p.len());
+        out.rows_mut(0, few).copy_from(&differences(p, &STEPS, few, |p, out| {
+            self.residuals_of_pins(p, limit, out);
+            self.residuals_of_prior(p, out);
+        }));
+        for (i, slopes) in self.lines.slopes(&p[..4]).into_iter().enumerate() {
+            let weight = if i < self.lines.count() { LINES_WEIGHT } else { 1.0 };
+            for (k, slope) in slopes.into_iter().enumerate() {
+                out[(few + i, k)] = weight * slope;
             }
-            let room_from_camera = solved.rotation().transpose();
-            cells.clear();
-            cells.extend(self.cells.iter().map(|cell| {
-                let face = cell.face?;
-                let ray = room_from_camera * Vec3::new(cell.at.x / solved.focal, cell.at.y / solved.focal, 1.0);
-                Some(towards(face, ray).map_or(f64::NAN, |towards| (cell.depth * towards).ln()))
-            }));
-            along.of = Some(of);
         }
-        self.along.borrow()
+        let solved = Self::unpack(p);
+        let first = rows - self.cells.len();
+        let room_from_camera = solved.rotation().transpose();
+        let turns = rotation_slopes(solved.yaw, solved.tilt, solved.roll).map(|turn| turn.transpose());
+        let below = solved.floor / (solved.floor + solved.ceiling);
+        for (i, (cell, off)) in self.cells.iter().zip(self.off_faces(p, &solved)).enumerate() {
+            let (Some(face), Some(off)) = (cell.face, off) else { continue };
+            let ray = cell.ray(solved.focal);
+            let Some(towards) = towards(face, room_from_camera * ray) else { continue };
+            let slope = robust_slope(off, limit) / self.cell_sigma;
+            let of = |ray: Vec3| slope * outward(face, ray).unwrap_or(0.0) / towards;
+            let mut set = |k: usize, value: f64| out[(first + i, k)] = value;
+            set(LN_FOCAL, of(room_from_camera * Vec3::new(-ray.x, -ray.y, 0.0)));
+            for (k, turn) in [YAW, TILT, ROLL].into_iter().zip(&turns) {
+                set(k, of(*turn * ray));
+            }
+            set(LN_SCALE, slope);
+            match face {
+                Surface::Left => set(LN_LEFT, -slope),
+                Surface::Right => set(LN_RIGHT, -slope),
+                Surface::Back => set(LN_BACK, -slope),
+                Surface::Floor => {
+                    set(LN_HEIGHT, -slope);
+                    set(FLOOR_LOGIT, -slope * (1.0 - below));
+                }
+                Surface::Ceiling => {
+                    set(LN_HEIGHT, -slope);
+                    set(FLOOR_LOGIT, slope * below);
+                }
+                Surface::Front => {}
+            }
+        }
+        out
+    }
+
+    fn minimise(&self, start: &Unknowns, limit: f64, most_steps: usize) -> Solution {
+        let residuals = |p: &[f64], out: &mut Vec<f64>| self.residuals(p, limit, out);
+        minimise_with(start, most_steps, residuals, |p, rows| self.jacobian(p, limit, rows))
     }
 
     /// Gives every cell the face it lies on, if any.
     fn assign(&mut self, p: &[f64], reach: f64) {
-        self.along.get_mut().of = None;
         let solved = Self::unpack(p);
         let room_from_camera = solved.rotation().transpose();
         for i in 0..self.cells.len() {
             let cell = self.cells[i];
-            let ray = room_from_camera * Vec3::new(cell.at.x / solved.focal, cell.at.y / solved.focal, 1.0);
+            let ray = room_from_camera * cell.ray(solved.focal);
             let depth = cell.depth * p[LN_SCALE].exp();
             // The face that the ray meets first is the one that could be seen there.
             let met = Surface::ALL
@@ -450,7 +488,7 @@ impl<'a> Problem<'a> {
             self.assign(&p, reach);
             // Wide losses first: the start may be some degrees off.
             let limit = if round == 0 { 4.0 * LIMIT } else { LIMIT };
-            let s = minimise(&p, &STEPS, 40, |p, out| self.residuals(p, limit, out));
+            let s = self.minimise(&p, limit, 40);
             p.copy_from_slice(&s.parameters[..10]);
             (sigmas, information) = (s.sigmas, s.information);
             if round == 0 && self.accuracy.pins_as_they_fit {
@@ -464,7 +502,7 @@ impl<'a> Problem<'a> {
             let seen = |s: Surface| self.seen[index(s)];
             let found = pins_on_creases(&Self::unpack(&p), &depths, seen, given);
             self.pins.extend(found);
-            let s = minimise(&p, &STEPS, 20, |p, out| self.residuals(p, LIMIT, out));
+            let s = self.minimise(&p, LIMIT, 20);
             p.copy_from_slice(&s.parameters[..10]);
             (sigmas, information) = (s.sigmas, s.information);
         }
@@ -480,7 +518,7 @@ impl<'a> Problem<'a> {
             self.pins.truncate(pinned);
             let found = self.lines_in_turn(&p, &information, &edges, reach);
             self.pins.extend(found);
-            let s = minimise(&p, &STEPS, 20, |p, out| self.residuals(p, LIMIT, out));
+            let s = self.minimise(&p, LIMIT, 20);
             p.copy_from_slice(&s.parameters[..10]);
             (sigmas, information) = (s.sigmas, s.information);
         }
@@ -507,7 +545,7 @@ impl<'a> Problem<'a> {
             .cells
             .iter()
             .filter_map(|c| {
-                let ray = camera.rotation.transpose() * Vec3::new(c.at.x / solved.focal, c.at.y / solved.focal, 1.0);
+                let ray = camera.rotation.transpose() * c.ray(solved.focal);
                 Some((c.depth * scale / depth_of(&solved, c.face?, ray)?).ln())
             })
             .collect();
@@ -653,4 +691,66 @@ fn cells(points: &PointMap, photo: ImageSize, most_spread: f64) -> (Vec<Cell>, u
         }
     }
     (out, w.max(h).div_ceil(side))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A box seen from inside, its depths a little bent so that no residual is 0, one cell of another surface.
+    #[test]
+    fn written_derivatives_are_those_of_differences() {
+        let photo = ImageSize::new(640, 480);
+        let extents = Extents { width: 4.0, height: 2.6, depth: 5.0 };
+        let prior = LayoutPrior {
+            extents,
+            camera: CameraHints { height_m: Some(1.4), dist_to_back_m: Some(4.2), ..CameraHints::default() },
+            ..LayoutPrior::unknown(photo)
+        };
+        let p: Unknowns = [320f64.ln(), 0.2, -0.1, 0.02, 1.9f64.ln(), 2.2f64.ln(), 0.1, 4.1f64.ln(), 2.6f64.ln(), 0.3];
+        let solved = Problem::unpack(&p);
+        let mut cells = Vec::new();
+        for (i, x) in (-300..=300).step_by(40).enumerate() {
+            for (k, y) in (-220..=220).step_by(40).enumerate() {
+                let mut cell = Cell { at: Vec2::new(f64::from(x), f64::from(y)), depth: 1.0, face: None };
+                let ray = solved.rotation().transpose() * cell.ray(solved.focal);
+                let met = Surface::ALL.into_iter().filter_map(|s| Some((s, depth_of(&solved, s, ray)?)));
+                let (face, depth) = met.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+                let bent = 1.0 + 0.03 * (i as f64).sin() * (k as f64).cos();
+                cell.depth = depth * bent * (-p[LN_SCALE]).exp() * if i + k == 9 { 0.7 } else { 1.0 };
+                cell.face = (i + k != 7).then_some(face);
+                cells.push(cell);
+            }
+        }
+        assert_eq!(Surface::ALL.iter().filter(|s| cells.iter().any(|c| c.face == Some(**s))).count(), 5);
+        let segments: Vec<LineSegment> = (0..60)
+            .map(|i| {
+                let at = |k: u32| Vec2::new(f64::from(k * 97 % 600 + 20), f64::from(k * 61 % 440 + 20));
+                LineSegment { start: at(i), end: at(i + 7), strength: 1.0 }
+            })
+            .collect();
+        let problem = Problem {
+            prior: &prior,
+            lines: Search::new(photo, &segments, Some(FocalPrior { focal_px: 325.0, sigma: 0.02 })),
+            segments: Vec::new(),
+            pins: Vec::new(),
+            cells,
+            accuracy: SMOOTH,
+            cell_sigma: 0.1,
+            start: p,
+            seen: [true; 6],
+            measured: [true; 6],
+            kind: PointMapKind::Relative,
+        };
+        let mut residuals = Vec::new();
+        problem.residuals(&p, LIMIT, &mut residuals);
+        let rows = residuals.len();
+        let ours = problem.jacobian(&p, LIMIT, rows);
+        let theirs = differences(&p, &STEPS, rows, |p, out| problem.residuals(p, LIMIT, out));
+        assert!(problem.lines.count() > 20 && rows > 200);
+        for (i, (a, b)) in ours.iter().zip(theirs.iter()).enumerate() {
+            assert!((a - b).abs() <= 1e-5 * (1.0 + b.abs()), "row {} column {}: {a} {b}", i % rows, i / rows);
+        }
+        assert!(ours.column_iter().all(|c| c.norm() > 0.0));
+    }
 }
