@@ -26,6 +26,9 @@ const CLEAR_RELIEF: f64 = 0.1;
 /// Largest share of it that the other two sides may differ by.
 const OTHER_SIDES: f64 = 0.5;
 
+/// Depth over width of a mesh with broad sides, at most.
+const SLAB: f64 = 0.5;
+
 /// The horizontal directions: +Z, +X, -Z, -X; each is a quarter turn about +Y after the one before.
 const SIDES: [DVec3; 4] = [DVec3::Z, DVec3::X, DVec3::NEG_Z, DVec3::NEG_X];
 
@@ -48,6 +51,18 @@ pub fn front_by_form(mesh: &Mesh, back: Back) -> Option<u8> {
         (x.abs(), z.abs(), if x > 0.0 { 1 } else { 3 })
     };
     (difference >= clear && other <= OTHER_SIDES * difference).then_some(side)
+}
+
+/// The two quarter turns (as of [`front_by_form`]) of the broad sides of a mesh that is at most half as deep as it is
+/// wide: what hangs on a wall shows one of them. `None` where no side is that broad.
+pub fn broad_sides(mesh: &Mesh) -> Option<[u8; 2]> {
+    let size = mesh.bounds()?.size();
+    let broad = |depth: f64, width: f64| depth > 0.0 && depth <= SLAB * width;
+    match (broad(size.z, size.x), broad(size.x, size.z)) {
+        (true, _) => Some([0, 2]),
+        (_, true) => Some([1, 3]),
+        _ => None,
+    }
 }
 
 /// A mesh from above and from its four sides.
@@ -151,6 +166,18 @@ mod tests {
                 assert_eq!(front_by_form(&mesh, back), Some(quarters), "{category}");
             }
         }
+    }
+
+    #[test]
+    fn what_hangs_on_a_wall_shows_a_broad_side() {
+        for (category, [w, h, d]) in [("window", [1.2, 1.3, 0.2]), ("picture", [0.6, 0.5, 0.03])] {
+            let mut mesh = made(category, w, h, d);
+            assert_eq!(broad_sides(&mesh), Some([0, 2]), "{category}");
+            canonicalise(&mut mesh, DMat3::from_rotation_y(std::f64::consts::FRAC_PI_2));
+            assert_eq!(broad_sides(&mesh), Some([1, 3]), "{category}");
+        }
+        assert_eq!(broad_sides(&made("box", 0.4, 0.3, 0.3)), None);
+        assert_eq!(broad_sides(&Mesh::default()), None);
     }
 
     #[test]

@@ -20,10 +20,10 @@ const BEYOND_LOOSE: f64 = 2.5;
 /// How far the front of a window or door stands out from its wall, metres; the rest of a thick one is in the wall.
 const PROUD: f64 = 0.06;
 /// The same where a curtain hangs before it: it must hang free of the frame.
-const PROUD_BEHIND_CURTAIN: f64 = 0.025;
+const PROUD_BEHIND_CURTAIN: f64 = 0.02;
 
 /// Thickness of a rug or mat, at most, metres.
-const THICKEST_RUG: f64 = 0.01;
+const THICKEST_RUG: f64 = 0.008;
 
 /// How an object is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -331,11 +331,11 @@ mod tests {
     #[test]
     fn a_larger_rug_is_no_thicker_one() {
         let scene = empty_room();
-        let mut item = boxed(&scene, Vec3::new(2.0, 0.008, 1.5), Vec3::new(2.0, 0.0, 1.5), 0.0);
-        let height = |item: &Item, scale| 0.008 * scale * height_stretch(item, scale, 1.0);
-        assert!((height(&item, 3.0) - 0.024).abs() < 1e-9);
+        let mut item = boxed(&scene, Vec3::new(2.0, 0.006, 1.5), Vec3::new(2.0, 0.0, 1.5), 0.0);
+        let height = |item: &Item, scale| 0.006 * scale * height_stretch(item, scale, 1.0);
+        assert!((height(&item, 3.0) - 0.018).abs() < 1e-9);
         item.traits.flat = true;
-        assert!((height(&item, 1.1) - 0.0088).abs() < 1e-6);
+        assert!((height(&item, 1.1) - 0.0066).abs() < 1e-6);
         assert!((height(&item, 3.0) - THICKEST_RUG).abs() < 1e-6);
     }
 }

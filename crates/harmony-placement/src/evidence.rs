@@ -122,8 +122,10 @@ fn contact_gap(frame: &Frame, bottom: f64) -> f64 {
             let pose = scene.find(&frame.item.id).map(|p| p.pose);
             pose.map_or(0.0, |p| bottom - frame.settle(&p).position.y)
         }
+        // The thick part of a window is in the wall: where it should be is not where its back touches.
         Anchoring::OnWall(wall) => scene.find(&frame.item.id).map_or(0.0, |p| {
-            wall.distance(&scene.room.extents, p.pose.position) - p.size().depth / 2.0 - frame.wall_gap
+            let away = |at| wall.distance(&scene.room.extents, at);
+            away(p.pose.position) - away(frame.settle(&p.pose).position)
         }),
         Anchoring::Ceiling => {
             let top = scene.find(&frame.item.id).map_or(bottom, |p| bottom + p.size().height);

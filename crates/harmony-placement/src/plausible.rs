@@ -1,9 +1,12 @@
 //! Last corrections of a level, by what holds in rooms whatever the photo shows of it.
 
-use harmony_scene::{Mask, PlacementType, Support, Vec3, Wall};
+use harmony_scene::{Mask, PlacementType, Pose, Support, Vec3, Wall};
 
-use crate::anchoring::{reach, size_of};
-use crate::level::neighbours;
+use crate::anchoring::{Frame, YawRule, reach, size_of};
+use crate::cost::angle_between;
+use crate::first_pose::facing;
+use crate::level::{anchoring_of, neighbours};
+use crate::solve::polish;
 use crate::support::{Surface, SurfaceQuery, surface_under};
 use crate::view::View;
 use crate::{PartialScene, Placed, PlacementSettings};
@@ -27,6 +30,8 @@ const NEXT_TO: i64 = 6;
 /// Agreement with the mask that a better place of a window, or a better turn, may cost.
 const WINDOW_SLACK: f64 = 0.1;
 const TURN_SLACK: f64 = 0.05;
+/// The same where the turn shows the front to what it is said to face.
+const FACING_SLACK: f64 = 0.1;
 /// Room that somebody needs before a front to use it, metres.
 const BEFORE_FRONT: f64 = 0.3;
 
@@ -102,7 +107,7 @@ fn with_host(scene: &PartialScene, i: usize) -> Option<(&Placed, &Placed)> {
 fn surface_at(object: &Placed, host: &Placed, position: Vec3) -> Option<Surface> {
     let level = object.pose.position.y;
     let query = SurfaceQuery { level, object_height: object.size().height, soft: object.item.traits.soft };
-    let pose = harmony_scene::Pose { position, ..object.pose };
+    let pose = Pose { position, ..object.pose };
     surface_under(host, &object.item, &pose, &query).filter(|s| (s.height - level).abs() <= SAME_LEVEL)
 }
 
@@ -116,11 +121,20 @@ pub(crate) fn hangs_in_the_air(scene: &PartialScene, i: usize) -> bool {
     })
 }
 
-/// Turns about what shows its front to a wall at which nobody could use it, and has room behind.
+/// Turns about what shows its front to a wall at which nobody could use it, has room behind, and does not face there
+/// what it is said to face.
 pub(crate) fn fronts_from_walls(scene: &mut PartialScene, settings: &PlacementSettings) {
     for i in 0..scene.placed.len() {
         let p = &scene.placed[i];
-        if p.support != Support::Floor || !p.item.traits.has_front || p.item.relations.facing_toward.is_some() {
+        if p.support != Support::Floor || !p.item.traits.has_front {
+            continue;
+        }
+        let target = p.item.relations.facing_toward.as_ref().and_then(|id| scene.find(id));
+        let faces = |yaw: f64| {
+            let towards = facing(p.pose.position, target?)?;
+            Some(angle_between(yaw, towards).abs() < std::f64::consts::FRAC_PI_2)
+        };
+        if p.item.relations.facing_toward.is_some() && faces(p.pose.yaw) != Some(false) {
             continue;
         }
         let front = Vec3::new(p.pose.yaw.sin(), 0.0, p.pose.yaw.cos());
@@ -137,10 +151,20 @@ pub(crate) fn fronts_from_walls(scene: &mut PartialScene, settings: &PlacementSe
         }
         let others = neighbours(scene, &p.item, &[], Some(i));
         let Some(view) = View::new(scene, Some(i), &p.item.mask, &others, settings.window_px) else { continue };
-        let mut pose = p.pose;
-        pose.yaw += std::f64::consts::PI;
-        let iou = |pose| view.compare(p.item.shape.proxy(), pose).iou;
-        if iou(&pose) >= iou(&p.pose) - TURN_SLACK {
+        let turned = Pose { yaw: p.pose.yaw + std::f64::consts::PI, ..p.pose };
+        let frame = Frame {
+            scene,
+            item: &p.item,
+            anchoring: anchoring_of(scene, i),
+            yaw: YawRule::About { yaw: turned.yaw, sigma: 0.1 },
+            wall_gap: settings.wall_gap,
+            fixed_size: false,
+        };
+        let turned = polish(frame, &turned, &view, settings, settings.renders_per_object / 3);
+        let before = view.compare(p.item.shape.proxy(), &p.pose).iou;
+        let slack = if target.is_some() { FACING_SLACK } else { TURN_SLACK };
+        if turned.seen.iou >= before - slack {
+            let pose = turned.pose;
             scene.placed[i].pose = pose;
         }
     }
@@ -222,7 +246,7 @@ fn along(scene: &PartialScene, object: usize, wall: Wall) -> [f64; 2] {
 mod tests {
     use std::sync::Arc;
 
-    use harmony_scene::{Level, ObjectId, Pose};
+    use harmony_scene::{Level, ObjectId};
 
     use super::*;
     use crate::Evidence;
@@ -323,12 +347,14 @@ mod tests {
                 change(&mut item);
                 p.item = Arc::new(item);
             });
+            add(&mut scene, "sofa_01", Vec3::new(1.8, 0.8, 0.8), Vec3::new(2.0, 0.0, 3.0), |_| {});
             fronts_from_walls(&mut scene, &PlacementSettings::default());
             scene.placed[0].pose.yaw.cos() > 0.0
         };
         assert!(turned(0.25, |_| {}));
         assert!(!turned(1.2, |_| {}), "there is room before it");
         assert!(!turned(0.25, |item| item.relations.facing_toward = Some(ObjectId::new("tv_01").unwrap())));
+        assert!(turned(0.25, |item| item.relations.facing_toward = Some(ObjectId::new("sofa_01").unwrap())));
     }
 
     #[test]

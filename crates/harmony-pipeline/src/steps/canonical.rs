@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use harmony_imaging::sheet::{Cell, contact_sheet};
-use harmony_mesh::{catalogue, front_by_form};
+use harmony_mesh::{broad_sides, catalogue, front_by_form};
 use harmony_placement::Shape;
 use harmony_prompts::{FrontPanel, FrontsAnswer, FrontsVars, InspectedObject, InspectedSize, fronts};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture};
-use harmony_scene::{MaterialCategory, PbrFactors, Physical, PlacementType, SurfaceMaterial, WarningKind};
+use harmony_scene::{Level, MaterialCategory, PbrFactors, Physical, PlacementType, SurfaceMaterial, WarningKind};
 use image::RgbaImage;
 use serde_json::{Value, json};
 
@@ -31,7 +31,7 @@ pub struct Canonical {
 }
 
 /// Sets a raw mesh upright (by its faces, or as the paper does by the PCA axis nearest to up) and turns it to the
-/// front that the VLM picks, or to the one that its form shows, where it does ([`front_by_form`]).
+/// front that the VLM picks, or to the one that its form shows, where it does ([`front_by_form`], [`broad_sides`]).
 ///
 /// # Errors
 /// Fatal role errors only.
@@ -51,7 +51,7 @@ pub async fn canonicalise(
         (generated.mesh.clone(), ctx.settings.mesh.faces as usize, ctx.settings.upright_by_faces);
     let (crop, labelled) = (Arc::clone(&c.image), id.clone());
     let back = catalogue::back(&c.inspected.kind);
-    let (mesh, turn, sheet, panels, by_form) = ctx
+    let (mesh, turn, sheet, panels, by_form, broad) = ctx
         .computed(move || {
             let (mut mesh, _) = harmony_mesh::clean(&raw, faces);
             let turn = if by_faces {
@@ -70,7 +70,8 @@ pub async fn canonicalise(
             let sheet = contact_sheet(&cells, 5, VIEW);
             let panels: Vec<RgbaImage> = pictures.into_iter().skip(1).map(|(_, view)| view).collect();
             let by_form = back.and_then(|back| front_by_form(&mesh, back));
-            (mesh, turn, sheet, panels, by_form)
+            let broad = broad_sides(&mesh);
+            (mesh, turn, sheet, panels, by_form, broad)
         })
         .await?;
     let question = fronts(&FrontsVars { objects: vec![format!("- {id}: {}", c.inspected.kind)] });
@@ -81,7 +82,12 @@ pub async fn canonicalise(
         ctx.ask(&format!("{id}/front"), question, vec![sheet], facts, move |a: &FrontsAnswer| a.check(&asked)).await?;
     let answered = answer.objects.iter().find(|o| o.id == id).map(|o| o.front_panel);
     // A panel's turn brings the front to +Z.
-    let by_form = by_form.map(|quarters| FrontPanel::ALL[(4 - usize::from(quarters)) % 4]);
+    let panel_of = |quarters: u8| FrontPanel::ALL[(4 - usize::from(quarters)) % 4];
+    let broad = broad.map(|sides| sides.map(panel_of)).filter(|_| c.candidate.level == Level::Wall);
+    let by_form = by_form.map(panel_of).or_else(|| {
+        let sides = broad?;
+        answered.is_some_and(|said| !sides.contains(&said)).then_some(sides[0])
+    });
     if let (Some(said), Some(by_form)) = (answered, by_form)
         && said != by_form
     {
