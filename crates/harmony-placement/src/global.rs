@@ -11,11 +11,10 @@
 
 mod body;
 
-use std::cell::RefCell;
-
-use harmony_geometry::least_squares::minimise;
+use harmony_geometry::least_squares::{differences, minimise_with};
 use harmony_geometry::{room_from_unknowns, room_unknowns};
 use harmony_scene::{Camera, Extents, PointMapKind, Pose, Support, Vec3, Wall};
+use nalgebra::DMatrix;
 
 use crate::anchoring::height_stretch;
 use crate::level::anchoring_of;
@@ -127,16 +126,6 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// What is left of each body's residuals in one room: most derivatives move one body only, and nothing of the others
-/// changes then.
-#[derive(Default)]
-struct Known {
-    /// The unknowns that concern all bodies.
-    room: Vec<f64>,
-    /// By body, its numbers and its residuals.
-    bodies: Vec<(Vec<f64>, Vec<f64>)>,
-}
-
 /// One round; returns the factor on the scale.
 fn round(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<f64> {
     let bodies = bodies(scene, settings);
@@ -156,9 +145,8 @@ fn round(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<f64> 
     for (i, _) in loose.into_iter().filter(|(_, loose)| *loose) {
         mean[i] = now[i];
     }
-    let known = RefCell::new(Known::default());
-    let solution = minimise(&start, &steps, ITERATIONS, |u, out| {
-        // What calibration knows.
+    // What calibration knows.
+    let of_room = |u: &[f64], out: &mut Vec<f64>| {
         let metric = metric_unknowns(u);
         for row in 0..ROOM {
             out.push((0..ROOM).map(|c| factor[row * ROOM + c] * (metric[c] - mean[c])).sum());
@@ -167,31 +155,51 @@ fn round(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<f64> 
         out.extend((1..4).map(|i| (u[i] - mean[i]) / ROTATION_SIGMA));
         out.extend(loose.map(|(i, loose)| if loose { (u[i] - now[i]) / 0.01 } else { 0.0 }));
         out.push(u[COMMON] / COMMON_SIZE_SIGMA);
-        let (camera, extents) = room(u, scene);
-        let mut known = known.borrow_mut();
-        if known.room != u[..FIRST] {
-            known.room = u[..FIRST].to_vec();
-            known.bodies.clear();
+    };
+    let ln_scale = |i: usize| FIRST + EACH * i + 3;
+    let of_body = |i: usize, u: &[f64], (camera, extents): &(Camera, Extents), out: &mut Vec<f64>| {
+        let b = &bodies[i];
+        let pose = pose(scene, b, &u[FIRST + EACH * i..FIRST + EACH * (i + 1)], extents);
+        residuals(scene, b, &pose, camera, extents, [u[SCALE], u[COMMON]], out);
+        if let Some(twin) = b.twin {
+            let own = u[ln_scale(i)] - bodies[i].start.scale.ln();
+            let other = u[ln_scale(twin)] - bodies[twin].start.scale.ln();
+            out.push((own - other) / SET_SIGMA);
         }
-        for (i, (b, own)) in bodies.iter().zip(u[FIRST..].chunks(EACH)).enumerate() {
-            match known.bodies.get(i) {
-                Some((numbers, left)) if numbers == own => out.extend(left),
-                before => {
-                    let first = before.is_none();
-                    let begun = out.len();
-                    let pose = pose(scene, b, own, &extents);
-                    residuals(scene, b, &pose, &camera, &extents, [u[SCALE], u[COMMON]], out);
-                    if first {
-                        known.bodies.push((own.to_vec(), out[begun..].to_vec()));
-                    }
-                }
+    };
+    let of_all = |u: &[f64], out: &mut Vec<f64>| {
+        of_room(u, out);
+        let room = room(u, scene);
+        (0..bodies.len()).for_each(|i| of_body(i, u, &room, out));
+    };
+    // A body's residuals change with the room, with its own numbers and with the scale of its twin.
+    let slopes_of_body = |i: usize, u: &[f64]| {
+        let mut unknowns: Vec<usize> = (0..FIRST).chain(FIRST + EACH * i..FIRST + EACH * (i + 1)).collect();
+        unknowns.extend(bodies[i].twin.map(ln_scale));
+        let take = |all: &[f64]| -> Vec<f64> { unknowns.iter().map(|k| all[*k]).collect() };
+        let mut first = Vec::new();
+        of_body(i, u, &room(u, scene), &mut first);
+        let slopes = differences(&take(u), &take(&steps), first.len(), |own, out| {
+            let mut moved = u.to_vec();
+            unknowns.iter().zip(own).for_each(|(k, v)| moved[*k] = *v);
+            of_body(i, &moved, &room(&moved, scene), out);
+        });
+        (unknowns, slopes)
+    };
+    let solution = minimise_with(&start, ITERATIONS, of_all, |u, rows| {
+        use rayon::prelude::*;
+        let mut out = DMatrix::zeros(rows, u.len());
+        let of_bodies: Vec<(Vec<usize>, DMatrix<f64>)> =
+            (0..bodies.len()).into_par_iter().map(|i| slopes_of_body(i, u)).collect();
+        let mut row = rows - of_bodies.iter().map(|(_, slopes)| slopes.nrows()).sum::<usize>();
+        out.rows_mut(0, row).copy_from(&differences(u, &steps, row, of_room));
+        for (unknowns, slopes) in of_bodies {
+            for (k, unknown) in unknowns.into_iter().enumerate() {
+                out.view_mut((row, unknown), (slopes.nrows(), 1)).copy_from(&slopes.column(k));
             }
-            if let Some(twin) = b.twin {
-                let own = u[FIRST + EACH * i + 3] - bodies[i].start.scale.ln();
-                let other = u[FIRST + EACH * twin + 3] - bodies[twin].start.scale.ln();
-                out.push((own - other) / SET_SIGMA);
-            }
+            row += slopes.nrows();
         }
+        out
     });
     let u = &solution.parameters;
     if !u.iter().all(|v| v.is_finite()) {
@@ -253,7 +261,7 @@ fn room(u: &[f64], scene: &PartialScene) -> (Camera, Extents) {
 
 /// A matrix whose square is the information: `F^T F = I`.
 fn root(information: &[f64]) -> Option<Vec<f64>> {
-    let m = nalgebra::DMatrix::from_column_slice(ROOM, ROOM, information);
+    let m = DMatrix::from_column_slice(ROOM, ROOM, information);
     let eigen = nalgebra::SymmetricEigen::new((&m + m.transpose()) * 0.5);
     let mut out = vec![0.0; ROOM * ROOM];
     for row in 0..ROOM {
