@@ -38,6 +38,9 @@ const LOOSE_SIGMA: f64 = 0.05;
 /// Expected error of a rug's alignment with the room, radians.
 const RUG_SIGMA: f64 = 0.05;
 
+/// How far a coarse yaw may be from the room's axes for these to be tried, radians.
+const ALONG_THE_ROOM: f64 = 0.45;
+
 /// A pose to start from.
 #[derive(Debug, Clone)]
 pub(crate) struct Hypothesis<'a> {
@@ -195,6 +198,9 @@ impl<'a> Starter<'a, '_> {
                 }
                 for (yaw, turn_price) in quarter_turns(yaw) {
                     out.push(self.settled(self.frame(Anchoring::Floor, yaw), around, price + turn_price));
+                }
+                if let Some(along) = along_the_room(yaw) {
+                    out.push(self.settled(self.frame(Anchoring::Floor, YawRule::Fixed(along)), around, price));
                 }
             }
         }
@@ -407,6 +413,14 @@ impl<'a> Starter<'a, '_> {
 /// The horizontal unit vector along a direction.
 pub(crate) fn level_direction(v: Vec3) -> Option<Vec3> {
     Vec3::new(v.x, 0.0, v.z).try_normalize()
+}
+
+/// The yaw along the room's axes near a roughly known one: most of what stands in a room is parallel to its walls.
+fn along_the_room(rule: YawRule) -> Option<f64> {
+    let YawRule::About { yaw, .. } = rule else { return None };
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let along = (yaw / quarter).round() * quarter;
+    ((yaw - along).abs() < ALONG_THE_ROOM).then_some(along)
 }
 
 /// Yaw with which an object at a place faces a placed one: towards the nearest point of its footprint's box.

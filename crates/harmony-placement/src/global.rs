@@ -42,8 +42,6 @@ const IOU_SLACK: f64 = 0.1;
 const MOST_LOST: f64 = 0.07;
 const LOST_IOU: f64 = 0.25;
 const SEEN_IOU: f64 = 0.4;
-/// [`IOU_SLACK`] where a sensor measured the depths: camera and scale are known beforehand, so that a fall is a loss.
-const SENSOR_IOU_SLACK: f64 = 0.02;
 
 /// Numbers of the room at the front of all unknowns: those of [`harmony_geometry::RoomPosterior`] with lengths in units of the map and
 /// `ln floor` in place of the logit, the logarithm of the scale last; then what the named sizes have in common; then
@@ -92,7 +90,8 @@ pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -
     let after = agreement(&trial, settings)?;
     let lost = before.iter().zip(&after).filter(|(b, a)| **b >= SEEN_IOU && **a < **b - LOST_IOU).count();
     let metric = scene.points.as_ref().is_some_and(|p| p.kind == PointMapKind::Metric);
-    let slack = if metric { SENSOR_IOU_SLACK } else { IOU_SLACK };
+    // Where a sensor measured the depths, camera and scale are known beforehand: a fall is a loss.
+    let slack = if metric { 0.0 } else { IOU_SLACK };
     let kept = mean(&after) >= mean(&before) - slack && lost as f64 <= MOST_LOST * before.len() as f64;
     let turn = trial.camera.rotation * camera.rotation.transpose();
     let cos = ((turn.x_axis.x + turn.y_axis.y + turn.z_axis.z - 1.0) / 2.0).clamp(-1.0, 1.0);
