@@ -16,6 +16,8 @@ pub(crate) const AGAINST_RELATION: f64 = 0.12;
 
 /// Price of a front that is a quarter turn or more from where it was said to be.
 const WRONG_TURN: f64 = 0.1;
+/// Times this for half a turn: outlines hardly tell it, so that noise would.
+const HALF_TURN: f64 = 2.0;
 
 /// Agreement with its mask from which the size of a member of a set says more than the one that was named.
 const SURE_IOU: f64 = 0.6;
@@ -57,7 +59,7 @@ pub(crate) fn quarter_turns(rule: YawRule) -> Vec<(YawRule, f64)> {
     let mut out = vec![(rule, 0.0)];
     if let YawRule::About { yaw, sigma } = rule {
         let turned = |k: f64| YawRule::About { yaw: yaw + k * std::f64::consts::FRAC_PI_2, sigma };
-        out.extend([1.0, 2.0, 3.0].map(|k| (turned(k), WRONG_TURN)));
+        out.extend([(1.0, 1.0), (2.0, HALF_TURN), (3.0, 1.0)].map(|(k, times)| (turned(k), times * WRONG_TURN)));
     }
     out
 }
@@ -213,11 +215,13 @@ impl<'a> Starter<'a, '_> {
             return Vec::new();
         }
         let about = YawRule::About { yaw: wall.yaw(), sigma: WALL_SIGMA };
-        let turned = quarter_turns(about).into_iter().skip(1).map(|(rule, _)| self.frame(Anchoring::Floor, rule));
-        turned
-            .flat_map(|frame| self.floor_positions(&frame).into_iter().map(move |p| (frame, p)))
-            .map(|(frame, p)| self.settled(frame, p, price))
-            .collect()
+        let mut out = Vec::new();
+        for (rule, turn_price) in quarter_turns(about).into_iter().skip(1) {
+            let frame = self.frame(Anchoring::Floor, rule);
+            let price = price + turn_price - WRONG_TURN;
+            out.extend(self.floor_positions(&frame).into_iter().map(|p| self.settled(frame, p, price)));
+        }
+        out
     }
 
     /// Poses for the case that the relation is wrong: against another wall, or turned as the given front says.
@@ -438,4 +442,19 @@ pub(crate) fn facing(from: Vec3, target: &crate::Placed) -> Option<f64> {
     let room = Vec3::new(towards.x * cos + towards.z * sin, 0.0, -towards.x * sin + towards.z * cos);
     let room = level_direction(room)?;
     Some(room.x.atan2(room.z))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_stands_nearly_along_the_room_is_tried_along_it() {
+        let about = |yaw: f64| along_the_room(YawRule::About { yaw, sigma: HINT_SIGMA });
+        let half_turn = std::f64::consts::PI;
+        assert_eq!(about(0.3), Some(0.0));
+        assert_eq!(about(half_turn - 0.4), Some(half_turn));
+        assert_eq!(about(0.7), None);
+        assert_eq!(along_the_room(YawRule::Free(0.1)), None);
+    }
 }

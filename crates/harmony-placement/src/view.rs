@@ -617,4 +617,50 @@ mod tests {
         let beside = view.outline(item.shape.proxy(), &Pose::new(at + Vec3::X * 3.0, 0.0, 1.0));
         assert!(beside.is_some_and(|o| o.x1 > f64::from(scene.camera.size.width)));
     }
+
+    /// Pictures of sensors and scans have frames of some pixels: a mask that ends there is cut all the same.
+    #[test]
+    fn a_mask_that_ends_a_little_before_the_border_is_cut_by_it() {
+        let image = ImageSize::new(640, 480);
+        let cut = |x0: f64, x1: f64| cut_by_border(&PixelBox { x0, y0: 100.0, x1, y1: 200.0 }, image);
+        assert_eq!(cut(300.0, 633.0), [false, false, true, false]);
+        assert_eq!(cut(7.0, 620.0), [true, false, false, false]);
+    }
+
+    /// A long table of which something hides the near half: the depths in its mask are those of its far half.
+    #[test]
+    fn depths_are_compared_where_both_are_seen() {
+        let mut scene = empty_room();
+        let at = Vec3::new(2.0, 0.0, 2.5);
+        let mut item = boxed(&scene, Vec3::new(0.8, 0.7, 2.4), at, 0.0);
+        let pose = Pose::new(at, 0.0, 1.0);
+        let size = scene.camera.size;
+        let mut depth = vec![0.0; size.pixels()];
+        rasterise(&scene.camera, item.shape.proxy(), &pose, &mut depth);
+        let pixel =
+            |i: usize| Vec2::new(f64::from(i as u32 % size.width) + 0.5, f64::from(i as u32 / size.width) + 0.5);
+        let farther = |(i, z): (usize, &f32)| {
+            if *z > 0.0 { scene.camera.unproject(pixel(i), 1.05 * f64::from(*z)) } else { Vec3::NAN }
+        };
+        let xyz = depth.iter().enumerate().map(farther).collect();
+        scene.points = Some(RoomPoints {
+            kind: harmony_scene::PointMapKind::Relative,
+            size,
+            xyz,
+            confidence: vec![1.0; size.pixels()],
+        });
+        let whole = item.mask.clone();
+        let middle = whole.bounds().unwrap().centre().y as i64;
+        item.mask = Mask::from_fn(size, |x, y| i64::from(y) < middle && whole.get(i64::from(x), i64::from(y)));
+        let view = View::new(&scene, None, &item.mask, &[], PlacementSettings::default().window_px).unwrap();
+        let ratio = view.depth_ratio(item.shape.proxy(), &pose).unwrap();
+        assert!((ratio - 1.05).abs() < 0.005, "{ratio}");
+        // Of the two sets by themselves the means tell another tale.
+        let (reference, rendered) = view.front_depths(item.shape.proxy(), &pose);
+        let apart = front_surface_depth(&reference).unwrap() / front_surface_depth(&rendered).unwrap();
+        assert!(apart > 1.1, "{apart}");
+        // Beside its mask nothing is compared.
+        let beside = Pose::new(at - Vec3::X * 2.0, 0.0, 1.0);
+        assert!(view.depth_ratio(item.shape.proxy(), &beside).is_none());
+    }
 }

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use harmony_mesh::catalogue;
 use harmony_prompts::{
     BackWallSide, FrontPanel, FrontsAnswer, FrontsObject, InspectAnswer, InspectedObject, InspectedSize, LayoutAnswer,
-    LayoutPin, ListAnswer, ListedItem, Occlusion, PinKind, QuestionKind,
+    LayoutPin, ListAnswer, ListedInstance, ListedItem, Occlusion, PinKind, QuestionKind,
 };
 use harmony_roles::{PlayerCard, RoleError, Usage, VisionLanguage, VlmAnswer, VlmRequest};
 use harmony_scene::{
@@ -31,7 +31,7 @@ impl VisionLanguage for Oracle {
         let value = self.spent.measured(|| {
             Ok(match kind {
                 Some(QuestionKind::Layout) => json!(self.layout()),
-                Some(QuestionKind::List) => json!(self.list(level(facts))),
+                Some(QuestionKind::List) => json!(self.list(level(facts), facts["with_boxes"] == true)),
                 Some(QuestionKind::Inspect) => json!(self.inspect(facts)),
                 Some(QuestionKind::Fronts) => json!(self.fronts(facts)),
                 Some(QuestionKind::Orient) => json!(self.orient(facts)),
@@ -146,14 +146,21 @@ impl Oracle {
         (f64::from(z) > camera.depth(at) - 0.12).then_some(pixel)
     }
 
-    fn list(&self, level: Level) -> ListAnswer {
-        let mut counts: BTreeMap<&str, u32> = BTreeMap::new();
+    fn list(&self, level: Level, with_boxes: bool) -> ListAnswer {
+        let mut counts: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
         for i in self.seen(level) {
-            *counts.entry(&self.room.objects[i].label).or_default() += 1;
+            counts.entry(&self.room.objects[i].label).or_default().push(i);
         }
         let mut items = Vec::new();
-        for (label, count) in counts {
-            let item = |kind: &str| ListedItem { kind: kind.into(), gdino: kind.into(), count, instances: Vec::new() };
+        for (label, members) in counts {
+            let instances: Vec<ListedInstance> =
+                members.iter().filter(|_| with_boxes).filter_map(|i| self.instance(*i)).collect();
+            let item = |kind: &str| ListedItem {
+                kind: kind.into(),
+                gdino: kind.into(),
+                count: members.len() as u32,
+                instances: instances.clone(),
+            };
             let other = synonym(label);
             let renamed = self.draws.happens(&format!("synonym {label}"), self.noise.synonyms);
             items.push(item(other.filter(|_| renamed).unwrap_or(label)));
@@ -163,6 +170,23 @@ impl Oracle {
             }
         }
         ListAnswer { items }
+    }
+
+    /// The box that a language model gives for an object: less exact than a detector's, and some it does not see either.
+    fn instance(&self, object: usize) -> Option<ListedInstance> {
+        let (id, size) = (&self.room.objects[object].id, self.room.camera.size);
+        if self.draws.happens(&format!("no box {id}"), self.noise.merged_or_missed / 2.0) {
+            return None;
+        }
+        let b = self.boxes[object]?;
+        let mut rng = self.draws.rng(&format!("listed box {id}"));
+        let mut off = |side: f64| 2.0 * self.noise.boxes * side * normal(&mut rng).clamp(-2.5, 2.5);
+        let (kx, ky) = (1000.0 / f64::from(size.width), 1000.0 / f64::from(size.height));
+        let (w, h) = (b.width(), b.height());
+        let mut end = |at: f64, side: f64, k: f64| ((at + off(side)) * k).clamp(0.0, 1000.0);
+        let bounds = [end(b.x0, w, kx), end(b.y0, h, ky), end(b.x1, w, kx), end(b.y1, h, ky)];
+        let wide = bounds[2] - bounds[0] >= 1.0 && bounds[3] - bounds[1] >= 1.0;
+        wide.then_some(ListedInstance { bounds, outline: Vec::new(), host: None })
     }
 
     fn inspect(&self, facts: &Value) -> InspectAnswer {

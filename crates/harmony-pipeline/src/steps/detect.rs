@@ -15,6 +15,9 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::filter::{Dropped, cut_to_boxes, filter_boxes, filter_masks, part_merged};
 use crate::state::{Candidate, SceneState};
 
+/// Overlap from which two boxes show one object.
+const SAME_BOX: f64 = 0.5;
+
 /// What was found for a level: boxes with masks, not yet named.
 #[derive(Debug, Clone)]
 pub struct Found {
@@ -35,12 +38,13 @@ pub struct Found {
 /// Fatal role errors only; a player that fails is replaced.
 pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> Result<Found, PhaseError> {
     let with_boxes = ctx.boxes_from_vlm;
-    let wanted = ask_list(ctx, level, state, with_boxes).await?;
+    let wanted = ask_list(ctx, "list", level, state, with_boxes).await?;
     let size = state.partial.camera.size;
     let (found, hosts) = if with_boxes {
         listed_boxes(&wanted, size)
     } else {
-        (detect(ctx, level, state, &wanted).await?, BTreeMap::new())
+        let found = detect(ctx, level, state, &wanted).await?;
+        with_missing(ctx, level, state, &wanted, found).await?
     };
     let (found, mut dropped) = filter_boxes(found, &ctx.settings.filters);
 
@@ -153,6 +157,7 @@ fn list_pictures(level: Level, state: &SceneState) -> Vec<Picture> {
 
 async fn ask_list(
     ctx: &PhaseCtx<'_>,
+    call: &str,
     level: Level,
     state: &Arc<SceneState>,
     with_boxes: bool,
@@ -171,7 +176,7 @@ async fn ask_list(
     });
     let shown = Arc::clone(state);
     let pictures = ctx.computed(move || list_pictures(level, &shown)).await?;
-    let answer: ListAnswer = ctx.ask("list", question, pictures, facts, |answer: &ListAnswer| answer.check()).await?;
+    let answer: ListAnswer = ctx.ask(call, question, pictures, facts, |answer: &ListAnswer| answer.check()).await?;
     Ok(answer)
 }
 
@@ -200,6 +205,55 @@ fn listed_boxes(wanted: &ListAnswer, size: ImageSize) -> (Vec<Detection>, BTreeM
         }
     }
     (found, hosts)
+}
+
+/// Adds what the list counts and the detector did not find: the VLM, which saw it, is asked for boxes.
+///
+/// Without them a lamp would stand on a nightstand that nobody placed.
+async fn with_missing(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &Arc<SceneState>,
+    wanted: &ListAnswer,
+    mut found: Vec<Detection>,
+) -> Result<(Vec<Detection>, BTreeMap<[i64; 4], String>), PhaseError> {
+    let (kept, _) = filter_boxes(found.clone(), &ctx.settings.filters);
+    let mut missing = missing_of(wanted, &kept);
+    if missing.is_empty() {
+        return Ok((found, BTreeMap::new()));
+    }
+    let shown = ask_list(ctx, "list_missing", level, state, true).await?;
+    let (boxes, hosts) = listed_boxes(&shown, state.partial.camera.size);
+    for new in boxes {
+        let Some(left) = missing.get_mut(&new.label).filter(|left| **left > 0) else { continue };
+        let known = |d: &Detection| {
+            let inside = new.bounds.covered_by(&d.bounds) >= ctx.settings.filters.box_containment;
+            new.bounds.iou(&d.bounds) >= SAME_BOX || (d.label == new.label && inside)
+        };
+        if new.bounds.area() < 4.0 || found.iter().any(known) {
+            continue;
+        }
+        *left -= 1;
+        let message = format!("the detector did not find a {}; its box is the VLM's", new.label);
+        ctx.warn(WarningKind::AnswerRepaired, None, message);
+        found.push(new);
+    }
+    Ok((found, hosts))
+}
+
+/// How many of each listed kind were not found.
+fn missing_of(wanted: &ListAnswer, found: &[Detection]) -> BTreeMap<String, usize> {
+    let mut missing: BTreeMap<String, usize> = BTreeMap::new();
+    for item in &wanted.items {
+        *missing.entry(item.kind.trim().to_lowercase()).or_default() += item.count as usize;
+    }
+    for d in found {
+        if let Some(left) = missing.get_mut(&d.label) {
+            *left = left.saturating_sub(1);
+        }
+    }
+    missing.retain(|_, left| *left > 0);
+    missing
 }
 
 fn host_key(d: &Detection) -> [i64; 4] {
@@ -266,4 +320,27 @@ pub fn boxed(photo: &RgbImage, candidates: &[Candidate]) -> RgbImage {
         .filter_map(|(i, c)| Some(LabelledBox { bounds: c.mask.bounds()?, label: c.id.to_string(), color: palette(i) }))
         .collect();
     draw_boxes(photo, &boxes)
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_prompts::ListedItem;
+
+    use super::*;
+
+    #[test]
+    fn what_was_listed_and_not_found_is_missing() {
+        let item = |kind: &str, count| ListedItem { kind: kind.into(), gdino: kind.into(), count, instances: vec![] };
+        let wanted = ListAnswer { items: vec![item("Nightstand ", 2), item("bed", 1), item("lamp", 1)] };
+        let found = |label: &str| Detection {
+            label: label.into(),
+            phrase: label.into(),
+            bounds: PixelBox { x0: 0.0, y0: 0.0, x1: 10.0, y1: 10.0 },
+            score: Some(0.9),
+            outline: None,
+        };
+        // More than listed is not too few of another kind.
+        let missing = missing_of(&wanted, &[found("nightstand"), found("bed"), found("bed"), found("rug")]);
+        assert_eq!(missing, BTreeMap::from([("nightstand".to_owned(), 1), ("lamp".to_owned(), 1)]));
+    }
 }
