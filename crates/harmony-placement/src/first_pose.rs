@@ -218,6 +218,7 @@ impl<'a> Starter<'a, '_> {
         let mut out = Vec::new();
         for (rule, turn_price) in quarter_turns(about).into_iter().skip(1) {
             let frame = self.frame(Anchoring::Floor, rule);
+            // A quarter turn is what `price` is for.
             let price = price + turn_price - WRONG_TURN;
             out.extend(self.floor_positions(&frame).into_iter().map(|p| self.settled(frame, p, price)));
         }

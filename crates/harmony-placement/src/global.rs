@@ -171,14 +171,19 @@ fn round(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<f64> 
         let room = room(u, scene);
         (0..bodies.len()).for_each(|i| of_body(i, u, &room, out));
     };
+    let rows_of: Vec<usize> = (0..bodies.len())
+        .map(|i| {
+            let mut out = Vec::new();
+            of_body(i, &start, &room(&start, scene), &mut out);
+            out.len()
+        })
+        .collect();
     // A body's residuals change with the room, with its own numbers and with the scale of its twin.
     let slopes_of_body = |i: usize, u: &[f64]| {
         let mut unknowns: Vec<usize> = (0..FIRST).chain(FIRST + EACH * i..FIRST + EACH * (i + 1)).collect();
         unknowns.extend(bodies[i].twin.map(ln_scale));
         let take = |all: &[f64]| -> Vec<f64> { unknowns.iter().map(|k| all[*k]).collect() };
-        let mut first = Vec::new();
-        of_body(i, u, &room(u, scene), &mut first);
-        let slopes = differences(&take(u), &take(&steps), first.len(), |own, out| {
+        let slopes = differences(&take(u), &take(&steps), rows_of[i], |own, out| {
             let mut moved = u.to_vec();
             unknowns.iter().zip(own).for_each(|(k, v)| moved[*k] = *v);
             of_body(i, &moved, &room(&moved, scene), out);
@@ -190,7 +195,7 @@ fn round(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<f64> 
         let mut out = DMatrix::zeros(rows, u.len());
         let of_bodies: Vec<(Vec<usize>, DMatrix<f64>)> =
             (0..bodies.len()).into_par_iter().map(|i| slopes_of_body(i, u)).collect();
-        let mut row = rows - of_bodies.iter().map(|(_, slopes)| slopes.nrows()).sum::<usize>();
+        let mut row = rows - rows_of.iter().sum::<usize>();
         out.rows_mut(0, row).copy_from(&differences(u, &steps, row, of_room));
         for (unknowns, slopes) in of_bodies {
             for (k, unknown) in unknowns.into_iter().enumerate() {

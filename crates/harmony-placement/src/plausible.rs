@@ -161,9 +161,9 @@ pub(crate) fn fronts_from_walls(scene: &mut PartialScene, settings: &PlacementSe
             fixed_size: false,
         };
         let turned = polish(frame, &turned, &view, settings, settings.renders_per_object / 3);
-        let before = view.compare(p.item.shape.proxy(), &p.pose).iou;
+        let seen = view.compare(p.item.shape.proxy(), &p.pose).iou;
         let slack = if target.is_some() { FACING_SLACK } else { TURN_SLACK };
-        if turned.seen.iou >= before - slack {
+        if turned.seen.iou >= seen - slack {
             let pose = turned.pose;
             scene.placed[i].pose = pose;
         }

@@ -10,7 +10,7 @@ use crate::view::View;
 const LARGEST_FACTOR: f64 = 1.6;
 
 /// Fewest pixels on either side for a front-surface mean.
-const FEWEST_DEPTHS: usize = 12;
+pub(crate) const FEWEST_DEPTHS: usize = 12;
 
 fn bounded(factor: f64) -> f64 {
     if factor.is_finite() { factor.clamp(1.0 / LARGEST_FACTOR, LARGEST_FACTOR) } else { 1.0 }

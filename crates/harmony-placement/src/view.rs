@@ -306,7 +306,7 @@ impl View {
         (reference, rendered)
     }
 
-    /// Depth of the point map over that of the object, where both are seen at one pixel; `None` where that is nowhere.
+    /// Depth of the point map over that of the object, where both are seen at one pixel; `None` where that is at too few.
     pub(crate) fn depth_ratio(&self, proxy: &Proxy, pose: &Pose) -> Option<f64> {
         let logs: Vec<f64> = with_scratch(|scratch| {
             let span = scratch.draw_alone(&self.camera, proxy, pose);
@@ -318,7 +318,7 @@ impl View {
                 .map(|i| f64::from(self.reference[i] / depth[i]).ln())
                 .collect()
         });
-        (logs.len() >= 12).then(|| front_surface_depth(&logs)).flatten().map(f64::exp)
+        (logs.len() >= crate::steps::FEWEST_DEPTHS).then(|| front_surface_depth(&logs)).flatten().map(f64::exp)
     }
 
     /// Reference depths within the mask.

@@ -178,13 +178,9 @@ impl Oracle {
         if self.draws.happens(&format!("no box {id}"), self.noise.merged_or_missed / 2.0) {
             return None;
         }
-        let b = self.boxes[object]?;
-        let mut rng = self.draws.rng(&format!("listed box {id}"));
-        let mut off = |side: f64| 2.0 * self.noise.boxes * side * normal(&mut rng).clamp(-2.5, 2.5);
+        let b = self.box_off(object, 2.0, &mut self.draws.rng(&format!("listed box {id}")))?.clamped(size);
         let (kx, ky) = (1000.0 / f64::from(size.width), 1000.0 / f64::from(size.height));
-        let (w, h) = (b.width(), b.height());
-        let mut end = |at: f64, side: f64, k: f64| ((at + off(side)) * k).clamp(0.0, 1000.0);
-        let bounds = [end(b.x0, w, kx), end(b.y0, h, ky), end(b.x1, w, kx), end(b.y1, h, ky)];
+        let bounds = [b.x0 * kx, b.y0 * ky, b.x1 * kx, b.y1 * ky];
         let wide = bounds[2] - bounds[0] >= 1.0 && bounds[3] - bounds[1] >= 1.0;
         wide.then_some(ListedInstance { bounds, outline: Vec::new(), host: None })
     }

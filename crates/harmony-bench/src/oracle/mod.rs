@@ -19,6 +19,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use harmony_calls::Cast;
 use harmony_roles::PlayerCard;
 use harmony_scene::{ImageSize, Level, PixelBox};
+use rand_chacha::ChaCha8Rng;
 
 pub use noise::{Draws, Noise, NoiseLevel, normal, smooth_field};
 
@@ -101,6 +102,14 @@ impl Oracle {
             segmenter: player,
             ..offline.clone()
         }
+    }
+
+    /// An object's box, some times as far off as a detector's, in pixels of the truth; `None` where it is not seen.
+    fn box_off(&self, object: usize, times: f64, rng: &mut ChaCha8Rng) -> Option<PixelBox> {
+        let b = self.boxes[object]?;
+        let mut off = |side: f64| times * self.noise.boxes * side * normal(rng).clamp(-2.5, 2.5);
+        let (w, h) = (b.width(), b.height());
+        Some(PixelBox { x0: b.x0 + off(w), y0: b.y0 + off(h), x1: b.x1 + off(w), y1: b.y1 + off(h) })
     }
 
     /// The object that a box with a label means: the best overlap among objects of that name, else among all.

@@ -237,16 +237,9 @@ impl Detector for Oracle {
                 if missed || !same_kind(&object.label, &phrase.label) {
                     continue;
                 }
-                let Some(b) = self.boxes[i] else { continue };
                 let mut rng = self.draws.rng(&format!("box {} {}", object.id, phrase.label));
-                let mut off = |size: f64| self.noise.boxes * size * normal(&mut rng).clamp(-2.5, 2.5);
-                let (w, h) = (b.width(), b.height());
-                let bounds = PixelBox {
-                    x0: (b.x0 + off(w)) * kx,
-                    y0: (b.y0 + off(h)) * ky,
-                    x1: (b.x1 + off(w)) * kx,
-                    y1: (b.y1 + off(h)) * ky,
-                };
+                let Some(b) = self.box_off(i, 1.0, &mut rng) else { continue };
+                let bounds = PixelBox { x0: b.x0 * kx, y0: b.y0 * ky, x1: b.x1 * kx, y1: b.y1 * ky };
                 let score = (0.85 + 0.07 * normal(&mut rng)).clamp(0.3, 0.99);
                 detections.push(Detection {
                     label: phrase.label.clone(),

@@ -84,17 +84,21 @@ pub async fn canonicalise(
     // A panel's turn brings the front to +Z.
     let panel_of = |quarters: u8| FrontPanel::ALL[(4 - usize::from(quarters)) % 4];
     let broad = broad.map(|sides| sides.map(panel_of)).filter(|_| c.candidate.level == Level::Wall);
-    let by_form = by_form.map(panel_of).or_else(|| {
-        let sides = broad?;
-        answered.is_some_and(|said| !sides.contains(&said)).then_some(sides[0])
-    });
-    if let (Some(said), Some(by_form)) = (answered, by_form)
-        && said != by_form
+    let by_form = by_form.map(panel_of);
+    let narrow = |said: &FrontPanel| broad.is_some_and(|sides| !sides.contains(said));
+    let panel = by_form.or_else(|| if answered.as_ref().is_some_and(narrow) { Some(broad?[0]) } else { answered });
+    if let (Some(said), Some(panel)) = (answered, panel)
+        && said != panel
     {
-        let message = format!("its form shows its front in panel {by_form:?}, not in {said:?} as answered");
+        let message = if by_form.is_some() {
+            format!("its form shows its front in panel {panel:?}, not in {said:?} as answered")
+        } else {
+            format!(
+                "what hangs on a wall shows a broad side, not panel {said:?} as answered; of its two, {panel:?} was taken"
+            )
+        };
         ctx.warn(WarningKind::AnswerRepaired, Some(c.candidate.id.clone()), message);
     }
-    let panel = by_form.or(answered);
     let yaw = panel.map_or(0.0, FrontPanel::yaw);
     let mesh = ctx
         .computed(move || {
@@ -107,7 +111,11 @@ pub async fn canonicalise(
     generated.frame = MeshFrame::Canonical;
     let front_before = glam::DMat3::from_rotation_y(-yaw) * glam::DVec3::Z;
     let upright = if by_faces { "set upright by its faces" } else { "de-tilted by PCA" };
-    let front = if by_form.is_some() { "front by its form" } else { "front by the VLM" };
+    let front = match (by_form, panel == answered) {
+        (Some(_), _) => "front by its form",
+        (None, true) => "front by the VLM",
+        (None, false) => "one of its broad sides as front",
+    };
     let record = json!({
         "frame": format!("{upright}, {front}"),
         "detilt": turn.map(|m| m.to_cols_array_2d()),

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use harmony_imaging::sheet::{LabelledBox, draw_boxes, grid_overlay, palette};
-use harmony_prompts::{ListAnswer, ListVars, list};
+use harmony_prompts::{ListAnswer, ListVars, ListedItem, list};
 use harmony_roles::{DetectRequest, Detection, PhraseRequest, Picture, SegmentPrompt, SegmentRequest};
 use harmony_scene::{ImageSize, Level, Mask, ObjectId, PixelBox, WarningKind};
 use image::RgbImage;
@@ -17,6 +17,8 @@ use crate::state::{Candidate, SceneState};
 
 /// Overlap from which two boxes show one object.
 const SAME_BOX: f64 = 0.5;
+/// Smaller boxes show nothing, pixels.
+const SMALLEST_BOX: f64 = 4.0;
 
 /// What was found for a level: boxes with masks, not yet named.
 #[derive(Debug, Clone)]
@@ -40,13 +42,20 @@ pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> 
     let with_boxes = ctx.boxes_from_vlm;
     let wanted = ask_list(ctx, "list", level, state, with_boxes).await?;
     let size = state.partial.camera.size;
-    let (found, hosts) = if with_boxes {
+    let (found, mut hosts) = if with_boxes {
         listed_boxes(&wanted, size)
     } else {
-        let found = detect(ctx, level, state, &wanted).await?;
-        with_missing(ctx, level, state, &wanted, found).await?
+        (detect(ctx, level, state, &wanted).await?, BTreeMap::new())
     };
-    let (found, mut dropped) = filter_boxes(found, &ctx.settings.filters);
+    let (mut found, mut dropped) = filter_boxes(found, &ctx.settings.filters);
+    if !with_boxes {
+        let (missing, named) = ask_missing(ctx, level, state, &wanted, &found).await?;
+        hosts = named;
+        // A box around two that were found singly is none of one that was not.
+        let (all, more) = filter_boxes(found.into_iter().chain(missing).collect(), &ctx.settings.filters);
+        found = all;
+        dropped.extend(more);
+    }
 
     let prompts: Vec<SegmentPrompt> = found
         .iter()
@@ -180,6 +189,11 @@ async fn ask_list(
     Ok(answer)
 }
 
+/// The label of a listed kind's objects.
+fn label_of(item: &ListedItem) -> String {
+    item.kind.trim().to_lowercase()
+}
+
 /// Boxes given with the list, in working pixels, and the hosts named with them.
 fn listed_boxes(wanted: &ListAnswer, size: ImageSize) -> (Vec<Detection>, BTreeMap<[i64; 4], String>) {
     let (kx, ky) = (f64::from(size.width) / 1000.0, f64::from(size.height) / 1000.0);
@@ -191,13 +205,8 @@ fn listed_boxes(wanted: &ListAnswer, size: ImageSize) -> (Vec<Detection>, BTreeM
             let bounds = PixelBox { x0: x0 * kx, y0: y0 * ky, x1: x1 * kx, y1: y1 * ky }.clamped(size);
             let outline = (instance.outline.len() >= 3)
                 .then(|| instance.outline.iter().map(|p| [p[0] * kx, p[1] * ky]).collect());
-            let detection = Detection {
-                label: item.kind.trim().to_lowercase(),
-                phrase: item.gdino.clone(),
-                bounds,
-                score: None,
-                outline,
-            };
+            let detection =
+                Detection { label: label_of(item), phrase: item.gdino.clone(), bounds, score: None, outline };
             if let Some(host) = &instance.host {
                 hosts.insert(host_key(&detection), host.clone());
             }
@@ -207,45 +216,57 @@ fn listed_boxes(wanted: &ListAnswer, size: ImageSize) -> (Vec<Detection>, BTreeM
     (found, hosts)
 }
 
-/// Adds what the list counts and the detector did not find: the VLM, which saw it, is asked for boxes.
+/// Boxes that the VLM gives for what the list counts and the detector did not find, and the hosts it names with them.
 ///
 /// Without them a lamp would stand on a nightstand that nobody placed.
-async fn with_missing(
+async fn ask_missing(
     ctx: &PhaseCtx<'_>,
     level: Level,
     state: &Arc<SceneState>,
     wanted: &ListAnswer,
-    mut found: Vec<Detection>,
+    found: &[Detection],
 ) -> Result<(Vec<Detection>, BTreeMap<[i64; 4], String>), PhaseError> {
-    let (kept, _) = filter_boxes(found.clone(), &ctx.settings.filters);
-    let mut missing = missing_of(wanted, &kept);
+    let missing = missing_of(wanted, found);
     if missing.is_empty() {
-        return Ok((found, BTreeMap::new()));
+        return Ok((Vec::new(), BTreeMap::new()));
     }
     let shown = ask_list(ctx, "list_missing", level, state, true).await?;
     let (boxes, hosts) = listed_boxes(&shown, state.partial.camera.size);
-    for new in boxes {
-        let Some(left) = missing.get_mut(&new.label).filter(|left| **left > 0) else { continue };
-        let known = |d: &Detection| {
-            let inside = new.bounds.covered_by(&d.bounds) >= ctx.settings.filters.box_containment;
-            new.bounds.iou(&d.bounds) >= SAME_BOX || (d.label == new.label && inside)
-        };
-        if new.bounds.area() < 4.0 || found.iter().any(known) {
-            continue;
-        }
-        *left -= 1;
-        let message = format!("the detector did not find a {}; its box is the VLM's", new.label);
+    let new = not_found(boxes, found, missing, ctx.settings.filters.box_containment);
+    for d in &new {
+        let message = format!("the detector did not find a {}; its box is the VLM's", d.label);
         ctx.warn(WarningKind::AnswerRepaired, None, message);
-        found.push(new);
     }
-    Ok((found, hosts))
+    Ok((new, hosts))
+}
+
+/// Those of the boxes that show what is missing, and nothing that was found: as many of a kind as are missing.
+fn not_found(
+    boxes: Vec<Detection>,
+    found: &[Detection],
+    mut missing: BTreeMap<String, usize>,
+    containment: f64,
+) -> Vec<Detection> {
+    let mut new: Vec<Detection> = Vec::new();
+    for d in boxes {
+        let Some(left) = missing.get_mut(&d.label).filter(|left| **left > 0) else { continue };
+        let known = found.iter().chain(&new).any(|other| {
+            let inside = d.bounds.covered_by(&other.bounds) >= containment;
+            d.bounds.iou(&other.bounds) >= SAME_BOX || (other.label == d.label && inside)
+        });
+        if d.bounds.area() >= SMALLEST_BOX && !known {
+            *left -= 1;
+            new.push(d);
+        }
+    }
+    new
 }
 
 /// How many of each listed kind were not found.
 fn missing_of(wanted: &ListAnswer, found: &[Detection]) -> BTreeMap<String, usize> {
     let mut missing: BTreeMap<String, usize> = BTreeMap::new();
     for item in &wanted.items {
-        *missing.entry(item.kind.trim().to_lowercase()).or_default() += item.count as usize;
+        *missing.entry(label_of(item)).or_default() += item.count as usize;
     }
     for d in found {
         if let Some(left) = missing.get_mut(&d.label) {
@@ -273,11 +294,7 @@ async fn detect(
         phrases: wanted
             .items
             .iter()
-            .map(|item| PhraseRequest {
-                label: item.kind.trim().to_lowercase(),
-                phrase: item.gdino.clone(),
-                count: item.count as usize,
-            })
+            .map(|item| PhraseRequest { label: label_of(item), phrase: item.gdino.clone(), count: item.count as usize })
             .collect(),
     };
     let size = state.partial.camera.size;
@@ -285,7 +302,7 @@ async fn detect(
     found.retain_mut(|d| {
         let sound = [d.bounds.x0, d.bounds.y0, d.bounds.x1, d.bounds.y1].iter().all(|v| v.is_finite());
         d.bounds = d.bounds.clamped(size);
-        let keep = sound && d.bounds.area() >= 4.0;
+        let keep = sound && d.bounds.area() >= SMALLEST_BOX;
         if !keep {
             ctx.warn(WarningKind::AnswerRepaired, None, format!("an unusable box for {} was dropped", d.label));
         }
@@ -324,23 +341,37 @@ pub fn boxed(photo: &RgbImage, candidates: &[Candidate]) -> RgbImage {
 
 #[cfg(test)]
 mod tests {
-    use harmony_prompts::ListedItem;
-
     use super::*;
+
+    fn at(label: &str, x0: f64, x1: f64) -> Detection {
+        let bounds = PixelBox { x0, y0: 0.0, x1, y1: 100.0 };
+        Detection { label: label.into(), phrase: label.into(), bounds, score: None, outline: None }
+    }
 
     #[test]
     fn what_was_listed_and_not_found_is_missing() {
         let item = |kind: &str, count| ListedItem { kind: kind.into(), gdino: kind.into(), count, instances: vec![] };
         let wanted = ListAnswer { items: vec![item("Nightstand ", 2), item("bed", 1), item("lamp", 1)] };
-        let found = |label: &str| Detection {
-            label: label.into(),
-            phrase: label.into(),
-            bounds: PixelBox { x0: 0.0, y0: 0.0, x1: 10.0, y1: 10.0 },
-            score: Some(0.9),
-            outline: None,
-        };
+        let found = ["nightstand", "bed", "bed", "rug"].map(|label| at(label, 0.0, 100.0));
         // More than listed is not too few of another kind.
-        let missing = missing_of(&wanted, &[found("nightstand"), found("bed"), found("bed"), found("rug")]);
+        let missing = missing_of(&wanted, &found);
         assert_eq!(missing, BTreeMap::from([("nightstand".to_owned(), 1), ("lamp".to_owned(), 1)]));
+    }
+
+    #[test]
+    fn only_what_no_box_shows_yet_is_taken_and_no_more_than_are_missing() {
+        let found = [at("nightstand", 0.0, 100.0), at("bed", 200.0, 600.0)];
+        let taken = |boxes: Vec<Detection>| -> Vec<f64> {
+            let missing = BTreeMap::from([("nightstand".to_owned(), 1)]);
+            not_found(boxes, &found, missing, 0.85).iter().map(|d| d.bounds.x0).collect()
+        };
+        // The one that was found, once a little off and once a part of it; a kind that nobody misses.
+        assert!(taken(vec![at("nightstand", 10.0, 105.0), at("nightstand", 20.0, 50.0)]).is_empty());
+        assert!(taken(vec![at("lamp", 800.0, 850.0)]).is_empty());
+        // A bed by another name.
+        assert!(taken(vec![at("nightstand", 210.0, 590.0)]).is_empty());
+        assert_eq!(taken(vec![at("nightstand", 700.0, 800.0), at("nightstand", 900.0, 950.0)]), [700.0]);
+        // Seen through a bed's box, it is no bed.
+        assert_eq!(taken(vec![at("nightstand", 580.0, 680.0)]), [580.0]);
     }
 }

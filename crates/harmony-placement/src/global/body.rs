@@ -220,19 +220,15 @@ fn mask_reach(scene: &PartialScene, mask: &Mask, d: Vec2, others: &[usize]) -> (
     let beyond = |x: i64, y: i64, by: f64| (x + (d.x * by).round() as i64, y + (d.y * by).round() as i64);
     let outside = |(u, v): (i64, i64)| u < 0 || v < 0 || u >= w || v >= h;
     let border = border_px(size);
+    let nearer = |x: i64, y: i64, by: f64| {
+        let (u, v) = beyond(x, y, by);
+        match (depth_at(scene, u, v), depth_at(scene, x, y)) {
+            (Some(there), Some(here)) => there < NEARER * here,
+            _ => others.iter().any(|o| scene.placed[*o].item.mask.get(u, v)) && !mask.get(u, v),
+        }
+    };
     let cut = |&&(_, x, y): &&(f64, i64, i64)| {
-        outside(beyond(x, y, border))
-            || (2..=6).step_by(2).any(|k| {
-                let (u, v) = beyond(x, y, f64::from(k));
-                if outside((u, v)) {
-                    return true;
-                }
-                let other = others.iter().any(|o| scene.placed[*o].item.mask.get(u, v)) && !mask.get(u, v);
-                match (depth_at(scene, u, v), depth_at(scene, x, y)) {
-                    (Some(there), Some(here)) => there < NEARER * here,
-                    _ => other,
-                }
-            })
+        outside(beyond(x, y, border)) || [2.0, 4.0, 6.0].into_iter().any(|by| nearer(x, y, by))
     };
     let cuts = band.iter().filter(|a| cut(a)).count();
     (reach, (cuts as f64) < (1.0 - FREE_SHARE) * band.len() as f64)
