@@ -97,6 +97,20 @@ pub struct ViewEstimate {
 }
 
 impl ViewEstimate {
+    /// Share of the total segment length that points to the vanishing points of another rotation and focal length (pixels of
+    /// `size`).
+    pub(crate) fn explained_by(&self, rotation: &Mat3, focal_px: f64) -> f64 {
+        let search = Search::new(self.size, &[], None);
+        let (mut explained, mut total) = (0.0, 0.0);
+        for s in self.segments.iter().map(|(s, _)| s).filter(|s| s.length() >= search.shortest) {
+            total += s.length();
+            if search.line(s).and_then(|line| line.axis(focal_px, rotation)).is_some() {
+                explained += s.length();
+            }
+        }
+        if total > 0.0 { explained / total } else { 0.0 }
+    }
+
     /// A view from a model's hints alone: known lens, tilt and yaw as hinted (0 where not), no roll, no lines.
     pub fn from_hints(size: ImageSize, intrinsics: Intrinsics, hints: &CameraHints) -> Self {
         let degrees = |v: Option<f64>, limit: f64| v.filter(|v| v.abs() <= limit).unwrap_or(0.0).to_radians();

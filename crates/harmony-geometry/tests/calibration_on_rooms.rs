@@ -212,6 +212,40 @@ fn a_shapeless_map_takes_its_directions_from_the_photo() {
     }
 }
 
+/// Where the map's surfaces are turned against what is seen, because its depths slope across the image, the photo's lines
+/// overrule them.
+#[test]
+fn a_map_that_is_turned_against_the_photo_gives_way_to_its_lines() {
+    let (size, unit) = (ImageSize::new(518, 392), 0.4);
+    let mut overruled = 0;
+    for (room, slope) in
+        rooms().iter().flat_map(|room| [[0.3, 0.0], [-0.8, 0.0], [0.0, 0.5]].map(|slope| (room, slope)))
+    {
+        let distortion = Distortion { kind: PointMapKind::Relative, smooth: 0.0, grain: 0.0, frame: frame(unit) };
+        let mut map = point_map(room, size, &distortion);
+        let eye = map.camera_centre();
+        for (i, p) in map.xyz.iter_mut().enumerate() {
+            let (x, y) = (i as u32 % size.width, i as u32 / size.width);
+            let at = [f64::from(x) / f64::from(size.width) - 0.5, f64::from(y) / f64::from(size.height) - 0.5];
+            let ray = p.as_dvec3() - eye;
+            // 1 / depth changes evenly over the image, so that planes stay planes: by `slope` over its width at 4 m.
+            let by = (slope[0] * at[0] + slope[1] * at[1]) * (map.rotation * ray).z / unit / 4.0;
+            *p = (eye + ray / (1.0 + by).max(0.1)).as_vec3();
+        }
+        let focal_px = room.camera.intrinsics.fx * 1.02;
+        let view = estimate_view(&gray(&room.folder.join("photo.jpg")), Some(FocalPrior { focal_px, sigma: 0.03 }));
+        let prior = LayoutPrior { pins: pins_off(room, 0.005), ..prior(room) };
+        let settings = CalibrationSettings::default();
+        let alone = calibrate(&map, &prior, &settings).unwrap();
+        let (found, _) = calibrate_with_photo(&map, &prior, &view, &settings).unwrap();
+        let (before, after) = (errors(&alone, room).0, errors(&found, room).0);
+        println!("{} {slope:?}: rotation {before:.1} -> {after:.2} deg", room.name);
+        assert!(before > 5.0 && after <= 1.0, "{} {slope:?}: {before:.2} -> {after:.2} deg", room.name);
+        overruled += usize::from(found.evidence.fallbacks.iter().any(|f| f.contains("not that of the photo's lines")));
+    }
+    assert!(overruled > 3 || rooms().is_empty(), "{overruled}");
+}
+
 /// Two points of each room edge that is in the image, off by some share of the image's width, one up, the next down.
 fn pins_off(room: &Room, by: f64) -> LayoutPins {
     let Extents { width: w, height: h, depth: d } = room.extents;

@@ -19,8 +19,6 @@ const BEYOND_LOOSE: f64 = 2.5;
 
 /// How far the front of a window or door stands out from its wall, metres; the rest of a thick one is in the wall.
 const PROUD: f64 = 0.06;
-/// The same where a curtain hangs before it: it must hang free of the frame.
-const PROUD_BEHIND_CURTAIN: f64 = 0.02;
 
 /// Thickness of a rug or mat, at most, metres.
 const THICKEST_RUG: f64 = 0.008;
@@ -193,7 +191,8 @@ impl Frame<'_> {
                 let highest = if self.item.traits.to_floor { 0.0 } else { (e.height - size.y).max(0.0) };
                 let y = numbers[1].clamp(0.0, highest);
                 let away = if self.item.traits.opening {
-                    let proud = if self.is_curtained(wall, numbers[0], size.x) { PROUD_BEHIND_CURTAIN } else { PROUD };
+                    // A curtain must hang free of the frame, and hangs along the wall.
+                    let proud = if self.is_curtained(wall, numbers[0], size.x) { 0.0 } else { PROUD };
                     size.z.min(proud) - size.z / 2.0
                 } else {
                     size.z / 2.0

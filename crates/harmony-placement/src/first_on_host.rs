@@ -1,6 +1,6 @@
 //! First poses on furniture: the ray of the mask's base against the host's surfaces. Paper App. C "Decoration Placement".
 
-use harmony_scene::{DepthPosition, Level, ObjectId, PixelBox, PlacementType, SurfacePosition, Vec2, Vec3};
+use harmony_scene::{DepthPosition, Level, PixelBox, PlacementType, SurfacePosition, Vec2, Vec3};
 
 use crate::anchoring::{Anchoring, YawRule, reach, size_of};
 use crate::first_pose::{AGAINST_RELATION, Hypothesis, Starter, quarter_turns};
@@ -23,14 +23,31 @@ const FOOT: f64 = 0.1;
 const MOST_LAYERS: usize = 6;
 
 pub(crate) fn hypotheses<'a>(starter: &Starter<'a, '_>) -> Vec<Hypothesis<'a>> {
-    let given = starter.item.relations.on_top_of.as_ref().and_then(|id| starter.scene.position(id));
     let mut out = Vec::new();
-    for host in hosts(starter.scene, starter.item, starter.view.mask_box) {
-        // Another host than the given one has to earn it.
-        let price = if given.is_some_and(|g| g != host) { AGAINST_RELATION } else { 0.0 };
+    let given = given_host(starter);
+    if let Some(host) = given {
+        on_host(starter, host, 0.0, &mut out);
+    }
+    let lies_on = |g: usize| overlap(starter.scene, &starter.scene.placed[g], &starter.view.mask_box);
+    if given.is_none_or(|g| lies_on(g) < DOUBTFUL_OVERLAP) {
+        out.extend(on_other_hosts(starter));
+    }
+    out
+}
+
+/// First poses on other hosts than the given one, which have to earn it.
+pub(crate) fn on_other_hosts<'a>(starter: &Starter<'a, '_>) -> Vec<Hypothesis<'a>> {
+    let given = given_host(starter);
+    let price = if given.is_some() { AGAINST_RELATION } else { 0.0 };
+    let mut out = Vec::new();
+    for host in other_hosts(starter.scene, starter.item, starter.view.mask_box, given) {
         on_host(starter, host, price, &mut out);
     }
     out
+}
+
+fn given_host(starter: &Starter) -> Option<usize> {
+    starter.item.relations.on_top_of.as_ref().and_then(|id| starter.scene.position(id))
 }
 
 /// Share of a decoration's box that lies on a host: its lower half, or what is about its foot (a tall lamp stands on a
@@ -56,30 +73,23 @@ fn projected_box(scene: &PartialScene, placed: &Placed) -> Option<PixelBox> {
     out
 }
 
-/// Placed objects that may carry a decoration, the most likely first: the given one, unless the boxes speak
-/// against it; the consistency check of Sec. 3.3.
-fn hosts(scene: &PartialScene, item: &Item, mask_box: PixelBox) -> Vec<usize> {
+/// Placed objects beside the given one that may carry a decoration, the most likely first: the consistency check of
+/// Sec. 3.3.
+fn other_hosts(scene: &PartialScene, item: &Item, mask_box: PixelBox, given: Option<usize>) -> Vec<usize> {
     let carries = |p: &Placed| !p.item.traits.flat && p.item.level != Level::Ceiling && p.item.id != item.id;
-    let named = |id: &ObjectId| scene.position(id);
-    let given = item.relations.on_top_of.as_ref().and_then(named);
-    let mut out: Vec<usize> = given.into_iter().collect();
-    if given.is_some_and(|g| overlap(scene, &scene.placed[g], &mask_box) >= DOUBTFUL_OVERLAP) {
-        return out;
-    }
     let candidates: Vec<usize> = if item.host_candidates.is_empty() {
         (0..scene.placed.len()).filter(|i| carries(&scene.placed[*i])).collect()
     } else {
-        item.host_candidates.iter().filter_map(named).collect()
+        item.host_candidates.iter().filter_map(|id| scene.position(id)).collect()
     };
     let mut ranked: Vec<(f64, usize)> = candidates
         .into_iter()
-        .filter(|i| !out.contains(i))
+        .filter(|i| Some(*i) != given)
         .map(|i| (overlap(scene, &scene.placed[i], &mask_box), i))
         .filter(|(o, _)| *o > 0.2)
         .collect();
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    out.extend(ranked.into_iter().map(|(_, i)| i).take(MOST_HOSTS - out.len()));
-    out
+    ranked.into_iter().map(|(_, i)| i).take(MOST_HOSTS - given.map_or(0, |_| 1)).collect()
 }
 
 fn on_host<'a>(starter: &Starter<'a, '_>, host: usize, price: f64, out: &mut Vec<Hypothesis<'a>>) {

@@ -334,6 +334,7 @@ pub(crate) fn settle_all(scene: &mut PartialScene, settings: &PlacementSettings)
         };
         let pose = frame.settle(&scene.placed[i].pose);
         scene.placed[i].pose = pose;
+        crate::plausible::sink_onto_host(scene, i);
     }
 }
 

@@ -139,6 +139,9 @@ pub fn place_level(
         crate::plausible::fronts_from_walls(scene, settings);
         crate::plausible::between_curtains(scene, settings);
         crate::plausible::back_onto_hosts(scene);
+        if settings.refinement {
+            follow_hosts(scene, settings);
+        }
         if settings.collision {
             part_all(scene, settings, &mut report);
         }
@@ -231,6 +234,25 @@ fn look_again(scene: &mut PartialScene, first: usize, settings: &PlacementSettin
     if settings.collision {
         for i in first..scene.placed.len() {
             separate(scene, i, settings, report);
+        }
+    }
+}
+
+/// Places anew what hangs in the air because the global refinement took its host from under it.
+fn follow_hosts(scene: &mut PartialScene, settings: &PlacementSettings) {
+    for i in 0..scene.placed.len() {
+        if !crate::plausible::hangs_in_the_air(scene, i) {
+            continue;
+        }
+        let item = Arc::clone(&scene.placed[i].item);
+        let others = neighbours(scene, &item, &[], Some(i));
+        let Some(view) = View::new(scene, Some(i), &item.mask, &others, settings.window_px) else { continue };
+        let anew = solve(scene, &item, &view, settings);
+        let (pose, support) = (anew.pose, anew.support());
+        let before = scene.placed[i].clone();
+        (scene.placed[i].pose, scene.placed[i].support) = (pose, support);
+        if crate::plausible::hangs_in_the_air(scene, i) {
+            scene.placed[i] = before;
         }
     }
 }
@@ -425,4 +447,38 @@ pub(crate) fn neighbours<'a>(
         out.push(Neighbour { mask, may_hide: true });
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::Vec3;
+
+    use super::*;
+    use crate::testing::{boxed, empty_room};
+
+    #[test]
+    fn what_lost_its_host_is_placed_on_it_anew() {
+        let mut scene = empty_room();
+        let put = |scene: &mut PartialScene, item: Item, at: Vec3, support: Support| {
+            let pose = harmony_scene::Pose::new(at, 0.0, 1.0);
+            scene.placed.push(Placed { item: Arc::new(item), pose, support, evidence: Evidence::default() });
+        };
+        let at = Vec3::new(2.0, 0.0, 2.0);
+        let mut table = boxed(&scene, Vec3::new(0.8, 0.7, 0.6), at, 0.0);
+        table.id = ObjectId::numbered("table", 1);
+        let on_table = at + Vec3::Y * 0.7;
+        let mut lamp = boxed(&scene, Vec3::new(0.2, 0.4, 0.2), on_table, 0.0);
+        lamp.id = ObjectId::numbered("lamp", 1);
+        lamp.level = Level::Decoration;
+        lamp.relations.on_top_of = Some(table.id.clone());
+        let support = Support::Object { id: table.id.clone() };
+        put(&mut scene, table, at, Support::Floor);
+        // The table has come nearer by 0.9 m since the lamp was put there.
+        put(&mut scene, lamp, on_table - Vec3::Z * 0.9, support);
+        assert!(crate::plausible::hangs_in_the_air(&scene, 1));
+        follow_hosts(&mut scene, &PlacementSettings::default());
+        assert!(!crate::plausible::hangs_in_the_air(&scene, 1));
+        let found = scene.placed[1].pose.position;
+        assert!(found.distance(on_table) < 0.05, "{found}");
+    }
 }

@@ -21,6 +21,8 @@ const SAME_LEVEL: f64 = 0.05;
 const FOOT: f64 = 0.003;
 /// Steps in which an object is moved towards its host's middle.
 const STEPS: u32 = 40;
+/// Rays along each side of an object's footprint that tell how far it can sink.
+const SINK_RAYS: u32 = 9;
 /// What is farther from its host than this does not rest on it, metres: the host is wrong, not the place.
 const FARTHEST_BACK: f64 = 0.4;
 /// How far beyond a window's end its curtains may end, share of the window's width.
@@ -44,7 +46,7 @@ pub(crate) fn back_onto_hosts(scene: &mut PartialScene) {
         let start = object.pose.position;
         let places = places_towards_middle(object, host);
         let feet = feet(object);
-        let stands = |p: &&Place| p.carries && stands(&feet, host, p.at);
+        let stands = |p: &&Place| p.carries && gap_below(&feet, host, p.at).is_some_and(|gap| gap < FOOT);
         let found = places.iter().find(stands).or_else(|| places.iter().find(|p| p.carries));
         let found = found.filter(|p| p.at.distance(start) <= FARTHEST_BACK);
         if let Some(place) = found {
@@ -53,6 +55,25 @@ pub(crate) fn back_onto_hosts(scene: &mut PartialScene) {
                 scene.placed[member].pose.position += by;
             }
         }
+    }
+}
+
+/// Lets an object that stands on another one sink until it touches it: the surface under its footprint may be that of a
+/// rim which its base is not on.
+pub(crate) fn sink_onto_host(scene: &mut PartialScene, i: usize) {
+    let Some((object, host)) = with_host(scene, i) else { return };
+    let at = object.pose.position;
+    let (low, high) = reach(&object.item, &object.pose);
+    let share = |k: u32| f64::from(k) / f64::from(SINK_RAYS - 1);
+    let grid = (0..SINK_RAYS * SINK_RAYS).map(|k| (share(k % SINK_RAYS), share(k / SINK_RAYS)));
+    // Where its underside is, relative to its position.
+    let underside = grid.filter_map(|(u, v)| {
+        let from = Vec3::new(low.x + u * (high.x - low.x), low.y - SAME_LEVEL, low.z + v * (high.z - low.z));
+        crate::support::ray_hit(object, at + from, Vec3::Y).map(|(hit, _)| hit - at)
+    });
+    let under: Vec<Vec3> = underside.chain(feet(object)).collect();
+    if let Some(gap) = gap_below(&under, host, at).filter(|gap| *gap >= FOOT) {
+        scene.placed[i].pose.position.y -= gap;
     }
 }
 
@@ -88,12 +109,14 @@ fn feet(object: &Placed) -> Vec<Vec3> {
     corners
 }
 
-/// Whether one of its feet is on the host's surface, and not beyond its edge, when an object is at a place.
-fn stands(feet: &[Vec3], host: &Placed, at: Vec3) -> bool {
-    feet.iter().map(|f| at + *f).any(|foot| {
-        let under = crate::support::ray_hit(host, foot + Vec3::Y * SAME_LEVEL, Vec3::NEG_Y);
-        under.is_some_and(|(hit, _)| foot.y - hit.y < FOOT)
-    })
+/// Height of the foot that is least above the host's surface when an object is at a place, metres, at most
+/// [`SAME_LEVEL`]; `None` where all feet are beyond the host's edge or over lower surfaces.
+fn gap_below(feet: &[Vec3], host: &Placed, at: Vec3) -> Option<f64> {
+    let gap = |foot: Vec3| {
+        let (hit, _) = crate::support::ray_hit(host, foot + Vec3::Y * SAME_LEVEL, Vec3::NEG_Y)?;
+        Some(foot.y - hit.y)
+    };
+    feet.iter().filter_map(|f| gap(at + *f)).min_by(f64::total_cmp).filter(|gap| *gap <= SAME_LEVEL)
 }
 
 /// An object that stands on another one, and that one.
@@ -320,6 +343,50 @@ mod tests {
         back_onto_hosts(&mut scene);
         let at = scene.placed[1].pose.position;
         assert!(at.z <= 2.05 + 1e-6 && at.z > 2.03, "{at}");
+    }
+
+    /// A box and others on it, each with its size and the place of its bottom's centre.
+    fn stacked(parts: &[(Vec3, Vec3)]) -> crate::Shape {
+        let mut all = harmony_mesh::Mesh::default();
+        for (size, at) in parts {
+            let mesh = crate::testing::box_mesh(*size);
+            let first = all.positions.len() as u32;
+            all.positions.extend(mesh.positions.iter().map(|p| *p + at.as_vec3()));
+            all.uvs.extend(&mesh.uvs);
+            all.materials.clone_from(&mesh.materials);
+            let triangles = mesh.groups[0].triangles.iter().map(|t| t.map(|i| i + first)).collect();
+            all.groups.push(harmony_mesh::Group { material: 0, triangles });
+        }
+        all.recompute_normals();
+        let hulls = all.positions.chunks(8).map(|part| part.iter().map(|p| p.as_dvec3()).collect()).collect();
+        crate::Shape::new(Arc::new(all), hulls)
+    }
+
+    #[test]
+    fn a_wide_shade_over_a_rim_does_not_lift_a_lamp() {
+        let y = |y: f64| Vec3::Y * y;
+        let rim = (Vec3::new(0.1, 0.03, 0.6), Vec3::new(0.25, 0.5, 0.0));
+        let bump = (Vec3::new(0.04, 0.01, 0.6), y(0.5));
+        for (on_table, height) in [(vec![rim], 0.5), (vec![rim, bump], 0.51)] {
+            let mut scene = empty_room();
+            let with = |shape: crate::Shape| {
+                move |p: &mut Placed| {
+                    let mut item = (*p.item).clone();
+                    item.shape = Arc::new(shape);
+                    p.item = Arc::new(item);
+                }
+            };
+            let table = stacked(&[vec![(Vec3::new(0.6, 0.5, 0.6), Vec3::ZERO)], on_table].concat());
+            add(&mut scene, "table_01", Vec3::new(0.6, 0.53, 0.6), Vec3::new(2.0, 0.0, 2.0), with(table));
+            let lamp = stacked(&[(Vec3::new(0.1, 0.2, 0.1), Vec3::ZERO), (Vec3::new(0.6, 0.2, 0.6), y(0.2))]);
+            add(&mut scene, "lamp_01", Vec3::new(0.6, 0.4, 0.6), Vec3::new(2.0, 0.5, 2.0), |p| {
+                with(lamp)(p);
+                p.support = on("table_01");
+            });
+            crate::global::settle_all(&mut scene, &PlacementSettings::default());
+            let at = scene.placed[1].pose.position;
+            assert!((at.y - height).abs() < 1e-3, "{at} {height}");
+        }
     }
 
     #[test]

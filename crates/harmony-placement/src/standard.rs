@@ -7,8 +7,10 @@
 
 /// A kind with a standard height.
 struct Kind {
-    /// A label that ends in one of these is of the kind.
+    /// A label that ends in one of these is of the kind, whatever height was named within reason.
     names: &'static [&'static str],
+    /// ... in one of these only with a height near the standard.
+    vague: &'static [&'static str],
     /// A label with one of these words is not.
     but_not: &'static [&'static str],
     height: f64,
@@ -17,7 +19,8 @@ struct Kind {
 
 const KINDS: [Kind; 3] = [
     Kind {
-        names: &["desk", "table"],
+        names: &["desk", "dining table", "kitchen table"],
+        vague: &["table"],
         but_not: &[
             "accent",
             "adjustable",
@@ -46,21 +49,15 @@ const KINDS: [Kind; 3] = [
         sigma: 0.03,
     },
     Kind {
-        names: &[
-            "base cabinet",
-            "lower cabinet",
-            "base unit",
-            "kitchen counter",
-            "countertop",
-            "kitchen island",
-            "kitchen cabinet",
-        ],
+        names: &["base cabinet", "lower cabinet", "base unit", "kitchen counter", "countertop", "kitchen island"],
+        vague: &["kitchen cabinet"],
         but_not: &["bar", "bathroom", "sink", "tall", "upper", "wall"],
         height: 0.90,
         sigma: 0.04,
     },
     Kind {
         names: &["door"],
+        vague: &[],
         but_not: &[
             "balcony", "barn", "cabinet", "closet", "french", "garage", "patio", "sliding", "terrace", "wardrobe",
         ],
@@ -69,24 +66,26 @@ const KINDS: [Kind; 3] = [
     },
 ];
 
-/// A named height farther from the standard than this is that of another kind of thing (logarithm): of a coffee table,
-/// of a cabinet on the wall.
+/// A named height farther from the standard than this is that of another kind of thing (logarithm), of a coffee table, of
+/// a cabinet on the wall, where the label leaves it open; and where it does not, of a toy's, or of a part that is seen.
 const FARTHEST: f64 = 0.3;
+const FARTHEST_OF_NAMED: f64 = 0.6;
 
 /// The height, metres, that an object of this label has by a standard, and one sigma of it, relative; `None` where there
 /// is no standard, or the named height (metres) says that this is something else.
 pub(crate) fn standard_height(label: &str, named: f64) -> Option<(f64, f64)> {
     let label = label.to_lowercase();
     let has = |word: &&str| label.split(|c: char| !c.is_alphanumeric()).any(|w| w == *word);
-    let kind = KINDS.iter().find(|k| {
-        let ends = |name: &&str| {
-            let before = label.strip_suffix(*name);
-            before.is_some_and(|b| b.is_empty() || b.ends_with(|c: char| !c.is_alphanumeric()))
-        };
-        k.names.iter().any(ends) && !k.but_not.iter().any(has)
+    let ends = |name: &&str| {
+        let before = label.strip_suffix(*name);
+        before.is_some_and(|b| b.is_empty() || b.ends_with(|c: char| !c.is_alphanumeric()))
+    };
+    let (kind, farthest) = KINDS.iter().filter(|k| !k.but_not.iter().any(has)).find_map(|k| {
+        let of_name = k.names.iter().any(ends).then_some((k, FARTHEST_OF_NAMED));
+        of_name.or_else(|| k.vague.iter().any(ends).then_some((k, FARTHEST)))
     })?;
     let off = (named / kind.height).ln();
-    (off.is_finite() && off.abs() <= FARTHEST).then_some((kind.height, kind.sigma))
+    (off.is_finite() && off.abs() <= farthest).then_some((kind.height, kind.sigma))
 }
 
 #[cfg(test)]
@@ -101,6 +100,9 @@ mod tests {
             assert!(standard_height(label, height).is_none(), "{label}");
         }
         assert!(standard_height("vegetable", 0.7).is_none());
+        // A label that leaves no doubt holds against a height that was named badly.
+        assert!(standard_height("dining table", 0.5).is_some() && standard_height("table", 0.5).is_none());
+        assert!(standard_height("desk", 0.3).is_none());
         assert!(standard_height("desk", f64::NAN).is_none() && standard_height("desk", 0.0).is_none());
     }
 

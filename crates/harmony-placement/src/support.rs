@@ -20,6 +20,10 @@ const FOOTPRINT_RAYS: usize = 4;
 /// Share of the footprint that is asked: feet stand inside the outline.
 const FOOTPRINT_SHARE: f64 = 0.7;
 
+/// Rays to the sides of a point, and its height over a surface, share of the object's: whether the surface can be reached.
+const SIDEWAYS_RAYS: usize = 8;
+const REACHED_AT: f64 = 0.3;
+
 /// What is asked of a host.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SurfaceQuery {
@@ -49,8 +53,9 @@ pub(crate) struct Layer {
     pub(crate) share: f64,
 }
 
-/// Heights of the host's mesh along a vertical line, from `from` downwards, at most `limit` of them.
-fn heights_below(host: &Placed, x: f64, z: f64, from: f64, limit: usize) -> Vec<f64> {
+/// Heights of the host's mesh along a vertical line, from `from` downwards, at most `limit` of them, and whether the
+/// surface looks up there.
+fn heights_below(host: &Placed, x: f64, z: f64, from: f64, limit: usize) -> Vec<(f64, bool)> {
     let inverse = host.pose.linear().inverse();
     let down = inverse * Vec3::NEG_Y;
     let unit = down.length();
@@ -65,10 +70,48 @@ fn heights_below(host: &Placed, x: f64, z: f64, from: f64, limit: usize) -> Vec<
         let reach = (start - host.pose.position.y + 0.05).max(0.0) * unit;
         let Some(hit) = bvh.raycast(origin, down / unit, reach) else { break };
         let height = start - hit.distance / unit;
-        out.push(height);
+        out.push((height, hit.normal.dot(down) < 0.0));
         start = height - 1e-3;
     }
     out
+}
+
+/// All heights of the host's mesh along a vertical line, from its top downwards, and whether the surface there looks the way
+/// that the topmost one does: an underside looks the other way, and some meshes come inside out.
+fn column(host: &Placed, x: f64, z: f64, top: f64) -> Vec<(f64, bool)> {
+    let mut out = heights_below(host, x, z, top, 24);
+    let Some((_, topmost)) = out.first().copied() else { return out };
+    out.iter_mut().for_each(|(_, up)| *up = *up == topmost);
+    out
+}
+
+/// Height of the surface at or below `from` along a vertical line that carries something there; `None` where that is inside
+/// of the host, or beside it.
+fn carrier_below(host: &Placed, x: f64, z: f64, from: f64) -> Option<f64> {
+    let (height, up) = heights_below(host, x, z, from, 1).first().copied()?;
+    let carries = || {
+        let all = column(host, x, z, top_of(host));
+        let nearest = all.into_iter().min_by(|a, b| (a.0 - height).abs().total_cmp(&(b.0 - height).abs()));
+        nearest.is_some_and(|(_, carries)| carries)
+    };
+    (up || carries()).then_some(height)
+}
+
+/// A height above all of a host, metres.
+fn top_of(host: &Placed) -> f64 {
+    host.pose.position.y + reach(&host.item, &host.pose).1.y + 0.05
+}
+
+/// Whether something gets to a point inside of a host from one of its sides: to a shelf, but not to what is under a mattress
+/// or behind doors.
+fn is_open(host: &Placed, at: Vec3) -> bool {
+    let inverse = host.pose.linear().inverse();
+    let origin = inverse * (at - host.pose.position);
+    let reach = host.item.shape.extent().length();
+    (0..SIDEWAYS_RAYS).any(|k| {
+        let turn = std::f64::consts::TAU * k as f64 / SIDEWAYS_RAYS as f64;
+        !host.item.shape.bvh().any_hit(origin, Vec3::new(turn.sin(), 0.0, turn.cos()), reach)
+    })
 }
 
 /// The surface of a host under an object's footprint near a level.
@@ -84,8 +127,8 @@ pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &Sur
             let t = |k: usize| 2.0 * k as f64 / (FOOTPRINT_RAYS - 1) as f64 - 1.0;
             let at = pose.position + linear * Vec3::new(half.x * t(i), 0.0, half.z * t(j));
             rays += 1;
-            let first = heights_below(host, at.x, at.z, from, 1).first().copied();
-            found.extend(first.filter(|h| *h >= query.level - LEVEL_SLACK));
+            let carrier = carrier_below(host, at.x, at.z, from);
+            found.extend(carrier.filter(|h| *h >= query.level - LEVEL_SLACK));
         }
     }
     if found.is_empty() {
@@ -101,18 +144,18 @@ pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &Sur
 pub(crate) fn layers(host: &Placed, object_height: f64) -> Vec<Layer> {
     const GRID: usize = 9;
     let (low, high) = reach(&host.item, &host.pose);
-    let top = host.pose.position.y + high.y + 0.05;
+    let top = top_of(host);
     let mut heights: Vec<f64> = Vec::new();
     for i in 0..GRID {
         for j in 0..GRID {
             let t = |k: usize, a: f64, b: f64| a + (b - a) * (k as f64 + 0.5) / GRID as f64;
             let x = host.pose.position.x + t(i, low.x, high.x);
             let z = host.pose.position.z + t(j, low.z, high.z);
-            let column = heights_below(host, x, z, top, 24);
             let mut above = f64::INFINITY;
-            for h in column {
-                // The underside of a board has the board's thickness above it, not room for an object.
-                if above - h >= (0.6 * object_height).max(SAME_SURFACE) && h > host.pose.position.y + 0.03 {
+            for (h, carries) in column(host, x, z, top) {
+                let room = above - h >= (0.6 * object_height).max(SAME_SURFACE);
+                let in_reach = || above.is_infinite() || is_open(host, Vec3::new(x, h + REACHED_AT * object_height, z));
+                if carries && room && h > host.pose.position.y + 0.03 && in_reach() {
                     heights.push(h);
                 }
                 above = h;
@@ -186,5 +229,48 @@ mod back_tests {
         assert!(gap(1.2).unwrap().abs() < 1e-6);
         // Nothing behind it: above the backrest.
         assert_eq!(gap_to_back(&host, &cushion, &Pose::new(Vec3::new(2.0, 1.5, 1.5), 0.0, 1.0)), None);
+    }
+
+    #[test]
+    fn an_underside_is_no_shelf() {
+        let scene = empty_room();
+        let slab = |low: f32, high: f32| {
+            let mut mesh = box_mesh(Vec3::new(2.0, f64::from(high - low), 1.0));
+            mesh.positions.iter_mut().for_each(|p| p.y += low);
+            mesh
+        };
+        // A base and, above it, a mattress.
+        let (mut bed, mattress) = (slab(0.05, 0.15), slab(0.32, 0.6));
+        let first = bed.positions.len() as u32;
+        bed.positions.extend(&mattress.positions);
+        bed.uvs.extend(&mattress.uvs);
+        bed.groups[0].triangles.extend(mattress.groups[0].triangles.iter().map(|t| t.map(|i| i + first)));
+        bed.recompute_normals();
+        let host_of = |mesh: harmony_mesh::Mesh| {
+            let mut item = boxed(&scene, Vec3::new(2.0, 0.6, 1.0), Vec3::new(2.0, 0.0, 2.0), 0.0);
+            item.shape = Arc::new(Shape::new(Arc::new(mesh), Vec::new()));
+            Placed {
+                item: Arc::new(item),
+                pose: Pose::new(Vec3::new(2.0, 0.0, 2.0), 0.3, 1.0),
+                support: harmony_scene::Support::Floor,
+                evidence: crate::Evidence::default(),
+            }
+        };
+        let heights_of = |mesh: harmony_mesh::Mesh| {
+            let layers = layers(&host_of(mesh), 0.25);
+            layers.into_iter().map(|l| (l.height * 100.0).round()).collect::<Vec<_>>()
+        };
+        // Nor is the inside of the mattress a place from which something falls onto its underside.
+        let bear = boxed(&scene, Vec3::new(0.2, 0.25, 0.2), Vec3::new(2.0, 0.4, 2.0), 0.0);
+        let under = |level: f64| {
+            let query = SurfaceQuery { level, object_height: 0.25, soft: false };
+            surface_under(&host_of(bed.clone()), &bear, &Pose::new(Vec3::new(2.0, level, 2.0), 0.0, 1.0), &query)
+        };
+        assert_eq!(under(0.4), None);
+        assert!(under(0.58).is_some_and(|s| (s.height - 0.6).abs() < 1e-6 && s.share > 0.99));
+        assert_eq!(heights_of(bed.clone()), [60.0, 15.0]);
+        // The same with all faces inside out, as some meshes come.
+        bed.groups[0].triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        assert_eq!(heights_of(bed), [60.0, 15.0]);
     }
 }

@@ -64,6 +64,9 @@ pub fn calibrate(
 
 /// Confidence of a view whose lines are believed where the map has no frame.
 const SURE_VIEW: f64 = 0.4;
+/// A map's frame that leaves the photo's lines unexplained, to less than this share of what their own frame explains, is
+/// not believed.
+const OVERRULED: f64 = 0.8;
 /// Lines that hold such a view while the pins are solved for the box.
 const HOLDING_LINES: usize = 120;
 
@@ -80,7 +83,47 @@ pub fn calibrate_with_photo(
     view: &ViewEstimate,
     settings: &CalibrationSettings,
 ) -> Result<(Calibration, PointMap), CalibrationError> {
-    let (mut first, frame) = calibrate_along(points, prior, settings, None)?;
+    let (first, frame) = calibrate_along(points, prior, settings, None)?;
+    let sure = view.confidence >= SURE_VIEW;
+    let by_lines = |reason: &str| {
+        let mut first = fallback::calibrate_by_prior(points, prior, reason, &longest(view));
+        first.evidence.fallbacks.push("directions from the photo's lines".to_owned());
+        refine_with_photo(first, None, points, prior, view, settings)
+    };
+    if first.evidence.method != CalibrationMethod::Manhattan && sure {
+        // Without a frame from the map the photo's lines know the directions better than hints.
+        return by_lines(first.evidence.fallbacks.first().map_or("", String::as_str));
+    }
+    let of_map = first.evidence.method == CalibrationMethod::Manhattan;
+    let refined = refine_with_photo(first, frame, points, prior, view, settings)?;
+    let explained = |c: &Calibration| {
+        let camera = c.camera.resized(view.size);
+        view.explained_by(&camera.rotation, camera.intrinsics.fx)
+    };
+    if of_map && sure && explained(&refined.0) < OVERRULED * view.support.iter().sum::<f64>() {
+        let note = "the map's frame is not that of the photo's lines, which are believed";
+        let (mut other, map) = by_lines(note)?;
+        if explained(&other) > explained(&refined.0) {
+            // Along the lines' axes the map may show its surfaces after all; then the note is not there.
+            if !other.evidence.fallbacks.iter().any(|f| f == note) {
+                other.evidence.fallbacks.insert(0, note.to_owned());
+            }
+            return Ok((other, map));
+        }
+    }
+    Ok(refined)
+}
+
+/// A calibration along the axes that the photo's lines give, refined by everything together; `frame` is that of the map.
+/// The second value is the map as that camera sees it.
+fn refine_with_photo(
+    first: Calibration,
+    frame: Option<ManhattanFrame>,
+    points: &PointMap,
+    prior: &LayoutPrior,
+    view: &ViewEstimate,
+    settings: &CalibrationSettings,
+) -> Result<(Calibration, PointMap), CalibrationError> {
     let refined = |before: &Calibration, map: &PointMap, until| {
         let (calibration, evidence) = refine_jointly(before, map, view, prior, until);
         let map = evidence.map(|e| map.with_focal(map.intrinsics.fx * e.focal_ratio));
@@ -90,12 +133,6 @@ pub fn calibrate_with_photo(
         Some(refined) => Ok(refined),
         None => Ok((first, points.clone())),
     };
-    if first.evidence.method != CalibrationMethod::Manhattan && view.confidence >= SURE_VIEW {
-        // Without a frame from the map the photo's lines know the directions better than hints.
-        let reason = first.evidence.fallbacks.first().cloned().unwrap_or_default();
-        first = fallback::calibrate_by_prior(points, prior, &reason, &longest(view));
-        first.evidence.fallbacks.push("directions from the photo's lines".to_owned());
-    }
     let Some((along, map)) = refined(&first, points, Refinement::Axes) else { return Ok((first, points.clone())) };
     // With the right axes other faces may turn out to be the room's.
     let known = Known { camera_from_room: along.camera.rotation, frame };
