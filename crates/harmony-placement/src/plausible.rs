@@ -64,15 +64,26 @@ pub(crate) fn sink_onto_host(scene: &mut PartialScene, i: usize) {
     let Some((object, host)) = with_host(scene, i) else { return };
     let at = object.pose.position;
     let (low, high) = reach(&object.item, &object.pose);
+    let underside = |x: f64, z: f64| {
+        let from = Vec3::new(x, at.y + low.y - SAME_LEVEL, z);
+        crate::support::ray_hit(object, from, Vec3::Y).map(|(hit, _)| hit)
+    };
     let share = |k: u32| f64::from(k) / f64::from(SINK_RAYS - 1);
     let grid = (0..SINK_RAYS * SINK_RAYS).map(|k| (share(k % SINK_RAYS), share(k / SINK_RAYS)));
-    // Where its underside is, relative to its position.
-    let underside = grid.filter_map(|(u, v)| {
-        let from = Vec3::new(low.x + u * (high.x - low.x), low.y - SAME_LEVEL, low.z + v * (high.z - low.z));
-        crate::support::ray_hit(object, at + from, Vec3::Y).map(|(hit, _)| hit - at)
+    let points = grid.filter_map(|(u, v)| {
+        let place = at + low + (high - low) * Vec3::new(u, 0.0, v);
+        underside(place.x, place.z).map(|hit| hit - at)
     });
-    let under: Vec<Vec3> = underside.chain(feet(object)).collect();
-    if let Some(gap) = gap_below(&under, host, at).filter(|gap| *gap >= FOOT) {
+    let under: Vec<Vec3> = points.chain(feet(object)).collect();
+    // A narrow rim shows in its corners.
+    let corners = host.item.shape.proxy().points.iter().map(|p| host.pose.point(p.as_dvec3()));
+    let below = |p: &Vec3| {
+        let off = *p - at;
+        (low.x..=high.x).contains(&off.x) && (low.z..=high.z).contains(&off.z) && (off.y - low.y).abs() <= SAME_LEVEL
+    };
+    let over_corners = corners.filter(below).filter_map(|p| Some(underside(p.x, p.z)?.y - p.y));
+    let gap = over_corners.chain(gap_below(&under, host, at)).min_by(f64::total_cmp);
+    if let Some(gap) = gap.filter(|gap| (FOOT..=SAME_LEVEL).contains(gap)) {
         scene.placed[i].pose.position.y -= gap;
     }
 }

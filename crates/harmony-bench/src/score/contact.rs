@@ -89,9 +89,14 @@ impl Solid {
         self.bounds.min.cmplt(other.bounds.max - 1e-3).all() && other.bounds.min.cmplt(self.bounds.max - 1e-3).all()
     }
 
-    /// How deep two solids are in each other, metres.
+    /// How deep two solids are in each other, metres; no deeper than their boxes, whose overlap along an axis is a way out
+    /// (of a sofa that is open below, the floor's rug is nowhere near a surface).
     pub fn penetration(&self, other: &Self) -> f64 {
-        if self.may_touch(other) { self.depth_in(other).max(other.depth_in(self)) } else { 0.0 }
+        if !self.may_touch(other) {
+            return 0.0;
+        }
+        let overlap = self.bounds.max.min(other.bounds.max) - self.bounds.min.max(other.bounds.min);
+        self.depth_in(other).max(other.depth_in(self)).min(overlap.min_element())
     }
 
     /// Volume shared with another, cubic metres, on a grid of 14 cells a side of the shared box.
@@ -191,4 +196,41 @@ fn true_gap(truth: &TruthRoom, t: &TruthObject) -> Option<f64> {
         Support::Wall { .. } => 0.0,
         Support::Object { id } => solid.gap_above(&Solid::new(&in_room(truth.find(id.as_str())?))?)?,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use harmony_mesh::{Group, Material};
+
+    use super::*;
+
+    /// A box, without its bottom if it is open; lengths in metres.
+    fn made(low: Vec3, high: Vec3, open: bool) -> Solid {
+        let mut mesh = Mesh { materials: vec![Material::plain("box", [0.5; 3])], ..Mesh::default() };
+        for i in 0..8 {
+            let pick = |bit: i32, low: f32, high: f32| if i & bit == 0 { low } else { high };
+            mesh.positions.push(Vec3::new(pick(1, low.x, high.x), pick(2, low.y, high.y), pick(4, low.z, high.z)));
+            mesh.uvs.push(glam::Vec2::ZERO);
+        }
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4]];
+        let quads = if open { &quads[..5] } else { &quads[..] };
+        let triangles = quads.iter().flat_map(|q: &[u32; 4]| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
+        mesh.groups.push(Group { material: 0, triangles });
+        mesh.recompute_normals();
+        Solid::new(&mesh).unwrap()
+    }
+
+    #[test]
+    fn solids_are_no_deeper_in_each_other_than_the_way_out() {
+        let rug = made(Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 0.008, 1.0), false);
+        for open in [false, true] {
+            let sofa = made(Vec3::new(-0.8, 0.0, -0.4), Vec3::new(0.8, 0.5, 0.4), open);
+            assert!(sofa.penetration(&rug) <= 0.008 + 1e-6 && rug.penetration(&sofa) <= 0.008 + 1e-6);
+        }
+        let (left, right) = (Vec3::new(-1.0, 0.0, 0.0), Vec3::new(-0.03, 0.0, 0.0));
+        let [a, b] = [left, right].map(|low| made(low, low + Vec3::ONE, false));
+        let depth = a.penetration(&b);
+        assert!(depth > 0.02 && depth <= 0.03 + 1e-6, "{depth}");
+    }
 }
