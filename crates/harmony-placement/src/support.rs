@@ -81,7 +81,9 @@ fn heights_below(host: &Placed, x: f64, z: f64, from: f64, limit: usize) -> Vec<
 fn column(host: &Placed, x: f64, z: f64, top: f64) -> Vec<(f64, bool)> {
     let mut out = heights_below(host, x, z, top, 24);
     let Some((_, topmost)) = out.first().copied() else { return out };
-    out.iter_mut().for_each(|(_, up)| *up = *up == topmost);
+    for (_, up) in &mut out {
+        *up = *up == topmost;
+    }
     out
 }
 
