@@ -21,8 +21,12 @@ const SAME_LEVEL: f64 = 0.05;
 const FOOT: f64 = 0.003;
 /// Steps in which an object is moved towards its host's middle.
 const STEPS: u32 = 40;
+/// Height over its host from which an object hangs in the air, metres: less is the unevenness of meshes.
+const IN_THE_AIR: f64 = 0.005;
 /// Rays along each side of an object's footprint that tell how far it can sink.
 const SINK_RAYS: u32 = 9;
+/// Distance of points on the edges of a host's faces, metres.
+const RIM_STEP: f64 = 0.005;
 /// What is farther from its host than this does not rest on it, metres: the host is wrong, not the place.
 const FARTHEST_BACK: f64 = 0.4;
 /// How far beyond a window's end its curtains may end, share of the window's width.
@@ -75,15 +79,22 @@ pub(crate) fn sink_onto_host(scene: &mut PartialScene, i: usize) {
         underside(place.x, place.z).map(|hit| hit - at)
     });
     let under: Vec<Vec3> = points.chain(feet(object)).collect();
-    // A narrow rim shows in its corners.
-    let corners = host.item.shape.proxy().points.iter().map(|p| host.pose.point(p.as_dvec3()));
-    let below = |p: &Vec3| {
-        let off = *p - at;
-        (low.x..=high.x).contains(&off.x) && (low.z..=high.z).contains(&off.z) && (off.y - low.y).abs() <= SAME_LEVEL
-    };
-    let over_corners = corners.filter(below).filter_map(|p| Some(underside(p.x, p.z)?.y - p.y));
-    let gap = over_corners.chain(gap_below(&under, host, at)).min_by(f64::total_cmp);
-    if let Some(gap) = gap.filter(|gap| (FOOT..=SAME_LEVEL).contains(gap)) {
+    let Some(gap) = gap_below(&under, host, at).filter(|gap| *gap > IN_THE_AIR) else { return };
+    // A narrow rim shows in the edges of its faces.
+    let (from, to) = (at + low - Vec3::Y * SAME_LEVEL, (at + high).with_y(at.y + low.y + SAME_LEVEL));
+    let mesh = host.item.shape.mesh();
+    let faces = mesh.triangles().map(|t| t.map(|i| host.pose.point(mesh.positions[i as usize].as_dvec3())));
+    let near = faces.filter(|[p, q, r]| p.min(*q).min(*r).cmple(to).all() && p.max(*q).max(*r).cmpge(from).all());
+    let over_rim = near
+        .flat_map(|[p, q, r]| [[p, q], [q, r], [r, p]])
+        .flat_map(|[p, q]| {
+            let steps = (p.distance(q) / RIM_STEP).ceil().clamp(1.0, 500.0) as u32;
+            (0..=steps).map(move |k| p.lerp(q, f64::from(k) / f64::from(steps)))
+        })
+        .filter(|p| p.cmpge(from).all() && p.cmple(to).all())
+        .filter_map(|p| Some(underside(p.x, p.z)?.y - p.y));
+    let gap = over_rim.fold(gap, f64::min);
+    if gap > IN_THE_AIR {
         scene.placed[i].pose.position.y -= gap;
     }
 }
@@ -377,8 +388,9 @@ mod tests {
     fn a_wide_shade_over_a_rim_does_not_lift_a_lamp() {
         let y = |y: f64| Vec3::Y * y;
         let rim = (Vec3::new(0.1, 0.03, 0.6), Vec3::new(0.25, 0.5, 0.0));
+        let lip = (Vec3::new(0.6, 0.01, 0.004), Vec3::new(0.0, 0.5, 0.043));
         let bump = (Vec3::new(0.04, 0.01, 0.6), y(0.5));
-        for (on_table, height) in [(vec![rim], 0.5), (vec![rim, bump], 0.51)] {
+        for (on_table, height) in [(vec![rim], 0.5), (vec![rim, bump], 0.51), (vec![rim, lip], 0.51)] {
             let mut scene = empty_room();
             let with = |shape: crate::Shape| {
                 move |p: &mut Placed| {
