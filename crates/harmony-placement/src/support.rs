@@ -20,10 +20,6 @@ const FOOTPRINT_RAYS: usize = 4;
 /// Share of the footprint that is asked: feet stand inside the outline.
 const FOOTPRINT_SHARE: f64 = 0.7;
 
-/// Rays to the sides of a point, and its height over a surface, share of the object's: whether the surface can be reached.
-const SIDEWAYS_RAYS: usize = 8;
-const REACHED_AT: f64 = 0.3;
-
 /// What is asked of a host.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SurfaceQuery {
@@ -87,33 +83,29 @@ fn column(host: &Placed, x: f64, z: f64, top: f64) -> Vec<(f64, bool)> {
     out
 }
 
-/// Height of the surface at or below `from` along a vertical line that carries something there; `None` where that is inside
-/// of the host, or beside it.
-fn carrier_below(host: &Placed, x: f64, z: f64, from: f64) -> Option<f64> {
-    let (height, up) = heights_below(host, x, z, from, 1).first().copied()?;
+/// What a host has at or below a point.
+enum Below {
+    /// A surface that carries something there: its height, metres.
+    Carries(f64),
+    /// The point is inside of the host: in the backrest on which a cushion leans.
+    Inside,
+    /// The point is beside the host.
+    Nothing,
+}
+
+fn below(host: &Placed, x: f64, z: f64, from: f64) -> Below {
+    let Some((height, up)) = heights_below(host, x, z, from, 1).first().copied() else { return Below::Nothing };
     let carries = || {
         let all = column(host, x, z, top_of(host));
         let nearest = all.into_iter().min_by(|a, b| (a.0 - height).abs().total_cmp(&(b.0 - height).abs()));
         nearest.is_some_and(|(_, carries)| carries)
     };
-    (up || carries()).then_some(height)
+    if up || carries() { Below::Carries(height) } else { Below::Inside }
 }
 
 /// A height above all of a host, metres.
 fn top_of(host: &Placed) -> f64 {
     host.pose.position.y + reach(&host.item, &host.pose).1.y + 0.05
-}
-
-/// Whether something gets to a point inside of a host from one of its sides: to a shelf, but not to what is under a mattress
-/// or behind doors.
-fn is_open(host: &Placed, at: Vec3) -> bool {
-    let inverse = host.pose.linear().inverse();
-    let origin = inverse * (at - host.pose.position);
-    let reach = host.item.shape.extent().length();
-    (0..SIDEWAYS_RAYS).any(|k| {
-        let turn = std::f64::consts::TAU * k as f64 / SIDEWAYS_RAYS as f64;
-        !host.item.shape.bvh().any_hit(origin, Vec3::new(turn.sin(), 0.0, turn.cos()), reach)
-    })
 }
 
 /// The surface of a host under an object's footprint near a level.
@@ -123,21 +115,25 @@ pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &Sur
     // Start above the level but under the next board.
     let from = query.level + LEVEL_SLACK.min(0.5 * query.object_height + 0.04);
     let mut found = Vec::new();
-    let mut rays = 0;
+    let (mut rays, mut inside) = (0, 0);
     for i in 0..FOOTPRINT_RAYS {
         for j in 0..FOOTPRINT_RAYS {
             let t = |k: usize| 2.0 * k as f64 / (FOOTPRINT_RAYS - 1) as f64 - 1.0;
             let at = pose.position + linear * Vec3::new(half.x * t(i), 0.0, half.z * t(j));
             rays += 1;
-            let carrier = carrier_below(host, at.x, at.z, from);
-            found.extend(carrier.filter(|h| *h >= query.level - LEVEL_SLACK));
+            match below(host, at.x, at.z, from) {
+                Below::Carries(h) if h >= query.level - LEVEL_SLACK => found.push(h),
+                Below::Inside => inside += 1,
+                _ => {}
+            }
         }
     }
+    // What is inside of the host says nothing about its surface; collisions have their say there.
     if found.is_empty() {
         return None;
     }
     found.sort_by(f64::total_cmp);
-    let share = found.len() as f64 / f64::from(rays);
+    let share = found.len() as f64 / f64::from(rays - inside);
     let rank = if query.soft { found.len() / 2 } else { (found.len() * 9 / 10).min(found.len() - 1) };
     Some(Surface { height: found[rank], share })
 }
@@ -156,8 +152,7 @@ pub(crate) fn layers(host: &Placed, object_height: f64) -> Vec<Layer> {
             let mut above = f64::INFINITY;
             for (h, carries) in column(host, x, z, top) {
                 let room = above - h >= (0.6 * object_height).max(SAME_SURFACE);
-                let in_reach = || above.is_infinite() || is_open(host, Vec3::new(x, h + REACHED_AT * object_height, z));
-                if carries && room && h > host.pose.position.y + 0.03 && in_reach() {
+                if carries && room && h > host.pose.position.y + 0.03 {
                     heights.push(h);
                 }
                 above = h;
@@ -270,6 +265,15 @@ mod back_tests {
         };
         assert_eq!(under(0.4), None);
         assert!(under(0.58).is_some_and(|s| (s.height - 0.6).abs() < 1e-6 && s.share > 0.99));
+        // A cushion that leans into the mattress from beside it stands on what is beside it.
+        let query = SurfaceQuery { level: 0.15, object_height: 0.25, soft: false };
+        let leaning = Pose::new(Vec3::new(2.0, 0.15, 2.0), 0.0, 1.0);
+        let stepped = |share: f32| {
+            let mut mesh = bed.clone();
+            mesh.positions[8..].iter_mut().for_each(|p| p.x += share);
+            surface_under(&host_of(mesh), &bear, &leaning, &query)
+        };
+        assert!(stepped(1.03).is_some_and(|s| (s.height - 0.15).abs() < 1e-6 && s.share > 0.99));
         assert_eq!(heights_of(bed.clone()), [60.0, 15.0]);
         // The same with all faces inside out, as some meshes come.
         bed.groups[0].triangles.iter_mut().for_each(|t| t.swap(1, 2));
