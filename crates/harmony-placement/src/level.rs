@@ -249,10 +249,16 @@ fn follow_hosts(scene: &mut PartialScene, settings: &PlacementSettings) {
         let Some(view) = View::new(scene, Some(i), &item.mask, &others, settings.window_px) else { continue };
         let anew = solve(scene, &item, &view, settings);
         let (pose, support) = (anew.pose, anew.support());
-        let before = scene.placed[i].clone();
+        let before = (scene.placed[i].pose, scene.placed[i].support.clone());
         (scene.placed[i].pose, scene.placed[i].support) = (pose, support);
         if crate::plausible::hangs_in_the_air(scene, i) {
-            scene.placed[i] = before;
+            (scene.placed[i].pose, scene.placed[i].support) = before;
+            continue;
+        }
+        // What stands on it goes along.
+        let by = pose.position - before.0.position;
+        for member in collision::body(scene, i).into_iter().filter(|member| *member != i) {
+            scene.placed[member].pose.position += by;
         }
     }
 }
@@ -474,11 +480,17 @@ mod tests {
         let support = Support::Object { id: table.id.clone() };
         put(&mut scene, table, at, Support::Floor);
         // The table has come nearer by 0.9 m since the lamp was put there.
+        let mut cap = boxed(&scene, Vec3::splat(0.1), on_table + Vec3::Y * 0.4, 0.0);
+        cap.id = ObjectId::numbered("cap", 1);
+        let on_lamp = Support::Object { id: lamp.id.clone() };
         put(&mut scene, lamp, on_table - Vec3::Z * 0.9, support);
+        put(&mut scene, cap, on_table + Vec3::Y * 0.4 - Vec3::Z * 0.9, on_lamp);
         assert!(crate::plausible::hangs_in_the_air(&scene, 1));
         follow_hosts(&mut scene, &PlacementSettings::default());
         assert!(!crate::plausible::hangs_in_the_air(&scene, 1));
         let found = scene.placed[1].pose.position;
         assert!(found.distance(on_table) < 0.05, "{found}");
+        let cap = scene.placed[2].pose.position;
+        assert!(cap.distance(found + Vec3::Y * 0.4) < 1e-9, "{cap}");
     }
 }

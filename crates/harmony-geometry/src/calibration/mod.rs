@@ -94,13 +94,12 @@ pub fn calibrate_with_photo(
         // Without a frame from the map the photo's lines know the directions better than hints.
         return by_lines(first.evidence.fallbacks.first().map_or("", String::as_str));
     }
-    let of_map = first.evidence.method == CalibrationMethod::Manhattan;
     let refined = refine_with_photo(first, frame, points, prior, view, settings)?;
     let explained = |c: &Calibration| {
         let camera = c.camera.resized(view.size);
         view.explained_by(&camera.rotation, camera.intrinsics.fx)
     };
-    if of_map && sure && explained(&refined.0) < OVERRULED * view.support.iter().sum::<f64>() {
+    if sure && explained(&refined.0) < OVERRULED * view.support.iter().sum::<f64>() {
         let note = "the map's frame is not that of the photo's lines, which are believed";
         let (mut other, map) = by_lines(note)?;
         if explained(&other) > explained(&refined.0) {
