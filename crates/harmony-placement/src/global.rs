@@ -19,7 +19,7 @@ use nalgebra::DMatrix;
 use crate::anchoring::height_stretch;
 use crate::level::anchoring_of;
 use crate::{PartialScene, Placed, PlacementSettings};
-use body::{Body, bodies, numbers, pose, residuals};
+use body::{Body, METRIC_LIMITS, bodies, numbers, pose, residuals};
 
 /// One sigma of sizes within a matched set, relative.
 const SET_SIGMA: f64 = 0.01;
@@ -30,8 +30,6 @@ const ROTATION_SIGMA: f64 = 0.001;
 const FOCAL_SIGMA: f64 = 0.01;
 /// One sigma of what the sizes named by one model have in common, relative.
 const COMMON_SIZE_SIGMA: f64 = 0.03;
-/// Least-squares rounds; outlines and depths are read anew before each.
-const ROUNDS: usize = 2;
 /// Outlines are extremes over points, whose kinks make the steps small: rooms whose scale is open need two dozen.
 const ITERATIONS: usize = 30;
 /// Mean agreement with the masks that a refinement may cost: where camera and scale were off, the first poses fit their
@@ -83,8 +81,8 @@ pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -
         (scene.camera, scene.placed.iter().map(|p| p.pose.position).collect());
     let mut trial = scene.clone();
     let mut scale = 1.0;
-    for _ in 0..ROUNDS {
-        scale *= round(&mut trial, settings)?;
+    for metric_limit in METRIC_LIMITS {
+        scale *= round(&mut trial, metric_limit, settings)?;
     }
     crate::level::polish_all(&mut trial, settings);
     let after = agreement(&trial, settings)?;
@@ -126,9 +124,10 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 /// One round; returns the factor on the scale.
-fn round(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<f64> {
-    let bodies = bodies(scene, settings);
-    let posterior = scene.posterior.as_ref()?;
+fn round(scene: &mut PartialScene, metric_limit: f64, settings: &PlacementSettings) -> Option<f64> {
+    let mut bodies = bodies(scene, settings);
+    let doubt = body::doubt(&mut bodies);
+    let posterior = scene.posterior.as_ref()?.with_hints_doubted(doubt);
     let factor = root(&posterior.information)?;
     let now = room_unknowns(&scene.camera, &scene.room.extents, 1.0);
     let mut start = now.to_vec();
@@ -153,13 +152,13 @@ fn round(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<f64> 
         out.push((u[0] - mean[0]) / FOCAL_SIGMA);
         out.extend((1..4).map(|i| (u[i] - mean[i]) / ROTATION_SIGMA));
         out.extend(loose.map(|(i, loose)| if loose { (u[i] - now[i]) / 0.01 } else { 0.0 }));
-        out.push(u[COMMON] / COMMON_SIZE_SIGMA);
+        out.push(u[COMMON] / (doubt * COMMON_SIZE_SIGMA));
     };
     let ln_scale = |i: usize| FIRST + EACH * i + 3;
     let of_body = |i: usize, u: &[f64], (camera, extents): &(Camera, Extents), out: &mut Vec<f64>| {
         let b = &bodies[i];
         let pose = pose(scene, b, &u[FIRST + EACH * i..FIRST + EACH * (i + 1)], extents);
-        residuals(scene, b, &pose, camera, extents, [u[SCALE], u[COMMON]], out);
+        residuals(scene, b, &pose, camera, extents, [u[SCALE], u[COMMON]], metric_limit, out);
         if let Some(twin) = b.twin {
             let own = u[ln_scale(i)] - bodies[i].start.scale.ln();
             let other = u[ln_scale(twin)] - bodies[twin].start.scale.ln();
@@ -352,9 +351,12 @@ mod tests {
     /// Six boxes on the floor as they are, with masks of the camera as it is; calibration knows directions and focal
     /// length well, the height exactly, the scale to `sigma`, the camera's height (logit) to `floor_sigma`.
     fn furnished(sigma: f64, floor_sigma: f64) -> PartialScene {
+        furnished_at(&[[0.8, 1.0], [2.0, 0.8], [3.2, 1.2], [1.0, 2.4], [2.2, 2.0], [3.3, 2.7]], sigma, floor_sigma)
+    }
+
+    fn furnished_at(places: &[[f64; 2]], sigma: f64, floor_sigma: f64) -> PartialScene {
         let mut scene = empty_room();
-        let places = [[0.8, 1.0], [2.0, 0.8], [3.2, 1.2], [1.0, 2.4], [2.2, 2.0], [3.3, 2.7]];
-        for (k, [x, z]) in places.into_iter().enumerate() {
+        for (k, [x, z]) in places.iter().copied().enumerate() {
             let size = Vec3::new(0.5 + 0.05 * k as f64, 0.9 - 0.06 * k as f64, 0.5);
             let mut item = boxed(&scene, size, Vec3::new(x, 0.0, z), 0.2 * k as f64);
             item.id = ObjectId::numbered("box", k);
@@ -378,7 +380,7 @@ mod tests {
             information[SCALE * ROOM + SCALE] += k;
         }
         let mean = room_unknowns(&scene.camera, &scene.room.extents, 1.0);
-        scene.posterior = Some(RoomPosterior { information, mean });
+        scene.posterior = Some(RoomPosterior { information, mean, hints: Vec::new() });
         scene
     }
 
@@ -438,6 +440,44 @@ mod tests {
         let report = refine_globally(&mut scene, &PlacementSettings::default()).unwrap();
         assert!((report.scale - 1.0).abs() < 0.01, "{report:?}");
         assert!(report.iou[1] > report.iou[0] - 0.02, "{report:?}");
+    }
+
+    /// Boxes that are as large as they are seen, whose sizes are named 12 % too large in the middle and up to `spread` beside
+    /// that (logarithms).
+    fn with_sizes_off(count: u32, spread: f64) -> PartialScene {
+        let places: Vec<[f64; 2]> =
+            (0..count).map(|k| [0.6 + 0.7 * f64::from(k % 5), 0.6 + 1.3 * f64::from(k / 5)]).collect();
+        let mut scene = furnished_at(&places, 0.06, 0.5);
+        for (k, p) in scene.placed.iter_mut().enumerate() {
+            let mut item = (*p.item).clone();
+            let off = 0.12 + spread * (2.0 * k as f64 / f64::from(count - 1) - 1.0);
+            item.size = harmony_scene::Size::from_vec(item.size.as_vec() * off.exp());
+            p.item = Arc::new(item);
+        }
+        scene
+    }
+
+    #[test]
+    fn sizes_that_contradict_each_other_are_doubted() {
+        let doubt = |count: u32, spread: f64| {
+            body::doubt(&mut bodies(&with_sizes_off(count, spread), &PlacementSettings::default()))
+        };
+        // Together too large is not doubt, but the scale's affair; nor is a spread as that of good models.
+        assert_eq!([doubt(10, 0.0), doubt(10, 0.15)], [1.0, 1.0]);
+        // Eleven sizes, 0.08 from one to the next: the median distance from the middle one is 0.24.
+        let twice = doubt(11, 0.4);
+        assert!((twice - 1.48 * 0.24 / 0.15).abs() < 0.1, "{twice}");
+        // Of few objects nobody knows.
+        assert_eq!(doubt(6, 0.6), 1.0);
+    }
+
+    #[test]
+    fn doubted_sizes_move_the_scale_less() {
+        let moved = |spread: f64| {
+            refine_globally(&mut with_sizes_off(10, spread), &PlacementSettings::default()).unwrap().scale.ln()
+        };
+        let [agreeing, scattered] = [0.1, 0.6].map(moved);
+        assert!(agreeing > 0.02 && scattered < 0.6 * agreeing, "{agreeing} {scattered}");
     }
 
     #[test]

@@ -60,7 +60,7 @@ impl Default for PlacementSettings {
             window_px: 128,
             wall_gap: 0.003,
             size_sigma: 0.2,
-            collision_tolerance: 0.006,
+            collision_tolerance: 0.002,
         }
     }
 }

@@ -74,7 +74,8 @@ impl PointMap {
             c.y /= ratio;
             (points_from_camera * (c - self.translation)).as_vec3()
         };
-        Self { xyz: self.xyz.iter().map(moved).collect(), intrinsics, ..self.clone() }
+        let xyz = self.xyz.iter().map(moved).collect();
+        Self { xyz, confidence: self.confidence.clone(), intrinsics, ..*self }
     }
 
     /// The point at (column, row), if there is one.

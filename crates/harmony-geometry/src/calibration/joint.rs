@@ -9,12 +9,13 @@ mod residuals;
 
 use harmony_scene::{Camera, Extents, ImageSize, PointMap, PointMapKind, Similarity, Surface, Vec2, Vec3};
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::creases::{Depths, pins_on_creases};
 use super::edge_lines::{EdgeLine, Reach, line_on_edge};
 use super::types::{AnchorKind, Calibration, CalibrationMethod};
-use crate::least_squares::minimise;
+use crate::least_squares::{Solution, differences, minimise};
 use crate::room_box::pins::{FLOOR_LOGIT, LN_BACK, LN_FOCAL, LN_LEFT, LN_RIGHT, Pin, ROLL, TILT, YAW, pins};
 use crate::room_box::solved::CameraBox;
 use crate::vanishing::Search;
@@ -58,6 +59,8 @@ const METRIC_HEIGHT_SIGMA: f64 = 0.08;
 const CAMERA_HEIGHT_SIGMA: f64 = 0.12;
 const BACK_SIGMA: f64 = 0.15;
 const WIDTH_SIGMA: f64 = 0.15;
+/// One sigma of the height at which people hold their cameras, about [`crate::room_box::USUAL_CAMERA_HEIGHT`] (logarithm).
+const USUAL_HEIGHT_SIGMA: f64 = 0.15;
 /// Edges that must be pinned before a side wall without a pinned edge is doubted.
 const VOUCHING_EDGES: usize = 2;
 /// Weight of the angles of the photo's segments to their vanishing points: by themselves they hold the rotation three
@@ -68,6 +71,8 @@ const LINES_WEIGHT: f64 = 2.0;
 const LINE_REACH: [[f64; 2]; 3] = [[0.018, 0.006], [0.009, 0.003], [0.005, 0.0008]];
 /// Times that the map's creases are looked for.
 const CREASE_ROUNDS: usize = 2;
+/// How far beside the focal length that was found others are tried (logarithm).
+const FOCAL_BESIDE: f64 = 0.03;
 /// A refinement that turns the camera more than this is not believed, degrees.
 const MOST_TURN_DEG: f64 = 14.0;
 
@@ -113,6 +118,30 @@ pub struct RoomPosterior {
     /// The unknowns at which it holds; the scale is that of the points as they are delivered, so that its logarithm
     /// is 0 until somebody scales them.
     pub mean: [f64; 10],
+    /// The part of it that a model's guesses of lengths have (camera height, distance to the back wall, width): each
+    /// one's derivatives and how far it is off at `mean`, in units of its sigma.
+    pub hints: Vec<([f64; 10], f64)>,
+}
+
+impl RoomPosterior {
+    /// The same with the hints `factor` times less sure; unchanged where nothing would be left to hold the room.
+    pub fn with_hints_doubted(&self, factor: f64) -> Self {
+        const N: usize = 10;
+        let less = 1.0 - factor.powi(-2);
+        let mut information = DMatrix::from_column_slice(N, N, &self.information);
+        let mut pull = DVector::zeros(N);
+        for (slopes, off) in &self.hints {
+            let g = DVector::from_column_slice(slopes);
+            information -= &g * g.transpose() * less;
+            pull += g * (*off * less);
+        }
+        let mut mean = self.mean;
+        let Some(moved) = information.clone().cholesky().map(|c| c.solve(&pull)) else { return self.clone() };
+        for (m, by) in mean.iter_mut().zip(moved.iter()) {
+            *m += by;
+        }
+        Self { information: information.iter().copied().collect(), mean, hints: self.hints.clone() }
+    }
 }
 
 /// The ten unknowns of [`RoomPosterior`] for a camera in a room; focal length in pixels of its image.
@@ -195,12 +224,12 @@ pub(super) enum Refinement {
 /// unchanged, with `None`, where there is nothing to refine by or the result is not believable.
 pub(super) fn refine_jointly(
     calibration: &Calibration,
-    points: &PointMap,
+    points: (&PointMap, &DepthCells),
     view: &ViewEstimate,
     prior: &LayoutPrior,
     until: Refinement,
 ) -> (Calibration, Option<JointEvidence>) {
-    match Problem::new(calibration, points, view, prior).and_then(|p| p.refine(calibration, points, until)) {
+    match Problem::new(calibration, points, view, prior).and_then(|p| p.refine(calibration, points.0, until)) {
         Some((refined, evidence)) => (refined, Some(evidence)),
         None => (calibration.clone(), None),
     }
@@ -211,7 +240,12 @@ fn index(surface: Surface) -> usize {
 }
 
 impl<'a> Problem<'a> {
-    fn new(c: &Calibration, points: &PointMap, view: &ViewEstimate, prior: &'a LayoutPrior) -> Option<Self> {
+    fn new(
+        c: &Calibration,
+        (points, depths): (&PointMap, &DepthCells),
+        view: &ViewEstimate,
+        prior: &'a LayoutPrior,
+    ) -> Option<Self> {
         let photo = prior.photo;
         let camera = c.camera.resized(photo);
         let k = f64::from(photo.width.max(1)) / f64::from(view.size.width.max(1));
@@ -243,8 +277,7 @@ impl<'a> Problem<'a> {
             measured = seen;
         }
         let accuracy = if smooth { SMOOTH } else { ROUGH };
-        let (cells, per_side) = cells(points, photo, accuracy.cell_spread);
-        let patch = (DEPTH_LENGTH * f64::from(per_side)).max(1.0);
+        let patch = (DEPTH_LENGTH * f64::from(depths.per_side)).max(1.0);
         let problem = Self {
             prior,
             lines: Search::new(photo, &segments, Some(focal)),
@@ -253,7 +286,7 @@ impl<'a> Problem<'a> {
                 .map(|s| LineSegment { start: s.start - centre, end: s.end - centre, ..*s })
                 .collect(),
             pins,
-            cells,
+            cells: depths.smooth(accuracy.cell_spread),
             cell_sigma: accuracy.sigma * patch,
             accuracy,
             start,
@@ -309,6 +342,28 @@ impl<'a> Problem<'a> {
         edges.dedup();
         let side = matches!(surface, Surface::Left | Surface::Right);
         !side || edges.len() < VOUCHING_EDGES || given().any(|p| faces_of(p.edge).contains(&surface))
+    }
+
+    /// The lowest minimum of those that are found from beside a solution: lines that were dropped for a wrong focal length
+    /// keep it.
+    fn minimise_beside(&self, solution: Solution, limit: f64) -> Solution {
+        let mut start: Unknowns = self.start;
+        start.copy_from_slice(&solution.parameters);
+        let beside = |by: f64| {
+            let mut start = start;
+            start[LN_FOCAL] += by;
+            self.minimise(&start, limit, 40)
+        };
+        let (shorter, longer) = rayon::join(|| beside(-FOCAL_BESIDE), || beside(FOCAL_BESIDE));
+        [shorter, longer].into_iter().fold(solution, |best, other| if other.cost < best.cost { other } else { best })
+    }
+
+    /// Derivatives of what a model guesses of lengths, and how far it is off.
+    fn hints(&self, p: &Unknowns) -> Vec<([f64; 10], f64)> {
+        let mut off = Vec::new();
+        self.residuals_of_hints(p, &mut off);
+        let slopes = differences(p, &STEPS, off.len(), |p, out| self.residuals_of_hints(p, out));
+        off.iter().enumerate().map(|(i, off)| (std::array::from_fn(|k| slopes[(i, k)]), *off)).collect()
     }
 
     /// Makes the pins as unsure as they are off.
@@ -373,7 +428,10 @@ impl<'a> Problem<'a> {
             self.assign(&p, reach);
             // Wide losses first: the start may be some degrees off.
             let limit = if round == 0 { 4.0 * LIMIT } else { LIMIT };
-            let s = self.minimise(&p, limit, 40);
+            let mut s = self.minimise(&p, limit, 40);
+            if until == Refinement::Full && round + 1 == self.accuracy.reach.len() {
+                s = self.minimise_beside(s, limit);
+            }
             p.copy_from_slice(&s.parameters[..10]);
             (sigmas, information) = (s.sigmas, s.information);
             if round == 0 && self.accuracy.pins_as_they_fit {
@@ -468,7 +526,8 @@ impl<'a> Problem<'a> {
             sigma_focal: sigmas[LN_FOCAL],
         };
         refined.evidence.joint = Some(evidence);
-        refined.posterior = Some(RoomPosterior { information, mean: room_unknowns(&camera, &extents, 1.0) });
+        let mean = room_unknowns(&camera, &extents, 1.0);
+        refined.posterior = Some(RoomPosterior { information, mean, hints: self.hints(&p) });
         Some((refined, evidence))
     }
 }
@@ -543,37 +602,74 @@ pub(super) fn inverse_depth_of(b: &CameraBox, face: Surface, ray: Vec3) -> Optio
     Some(outward(face, ray)? / distance_to(b, face)?)
 }
 
-/// Median depths of square cells, and how many lie along the longer side.
-fn cells(points: &PointMap, photo: ImageSize, most_spread: f64) -> (Vec<Cell>, u32) {
-    let (w, h) = (points.size.width, points.size.height);
-    let side = w.max(h).div_ceil(CELLS).max(1);
-    let depth_row = points.rotation.transpose() * Vec3::Z;
-    let (kx, ky) = (f64::from(photo.width) / f64::from(w), f64::from(photo.height) / f64::from(h));
-    let centre = Vec2::new(f64::from(photo.width), f64::from(photo.height)) / 2.0;
-    let mut out = Vec::new();
-    for cy in 0..h / side {
-        for cx in 0..w / side {
-            let mut depths: Vec<f64> = Vec::new();
-            for y in cy * side..(cy + 1) * side {
-                for x in cx * side..(cx + 1) * side {
-                    if let Some(p) = points.at(x, y) {
-                        depths.push(depth_row.dot(p) + points.translation.z);
-                    }
+/// Depths of a map by square cells. Another focal length leaves them as they are.
+pub(super) struct DepthCells {
+    /// Cells, and how far depths spread in each, relative.
+    cells: Vec<(Cell, f64)>,
+    /// How many lie along the longer side.
+    per_side: u32,
+}
+
+impl DepthCells {
+    pub(super) fn new(points: &PointMap, photo: ImageSize) -> Self {
+        let (w, h) = (points.size.width, points.size.height);
+        let side = w.max(h).div_ceil(CELLS).max(1);
+        let depth_row = points.rotation.transpose() * Vec3::Z;
+        let k = Vec2::new(f64::from(photo.width) / f64::from(w), f64::from(photo.height) / f64::from(h));
+        let centre = Vec2::new(f64::from(photo.width), f64::from(photo.height)) / 2.0;
+        let of_row = |cy: u32| {
+            let mut depths: Vec<f64> = Vec::with_capacity((side * side) as usize);
+            let mut row = Vec::new();
+            for cx in 0..w / side {
+                depths.clear();
+                for y in cy * side..(cy + 1) * side {
+                    let seen = (cx * side..(cx + 1) * side).filter_map(|x| points.at(x, y));
+                    depths.extend(seen.map(|p| depth_row.dot(p) + points.translation.z));
                 }
+                depths.retain(|z| *z > 1e-6 && z.is_finite());
+                if depths.len() * 2 < (side * side) as usize {
+                    continue;
+                }
+                let last = (depths.len() - 1) as f64;
+                let mut at = |q: f64| *depths.select_nth_unstable_by((last * q) as usize, f64::total_cmp).1;
+                let (low, depth, high) = (at(0.1), at(0.5), at(0.9));
+                let middle = Vec2::new(f64::from(cx), f64::from(cy)) * f64::from(side) + f64::from(side) / 2.0;
+                row.push((Cell { at: middle * k - centre, depth, face: None }, high / low - 1.0));
             }
-            depths.retain(|z| *z > 1e-6 && z.is_finite());
-            if depths.len() * 2 < (side * side) as usize {
-                continue;
-            }
-            let last = (depths.len() - 1) as f64;
-            let mut at = |q: f64| *depths.select_nth_unstable_by((last * q) as usize, f64::total_cmp).1;
-            let (low, depth, high) = (at(0.1), at(0.5), at(0.9));
-            if high / low - 1.0 > most_spread {
-                continue;
-            }
-            let middle = |c: u32, k: f64| (f64::from(c * side) + f64::from(side) / 2.0) * k;
-            out.push(Cell { at: Vec2::new(middle(cx, kx), middle(cy, ky)) - centre, depth, face: None });
-        }
+            row
+        };
+        let rows: Vec<Vec<(Cell, f64)>> = (0..h / side).into_par_iter().map(of_row).collect();
+        Self { cells: rows.concat(), per_side: w.max(h).div_ceil(side) }
     }
-    (out, w.max(h).div_ceil(side))
+
+    /// Those in which depths spread little.
+    fn smooth(&self, most_spread: f64) -> Vec<Cell> {
+        self.cells.iter().filter(|(_, spread)| *spread <= most_spread).map(|(cell, _)| *cell).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{LN_BACK, RoomPosterior};
+
+    /// ln back: a map says 0 with a sigma of 0.1, a hint 0.3 with the same; everything else is known by itself.
+    #[test]
+    fn a_hint_that_is_doubted_pulls_less() {
+        let mut information = vec![0.0; 100];
+        for i in 0..10 {
+            information[i * 10 + i] = 100.0;
+        }
+        information[LN_BACK * 10 + LN_BACK] = 200.0;
+        let (mut mean, mut slopes) = ([0.0; 10], [0.0; 10]);
+        mean[LN_BACK] = 0.15;
+        slopes[LN_BACK] = 10.0;
+        let posterior = RoomPosterior { information, mean, hints: vec![(slopes, (0.15 - 0.3) / 0.1)] };
+        assert_eq!(posterior.with_hints_doubted(1.0), posterior);
+        // With a sigma of 0.2 the hint weighs a quarter of the map.
+        let doubted = posterior.with_hints_doubted(2.0);
+        assert!((doubted.mean[LN_BACK] - 0.06).abs() < 1e-12, "{:?}", doubted.mean);
+        assert!((doubted.information[LN_BACK * 10 + LN_BACK] - 125.0).abs() < 1e-9);
+        assert_eq!(doubted.mean[..LN_BACK], posterior.mean[..LN_BACK]);
+        assert!(posterior.with_hints_doubted(3.0).mean[LN_BACK] < doubted.mean[LN_BACK]);
+    }
 }

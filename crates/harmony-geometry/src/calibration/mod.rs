@@ -11,7 +11,7 @@ mod types;
 use harmony_scene::{Camera, Extents, Mat3, PointMap, PointMapKind, Surface, Vec2, Vec3};
 
 pub use joint::{JointEvidence, RoomPosterior, room_from_unknowns, room_unknowns};
-use joint::{Refinement, refine_jointly};
+use joint::{DepthCells, Refinement, refine_jointly};
 pub use types::{
     AnchorKind, Calibration, CalibrationError, CalibrationEvidence, CalibrationMethod, CalibrationSettings,
     PlaneEvidence,
@@ -123,8 +123,9 @@ fn refine_with_photo(
     view: &ViewEstimate,
     settings: &CalibrationSettings,
 ) -> Result<(Calibration, PointMap), CalibrationError> {
+    let depths = DepthCells::new(points, prior.photo);
     let refined = |before: &Calibration, map: &PointMap, until| {
-        let (calibration, evidence) = refine_jointly(before, map, view, prior, until);
+        let (calibration, evidence) = refine_jointly(before, (map, &depths), view, prior, until);
         let map = evidence.map(|e| map.with_focal(map.intrinsics.fx * e.focal_ratio));
         map.map(|map| (calibration, map))
     };

@@ -3,6 +3,7 @@
 use std::sync::LazyLock;
 
 use harmony_geometry::least_squares::robust;
+use harmony_geometry::median_absolute_deviation;
 use harmony_scene::{Camera, Extents, Level, Mask, PixelBox, PointMapKind, Pose, Vec2, Vec3};
 
 use super::EACH;
@@ -35,10 +36,16 @@ const GAP_SIGMA: f64 = 0.02;
 const YAW_SIGMA: f64 = 0.12;
 /// One sigma of what nothing else holds: move from where sequential placement left it, metres; and size, relative.
 const TETHER: [f64; 2] = [0.3, 0.3];
+/// Spread of the sizes that a good model names, from so many objects on; others' sigmas grow by up to `MOST_DOUBT`.
+const SIZES_OF_A_GOOD_MODEL: f64 = 0.15;
+const JUDGED_SIZES: usize = 8;
+const MOST_DOUBT: f64 = 3.0;
 /// Objects that agree less with their masks say nothing about the others.
 const TRUSTED_IOU: f64 = 0.6;
 /// Saturation of the losses, sigmas.
 const LIMIT: f64 = 3.0;
+/// ... of sizes in metres, round by round: all of them are off together where the scale was.
+pub(super) const METRIC_LIMITS: [f64; 2] = [4.0 * LIMIT, LIMIT];
 /// What is nearer to the camera than this has no image, metres.
 const NEAREST: f64 = 0.05;
 /// Edges of an object that the image's border cuts, at most.
@@ -63,6 +70,8 @@ pub(super) struct Body {
     start_depth: f64,
     size_log: f64,
     size_sigma: f64,
+    /// Whether its mask tells its size.
+    trusted: bool,
     /// Logarithm of the scale at which it has its standard height, and one sigma.
     standard: Option<(f64, f64)>,
     /// Its set's first member, in bodies.
@@ -93,6 +102,16 @@ pub(super) fn bodies(scene: &PartialScene, settings: &PlacementSettings) -> Vec<
         b.standard = b.standard.map(|(log, sigma)| (log, sigma * (alike as f64).sqrt()));
     }
     out
+}
+
+/// By how much the sizes that a model named are farther from those that masks and depths show than a good model's are; their
+/// sigmas grow by it.
+pub(super) fn doubt(bodies: &mut [Body]) -> f64 {
+    let off: Vec<f64> = bodies.iter().filter(|b| b.trusted).map(|b| b.start.scale.ln() - b.size_log).collect();
+    let spread = median_absolute_deviation(&off).filter(|_| off.len() >= JUDGED_SIZES).map_or(0.0, |m| 1.48 * m.1);
+    let doubt = (spread / SIZES_OF_A_GOOD_MODEL).clamp(1.0, MOST_DOUBT);
+    bodies.iter_mut().for_each(|b| b.size_sigma *= doubt);
+    doubt
 }
 
 fn body(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Option<Body> {
@@ -140,6 +159,7 @@ fn body(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Op
         start_depth: scene.camera.depth(placed.pose.position),
         size_log: scale.ln() - stretched,
         size_sigma: size_sigma(settings),
+        trusted: !poor,
         standard: standard_height(&item.label, item.size.height).map(|(height, sigma)| {
             let own = item.shape.bounds().size().y * placed.pose.stretch.y;
             ((height / own.max(1e-6)).ln(), sigma)
@@ -283,6 +303,7 @@ pub(super) fn residuals(
     camera: &Camera,
     extents: &Extents,
     [ln_scale, ln_common]: [f64; 2],
+    metric_limit: f64,
     out: &mut Vec<f64>,
 ) {
     let linear = camera.rotation * pose.linear();
@@ -327,9 +348,9 @@ pub(super) fn residuals(
         }
         None => 0.0,
     });
-    out.push(robust((pose.scale.ln() + ln_scale - b.size_log - ln_common) / b.size_sigma, LIMIT));
+    out.push(robust((pose.scale.ln() + ln_scale - b.size_log - ln_common) / b.size_sigma, metric_limit));
     out.push(match b.standard {
-        Some((log, sigma)) => robust((pose.scale.ln() + ln_scale - log) / sigma, LIMIT),
+        Some((log, sigma)) => robust((pose.scale.ln() + ln_scale - log) / sigma, metric_limit),
         None => 0.0,
     });
     out.push(match b.anchoring {

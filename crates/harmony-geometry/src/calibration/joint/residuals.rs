@@ -5,10 +5,11 @@ use nalgebra::DMatrix;
 
 use super::{
     BACK_SIGMA, CAMERA_HEIGHT_SIGMA, LINES_WEIGHT, LN_HEIGHT, LN_SCALE, METRIC_HEIGHT_SIGMA, Problem, STEPS,
-    UNSEEN_SIGMA, Unknowns, WIDTH_SIGMA, distance_to, index, outward, towards,
+    UNSEEN_SIGMA, USUAL_HEIGHT_SIGMA, Unknowns, WIDTH_SIGMA, distance_to, index, outward, towards,
 };
 use crate::least_squares::{Solution, differences, minimise_with, robust, robust_slope};
 use crate::room_box::pins::{FLOOR_LOGIT, LN_BACK, LN_FOCAL, LN_LEFT, LN_RIGHT, ROLL, TILT, YAW};
+use crate::room_box::USUAL_CAMERA_HEIGHT;
 use crate::room_box::solved::CameraBox;
 use crate::vanishing::{Search, rotation_slopes};
 
@@ -41,17 +42,11 @@ impl Problem<'_> {
         let unseen = |surface: Surface| if self.seen[index(surface)] { 10.0 } else { UNSEEN_SIGMA };
         out.push(keep(LN_LEFT, unseen(Surface::Left)));
         out.push(keep(LN_RIGHT, unseen(Surface::Right)));
-        let hinted = |v: Option<f64>, low: f64, high: f64| v.filter(|v| (low..=high).contains(v));
+        self.residuals_of_hints(p, out);
+        if self.kind == PointMapKind::Relative {
+            out.push((solved.floor / USUAL_CAMERA_HEIGHT).ln() / USUAL_HEIGHT_SIGMA);
+        }
         let height = p[LN_HEIGHT].exp();
-        out.push(match hinted(self.prior.camera.height_m, 0.1, 0.97 * self.prior.extents.height) {
-            Some(h) => (solved.floor / h).ln() / CAMERA_HEIGHT_SIGMA,
-            None => keep(FLOOR_LOGIT, 1.0),
-        });
-        out.push(match hinted(self.prior.camera.dist_to_back_m, 0.2, 40.0) {
-            Some(b) => (solved.back / b).ln() / BACK_SIGMA,
-            None => keep(LN_BACK, 10.0),
-        });
-        out.push(((solved.left + solved.right) / self.prior.extents.width).ln() / WIDTH_SIGMA);
         // The prior's height is the metric reference, but for a map that has metres of its own.
         let wanted = self.prior.extents.height.ln();
         if self.kind == PointMapKind::Metric {
@@ -61,6 +56,22 @@ impl Problem<'_> {
             out.push((height.ln() - wanted) / 0.001);
             out.push(keep(LN_SCALE, 2.0));
         }
+    }
+
+    /// What the model guesses of lengths, and how high people hold their cameras: it matters where no face is seen.
+    pub(super) fn residuals_of_hints(&self, p: &[f64], out: &mut Vec<f64>) {
+        let solved = Self::unpack(p);
+        let keep = |i: usize, sigma: f64| (p[i] - self.start[i]) / sigma;
+        let hinted = |v: Option<f64>, low: f64, high: f64| v.filter(|v| (low..=high).contains(v));
+        out.push(match hinted(self.prior.camera.height_m, 0.1, 0.97 * self.prior.extents.height) {
+            Some(h) => (solved.floor / h).ln() / CAMERA_HEIGHT_SIGMA,
+            None => keep(FLOOR_LOGIT, 1.0),
+        });
+        out.push(match hinted(self.prior.camera.dist_to_back_m, 0.2, 40.0) {
+            Some(b) => (solved.back / b).ln() / BACK_SIGMA,
+            None => keep(LN_BACK, 10.0),
+        });
+        out.push(((solved.left + solved.right) / self.prior.extents.width).ln() / WIDTH_SIGMA);
     }
 
     /// How far each cell is off its face, sigmas: 0 where it has none, `None` where its ray does not meet it.
