@@ -69,6 +69,9 @@ const LINES_WEIGHT: f64 = 2.0;
 /// How far the photo's lines are looked for from an edge, and one sigma of their place, round by round; shares of the
 /// image's longer side.
 const LINE_REACH: [[f64; 2]; 3] = [[0.018, 0.006], [0.009, 0.003], [0.005, 0.0008]];
+/// By how much a line along an edge holds it less where pins and map are rough, so that which of some parallel lines is the
+/// edge's was a guess: objects on the floor and at walls may say otherwise.
+const LINES_OF_ROUGH_PINS: f64 = 8.0;
 /// Times that the map's creases are looked for.
 const CREASE_ROUNDS: usize = 2;
 /// How far beside the focal length that was found others are tried (logarithm).
@@ -125,6 +128,7 @@ pub struct RoomPosterior {
 
 impl RoomPosterior {
     /// The same with the hints `factor` times less sure; unchanged where nothing would be left to hold the room.
+    #[must_use]
     pub fn with_hints_doubted(&self, factor: f64) -> Self {
         const N: usize = 10;
         let less = 1.0 - factor.powi(-2);
@@ -358,6 +362,15 @@ impl<'a> Problem<'a> {
         [shorter, longer].into_iter().fold(solution, |best, other| if other.cost < best.cost { other } else { best })
     }
 
+    /// The information matrix where the line along an edge may be another thing's.
+    fn with_lines_doubted(&mut self, p: &Unknowns) -> Vec<f64> {
+        self.pins.iter_mut().filter(|pin| !pin.given).for_each(|pin| pin.sigma *= LINES_OF_ROUGH_PINS);
+        let mut residuals = Vec::new();
+        self.residuals(p, LIMIT, &mut residuals);
+        let jacobian = self.jacobian(p, LIMIT, residuals.len());
+        jacobian.tr_mul(&jacobian).iter().copied().collect()
+    }
+
     /// Derivatives of what a model guesses of lengths, and how far it is off.
     fn hints(&self, p: &Unknowns) -> Vec<([f64; 10], f64)> {
         let mut off = Vec::new();
@@ -526,6 +539,9 @@ impl<'a> Problem<'a> {
             sigma_focal: sigmas[LN_FOCAL],
         };
         refined.evidence.joint = Some(evidence);
+        if self.accuracy.pins_as_they_fit {
+            information = self.with_lines_doubted(&p);
+        }
         let mean = room_unknowns(&camera, &extents, 1.0);
         refined.posterior = Some(RoomPosterior { information, mean, hints: self.hints(&p) });
         Some((refined, evidence))

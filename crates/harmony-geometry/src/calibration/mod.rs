@@ -10,8 +10,8 @@ mod types;
 
 use harmony_scene::{Camera, Extents, Mat3, PointMap, PointMapKind, Surface, Vec2, Vec3};
 
-pub use joint::{JointEvidence, RoomPosterior, room_from_unknowns, room_unknowns};
 use joint::{DepthCells, Refinement, refine_jointly};
+pub use joint::{JointEvidence, RoomPosterior, room_from_unknowns, room_unknowns};
 pub use types::{
     AnchorKind, Calibration, CalibrationError, CalibrationEvidence, CalibrationMethod, CalibrationSettings,
     PlaneEvidence,

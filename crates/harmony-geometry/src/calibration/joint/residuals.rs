@@ -8,13 +8,13 @@ use super::{
     UNSEEN_SIGMA, USUAL_HEIGHT_SIGMA, Unknowns, WIDTH_SIGMA, distance_to, index, outward, towards,
 };
 use crate::least_squares::{Solution, differences, minimise_with, robust, robust_slope};
-use crate::room_box::pins::{FLOOR_LOGIT, LN_BACK, LN_FOCAL, LN_LEFT, LN_RIGHT, ROLL, TILT, YAW};
 use crate::room_box::USUAL_CAMERA_HEIGHT;
+use crate::room_box::pins::{FLOOR_LOGIT, LN_BACK, LN_FOCAL, LN_LEFT, LN_RIGHT, ROLL, TILT, YAW};
 use crate::room_box::solved::CameraBox;
 use crate::vanishing::{Search, rotation_slopes};
 
 impl Problem<'_> {
-    fn residuals(&self, p: &[f64], limit: f64, out: &mut Vec<f64>) {
+    pub(super) fn residuals(&self, p: &[f64], limit: f64, out: &mut Vec<f64>) {
         self.residuals_of_pins(p, limit, out);
         self.residuals_of_prior(p, out);
         let lines = out.len();
@@ -88,7 +88,7 @@ impl Problem<'_> {
 
     /// Derivatives of [`Self::residuals`]: of lines and cells, which are many, as written down; of the others by
     /// differences.
-    fn jacobian(&self, p: &[f64], limit: f64, rows: usize) -> DMatrix<f64> {
+    pub(super) fn jacobian(&self, p: &[f64], limit: f64, rows: usize) -> DMatrix<f64> {
         let few = rows - self.lines.count() - Search::BESIDE_LINES - self.cells.len();
         let mut out = DMatrix::zeros(rows, p.len());
         out.rows_mut(0, few).copy_from(&differences(p, &STEPS, few, |p, out| {
