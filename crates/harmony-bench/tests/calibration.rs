@@ -1,7 +1,5 @@
 //! Calibration of rooms of the generator, with the oracle's errors.
 
-#![expect(clippy::unwrap_used, reason = "helpers of tests")]
-
 use harmony_bench::generate::{GeneratorSettings, generate, write};
 use harmony_bench::oracle::{NoiseLevel, Oracle};
 use harmony_bench::truth::TruthRoom;

@@ -19,7 +19,7 @@ use nalgebra::DMatrix;
 use crate::anchoring::height_stretch;
 use crate::level::anchoring_of;
 use crate::{PartialScene, Placed, PlacementSettings};
-use body::{Body, METRIC_LIMITS, bodies, numbers, pose, residuals};
+use body::{Body, METRIC_LIMITS, Metric, bodies, numbers, pose, residuals};
 
 /// One sigma of sizes within a matched set, relative.
 const SET_SIGMA: f64 = 0.01;
@@ -158,7 +158,8 @@ fn round(scene: &mut PartialScene, metric_limit: f64, settings: &PlacementSettin
     let of_body = |i: usize, u: &[f64], (camera, extents): &(Camera, Extents), out: &mut Vec<f64>| {
         let b = &bodies[i];
         let pose = pose(scene, b, &u[FIRST + EACH * i..FIRST + EACH * (i + 1)], extents);
-        residuals(scene, b, &pose, camera, extents, [u[SCALE], u[COMMON]], metric_limit, out);
+        let metric = Metric { ln_scale: u[SCALE], ln_common: u[COMMON], limit: metric_limit };
+        residuals(scene, b, &pose, camera, extents, &metric, out);
         if let Some(twin) = b.twin {
             let own = u[ln_scale(i)] - bodies[i].start.scale.ln();
             let other = u[ln_scale(twin)] - bodies[twin].start.scale.ln();

@@ -51,6 +51,15 @@ const NEAREST: f64 = 0.05;
 /// Edges of an object that the image's border cuts, at most.
 const MOST_EDGES: usize = 2000;
 
+/// What makes the map's lengths metres, and how far the sizes that it makes are believed.
+pub(super) struct Metric {
+    pub(super) ln_scale: f64,
+    /// What the sizes that a model named have in common.
+    pub(super) ln_common: f64,
+    /// Saturation of the losses of sizes, sigmas.
+    pub(super) limit: f64,
+}
+
 /// One object as the problem sees it.
 pub(super) struct Body {
     /// Index into the placed objects.
@@ -110,7 +119,9 @@ pub(super) fn doubt(bodies: &mut [Body]) -> f64 {
     let off: Vec<f64> = bodies.iter().filter(|b| b.trusted).map(|b| b.start.scale.ln() - b.size_log).collect();
     let spread = median_absolute_deviation(&off).filter(|_| off.len() >= JUDGED_SIZES).map_or(0.0, |m| 1.48 * m.1);
     let doubt = (spread / SIZES_OF_A_GOOD_MODEL).clamp(1.0, MOST_DOUBT);
-    bodies.iter_mut().for_each(|b| b.size_sigma *= doubt);
+    for b in bodies {
+        b.size_sigma *= doubt;
+    }
     doubt
 }
 
@@ -302,8 +313,7 @@ pub(super) fn residuals(
     pose: &Pose,
     camera: &Camera,
     extents: &Extents,
-    [ln_scale, ln_common]: [f64; 2],
-    metric_limit: f64,
+    metric: &Metric,
     out: &mut Vec<f64>,
 ) {
     let linear = camera.rotation * pose.linear();
@@ -348,14 +358,14 @@ pub(super) fn residuals(
         }
         None => 0.0,
     });
-    out.push(robust((pose.scale.ln() + ln_scale - b.size_log - ln_common) / b.size_sigma, metric_limit));
+    out.push(robust((pose.scale.ln() + metric.ln_scale - b.size_log - metric.ln_common) / b.size_sigma, metric.limit));
     out.push(match b.standard {
-        Some((log, sigma)) => robust((pose.scale.ln() + ln_scale - log) / sigma, metric_limit),
+        Some((log, sigma)) => robust((pose.scale.ln() + metric.ln_scale - log) / sigma, metric.limit),
         None => 0.0,
     });
     out.push(match b.anchoring {
         Anchoring::AgainstWall(wall) => {
-            let gap = (wall.distance(extents, pose.position) - size_of(item, pose).z / 2.0) * ln_scale.exp();
+            let gap = (wall.distance(extents, pose.position) - size_of(item, pose).z / 2.0) * metric.ln_scale.exp();
             (gap - USUAL_GAP) / if gap < 0.003 { 0.3 * GAP_SIGMA } else { GAP_SIGMA }
         }
         _ => 0.0,
