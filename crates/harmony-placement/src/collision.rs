@@ -134,7 +134,8 @@ pub(crate) fn deepest(scene: &PartialScene, all: &[Solid], object: usize, settin
 fn free_directions(scene: &PartialScene, object: usize) -> Vec<Vec3> {
     let along = |normal: Vec3| vec![normal.cross(Vec3::Y), Vec3::Y.cross(normal)];
     match anchoring_of(scene, object) {
-        Anchoring::AgainstWall(wall) => along(wall.normal()),
+        // A curtain may hang between it and its wall.
+        Anchoring::AgainstWall(wall) => [along(wall.normal()), vec![wall.normal()]].concat(),
         Anchoring::OnWall(wall) => [along(wall.normal()), vec![Vec3::Y, Vec3::NEG_Y]].concat(),
         Anchoring::Floor | Anchoring::Ceiling | Anchoring::OnHost { .. } => level_directions(),
     }
@@ -459,6 +460,30 @@ mod tests {
                 prop_assert!(all[0].penetration(&all[1], &directions_around()) <= 1e-3);
             }
         }
+    }
+
+    #[test]
+    fn what_stands_at_a_wall_makes_room_for_what_hangs_there() {
+        let settings = PlacementSettings::default();
+        // A sofa with its back to the wall, and a curtain of 12 cm that is wider than it.
+        let mut scene = with(&[(Vec3::new(1.6, 0.8, 0.8), 2.0, 0.41), (Vec3::new(3.0, 2.2, 0.12), 2.0, 0.06)]);
+        for (i, p) in scene.placed.iter_mut().enumerate() {
+            let mut item = (*p.item).clone();
+            item.relations.wall_affinity = harmony_scene::WallAffinity::Back;
+            if i == 1 {
+                item.level = Level::Wall;
+                p.support = Support::Wall { wall: Wall::Back };
+            }
+            p.item = Arc::new(item);
+        }
+        assert!(matches!(anchoring_of(&scene, 0), Anchoring::AgainstWall(Wall::Back)));
+        relax(&mut scene, &settings);
+        assert_eq!(collisions(&scene, &settings), vec![]);
+        let (sofa, curtain) = (scene.placed[0].pose.position, scene.placed[1].pose.position);
+        assert!((sofa.x - 2.0).abs() < 1e-9 && (0.51..0.53).contains(&sofa.z), "{sofa}");
+        assert!((curtain.z - 0.06).abs() < 1e-9, "{curtain}");
+        // It still stands at its wall.
+        assert!(matches!(anchoring_of(&scene, 0), Anchoring::AgainstWall(Wall::Back)));
     }
 
     #[test]
