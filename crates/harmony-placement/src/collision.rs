@@ -514,7 +514,7 @@ mod tests {
             (Vec3::new(1.0, 0.8, 0.6), 2.12, 2.0),
             (Vec3::new(0.6, 0.8, 0.6), 2.93, 2.0),
         ]);
-        // Everything stands in a row along the back wall, so that it can only slide along it.
+        // Everything stands in a row along the back wall: to slide along it is much less than to come forward.
         for p in &mut scene.placed {
             let mut item = (*p.item).clone();
             item.relations.wall_affinity = harmony_scene::WallAffinity::Back;
