@@ -209,14 +209,13 @@ impl<'a> Starter<'a, '_> {
         out
     }
 
-    /// At a wall, for the case that not the wall but the front was named wrongly: another side is at the wall.
+    /// At a wall, for the case that not the wall but the front was named wrongly: another side is at the wall. What
+    /// has no front is alike from before and behind.
     fn turned_at_wall(&self, wall: Wall, price: f64) -> Vec<Hypothesis<'a>> {
-        if !self.item.traits.has_front {
-            return Vec::new();
-        }
+        let turns = if self.item.traits.has_front { 3 } else { 1 };
         let about = YawRule::About { yaw: wall.yaw(), sigma: WALL_SIGMA };
         let mut out = Vec::new();
-        for (rule, turn_price) in quarter_turns(about).into_iter().skip(1) {
+        for (rule, turn_price) in quarter_turns(about).into_iter().skip(1).take(turns) {
             let frame = self.frame(Anchoring::Floor, rule);
             // A quarter turn is what `price` is for.
             let price = price + turn_price - WRONG_TURN;
