@@ -2,8 +2,6 @@
 
 use harmony_scene::Mask;
 
-use crate::components;
-
 /// Ways along pixel edges: right, down, left, up.
 const STEP: [(i64, i64); 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];
 /// The pixel ahead of a corner on the left of each way.
@@ -15,7 +13,7 @@ const RIGHT: [(i64, i64); 4] = [(0, 0), (-1, 0), (-1, -1), (0, -1)];
 /// (Douglas-Peucker); clockwise on the screen, in pixel coordinates (pixel corners). Empty for an empty mask.
 pub fn trace_outline(mask: &Mask, tolerance: f64) -> Vec<[f64; 2]> {
     let (w, h) = (mask.size().width as usize, mask.size().height as usize);
-    let (labels, counts) = components::label(mask.bits(), w, h);
+    let (labels, counts) = harmony_scene::components(mask.bits(), w, h);
     let Some((largest, n)) = counts.iter().enumerate().max_by_key(|(i, n)| (**n, std::cmp::Reverse(*i))) else {
         return Vec::new();
     };

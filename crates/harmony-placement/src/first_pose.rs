@@ -25,6 +25,9 @@ const SURE_IOU: f64 = 0.6;
 /// Expected error of a yaw that follows from what an object faces, radians.
 const FACING_SIGMA: f64 = 0.35;
 
+/// A turned front that is as near to what the object is said to face, radians, costs nothing.
+const FACING_AGREES: f64 = 0.6;
+
 /// Expected error of a given coarse yaw (one of four panels), radians.
 const HINT_SIGMA: f64 = 0.4;
 
@@ -141,15 +144,11 @@ impl<'a> Starter<'a, '_> {
             }
             _ => {}
         }
-        if self.settings.relations {
-            let target = self.item.relations.facing_toward.as_ref().and_then(|id| self.scene.position(id));
-            let own = target.is_some_and(|t| self.scene.placed[t].item.id == self.item.id);
-            if let Some(target) = target.filter(|_| !own)
-                && let Some(start) = facing(position, &self.scene.placed[target])
-            {
-                let turned = |by: f64| YawRule::Facing { target, start: start + by, sigma: FACING_SIGMA };
-                return [0.0, -1.5, 1.5].map(|k| turned(k * FACING_SIGMA)).to_vec();
-            }
+        if let Some(target) = self.target()
+            && let Some(start) = self.faced(position)
+        {
+            let turned = |by: f64| YawRule::Facing { target, start: start + by, sigma: FACING_SIGMA };
+            return [0.0, -1.5, 1.5].map(|k| turned(k * FACING_SIGMA)).to_vec();
         }
         let quarter = std::f64::consts::FRAC_PI_2;
         if self.item.traits.flat {
@@ -160,6 +159,17 @@ impl<'a> Starter<'a, '_> {
         }
         // The 90 degree grid first, the diagonals after it.
         [0.0, 1.0, 2.0, 3.0, 0.5, 1.5, 2.5, 3.5].map(|k| YawRule::Free(base + k * quarter)).to_vec()
+    }
+
+    /// What the object is said to face, where that is placed.
+    fn target(&self) -> Option<usize> {
+        let id = self.item.relations.facing_toward.as_ref().filter(|_| self.settings.relations)?;
+        self.scene.position(id).filter(|_| *id != self.item.id)
+    }
+
+    /// The yaw that this asks for at a place.
+    fn faced(&self, position: Vec3) -> Option<f64> {
+        facing(position, &self.scene.placed[self.target()?])
     }
 
     fn on_floor(&self, price: f64) -> Vec<Hypothesis<'a>> {
@@ -198,7 +208,11 @@ impl<'a> Starter<'a, '_> {
                         out.push(Hypothesis { frame, pose, price });
                     }
                 }
+                let faced = self.faced(around);
                 for (yaw, turn_price) in quarter_turns(yaw) {
+                    // Two answers that contradict one another: neither costs more.
+                    let agrees = faced.is_some_and(|faced| angle_between(yaw.start(), faced).abs() < FACING_AGREES);
+                    let turn_price = if agrees { 0.0 } else { turn_price };
                     out.push(self.settled(self.frame(Anchoring::Floor, yaw), around, price + turn_price));
                 }
                 if let Some(along) = along_the_room(yaw) {

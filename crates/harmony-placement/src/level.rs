@@ -109,7 +109,11 @@ pub fn place_level(
     settings: &PlacementSettings,
 ) -> LevelReport {
     let mut report = LevelReport::default();
-    let items: Vec<Arc<Item>> = items.into_iter().map(Arc::new).filter(|i| usable(scene, i, &mut report)).collect();
+    let mut items: Vec<Item> = items.into_iter().filter(|i| usable(scene, i, &mut report)).collect();
+    for item in &mut items {
+        crate::pieces::drop_strangers(scene, item);
+    }
+    let items: Vec<Arc<Item>> = items.into_iter().map(Arc::new).collect();
     report.order = crate::placement_order(scene, &items, given_order, settings);
     let mut waiting: Vec<Arc<Item>> = report.order.entries.iter().map(|e| Arc::clone(&items[e.item])).collect();
     waiting.reverse();

@@ -31,6 +31,7 @@ mod level;
 mod optimise;
 mod order;
 mod outline;
+mod pieces;
 mod plausible;
 #[cfg(test)]
 mod probe;

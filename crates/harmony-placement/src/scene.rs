@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use harmony_scene::{
     Camera, Confidence, ImageSize, Level, Mask, ObjectId, PointMap, PointMapKind, Pose, Room, Similarity, Size,
-    Support, Vec3, Wall,
+    Support, Vec2, Vec3, Wall,
 };
 
 use harmony_geometry::RoomPosterior;
@@ -36,6 +36,16 @@ impl RoomPoints {
             .map(|p| if p.is_finite() { room_from_points.point(p.as_dvec3()) } else { Vec3::NAN })
             .collect();
         Self { kind: map.kind, size: map.size, xyz, confidence: map.confidence.clone() }
+    }
+
+    /// The point seen at a position in an image of the photo, if there is one.
+    pub(crate) fn at(&self, image: ImageSize, pixel: Vec2) -> Option<Vec3> {
+        let (w, h) = (self.size.width, self.size.height);
+        let x = (pixel.x * f64::from(w) / f64::from(image.width)) as usize;
+        let y = (pixel.y * f64::from(h) / f64::from(image.height)) as usize;
+        let i = y.min(h.saturating_sub(1) as usize) * w as usize + x.min(w.saturating_sub(1) as usize);
+        let (point, confidence) = (self.xyz.get(i)?, self.confidence.get(i)?);
+        (*confidence > 0.0 && point.is_finite()).then_some(*point)
     }
 
     /// Whether objects have depths of their own.

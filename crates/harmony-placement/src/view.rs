@@ -457,18 +457,8 @@ fn reference_depth(points: &RoomPoints, scene: &PartialScene, px: f64, py: f64) 
     if !points.is_dense() {
         return f32::NAN;
     }
-    let image = scene.camera.size;
-    let x = (px * f64::from(points.size.width) / f64::from(image.width)) as usize;
-    let y = (py * f64::from(points.size.height) / f64::from(image.height)) as usize;
-    let (x, y) = (x.min(points.size.width as usize - 1), y.min(points.size.height as usize - 1));
-    let i = y * points.size.width as usize + x;
-    match (points.xyz.get(i), points.confidence.get(i)) {
-        (Some(p), Some(c)) if *c > 0.0 && p.is_finite() => {
-            let z = scene.camera.depth(*p) as f32;
-            if z > 0.0 { z } else { f32::NAN }
-        }
-        _ => f32::NAN,
-    }
+    let point = points.at(scene.camera.size, Vec2::new(px, py));
+    point.map(|p| scene.camera.depth(p) as f32).filter(|z| *z > 0.0).unwrap_or(f32::NAN)
 }
 
 /// The mask's box without stray specks: the tightest box of rows and columns that hold all but 0.2 % of it.

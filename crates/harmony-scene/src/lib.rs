@@ -11,6 +11,7 @@
 //! * yaw turns about +Y, 0 = front towards +Z, counter-clockwise seen from above.
 
 mod camera;
+mod components;
 mod ids;
 mod light;
 mod material;
@@ -23,6 +24,7 @@ mod similarity;
 mod warning;
 
 pub use camera::{Camera, ImageSize, Intrinsics, Ray};
+pub use components::components;
 pub use ids::{IdError, ObjectId};
 pub use light::{Light, LightKind, Lighting};
 pub use material::{MaterialCategory, PbrFactors, Physical, SurfaceMaterial};

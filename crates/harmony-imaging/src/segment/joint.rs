@@ -3,7 +3,6 @@
 use harmony_scene::{ImageSize, Mask};
 
 use super::{CutOut, Exclusion, SegmentPrompt, Segmented};
-use crate::components;
 
 /// Difference of mean log odds below which the smaller object is taken to be in front.
 const CLEAR_ODDS: f32 = 1.5;
@@ -47,7 +46,7 @@ fn divide(first: &mut CutOut, second: &mut CutOut, layers: (Option<i32>, Option<
     }
     let smaller_is_first = areas.0 <= areas.1;
     let (w, h) = (overlap.size().width as usize, overlap.size().height as usize);
-    let (labels, counts) = components::label(overlap.bits(), w, h);
+    let (labels, counts) = harmony_scene::components(overlap.bits(), w, h);
     // Sum of the first's log odds less the second's, in each connected part.
     let mut sums = vec![0.0_f64; counts.len()];
     for (i, id) in labels.iter().enumerate() {

@@ -113,7 +113,7 @@ fn without_odd_islands(texture: &RgbaImage) -> RgbaImage {
     let observed: Vec<bool> = texture.pixels().map(|p| p.0[3] >= 128).collect();
     let total = observed.iter().filter(|b| **b).count();
     let Some(median) = base::median(texture) else { return texture.clone() };
-    let (labels, counts) = crate::components::label(&observed, w, h);
+    let (labels, counts) = harmony_scene::components(&observed, w, h);
     let mut sums = vec![[0.0_f32; 3]; counts.len()];
     for (label, p) in labels.iter().zip(texture.pixels()).filter(|(l, _)| **l > 0) {
         for (s, c) in sums[*label as usize].iter_mut().zip(p.0) {
