@@ -5,6 +5,7 @@
 //! form tells.
 
 use glam::DVec3;
+use harmony_scene::Size;
 
 use crate::Mesh;
 use crate::catalogue::Back;
@@ -26,6 +27,10 @@ const CLEAR_RELIEF: f64 = 0.1;
 /// Largest share of it that the other two sides may differ by.
 const OTHER_SIDES: f64 = 0.5;
 
+/// Smallest product of the logarithms of width over depth, of the mesh and as named, that tells which of its sides are
+/// the broad ones: 1.65 to 1 twice. Named sizes that are each 30 % off are wrong about that once in seventeen times.
+const CLEAR_PROPORTIONS: f64 = 0.25;
+
 /// Depth over width of a mesh with broad sides, at most.
 const SLAB: f64 = 0.5;
 
@@ -38,11 +43,10 @@ const SIDES: [DVec3; 4] = [DVec3::Z, DVec3::X, DVec3::NEG_Z, DVec3::NEG_X];
 /// closed one is where it is less deep. `None` where no side differs clearly from the one across, or where both pairs of
 /// sides do.
 pub fn front_by_form(mesh: &Mesh, back: Back) -> Option<u8> {
-    let seen = Seen::of(mesh)?;
-    let open = |side: usize| seen.relief(side);
-    let (sides, clear): ([f64; 4], f64) = match back {
-        Back::High => (std::array::from_fn(|side| open(side) - seen.height_along(side)), CLEAR),
-        Back::Closed => (std::array::from_fn(open), CLEAR_RELIEF),
+    let sides = Seen::of(mesh)?.fronts(back);
+    let clear = match back {
+        Back::High => CLEAR,
+        Back::Closed => CLEAR_RELIEF,
     };
     let (z, x) = (sides[0] - sides[2], sides[1] - sides[3]);
     let (difference, other, side) = if z.abs() >= x.abs() {
@@ -63,6 +67,21 @@ pub fn broad_sides(mesh: &Mesh) -> Option<[u8; 2]> {
         (_, true) => Some([1, 3]),
         _ => None,
     }
+}
+
+/// The two quarter turns (as of [`front_by_form`]) of the sides between which the front of an upright mesh is, by the
+/// width and depth that its object was said to have; the more open one first, where its kind has a back. `None` where
+/// mesh or named size are too nearly square to tell.
+pub fn front_by_size(mesh: &Mesh, named: Size, back: Option<Back>) -> Option<[u8; 2]> {
+    let size = mesh.bounds()?.size();
+    let agreement = (size.x / size.z).ln() * (named.width / named.depth).ln();
+    if !agreement.is_finite() || agreement.abs() < CLEAR_PROPORTIONS {
+        return None;
+    }
+    let [a, b] = if agreement > 0.0 { [0, 2] } else { [1, 3] };
+    let fronts = back.and_then(|back| Some(Seen::of(mesh)?.fronts(back)));
+    let turned = fronts.is_some_and(|open| open[usize::from(b)] > open[usize::from(a)]);
+    Some(if turned { [b, a] } else { [a, b] })
 }
 
 /// A mesh from above and from its four sides.
@@ -117,6 +136,14 @@ impl Seen {
         }
     }
 
+    /// How much each side looks like a front, before a back of that kind.
+    fn fronts(&self, back: Back) -> [f64; 4] {
+        std::array::from_fn(|side| match back {
+            Back::High => self.relief(side) - self.height_along(side),
+            Back::Closed => self.relief(side),
+        })
+    }
+
     /// Mean height of the surface in the strip along a side, share of the mesh's own.
     fn height_along(&self, side: usize) -> f64 {
         let strip = if side < 2 { CELLS - STRIP..CELLS } else { 0..STRIP };
@@ -137,7 +164,6 @@ impl Seen {
 #[cfg(test)]
 mod tests {
     use glam::DMat3;
-    use harmony_scene::Size;
 
     use super::*;
     use crate::{TemplateParams, canonicalise, catalogue, template};
@@ -178,6 +204,22 @@ mod tests {
         }
         assert_eq!(broad_sides(&made("box", 0.4, 0.3, 0.3)), None);
         assert_eq!(broad_sides(&Mesh::default()), None);
+    }
+
+    #[test]
+    fn named_proportions_tell_the_sides_that_a_front_is_among() {
+        let named = |width: f64, depth: f64| Size { width, height: 0.8, depth };
+        let mut shelf = made("bookshelf", 0.9, 1.9, 0.3);
+        let back = catalogue::back("bookshelf");
+        assert_eq!(front_by_size(&shelf, named(0.7, 0.35), back), Some([0, 2]));
+        assert_eq!(front_by_size(&shelf, named(0.35, 0.7), None), Some([1, 3]));
+        // Its open side comes first, whichever of the two that is.
+        canonicalise(&mut shelf, DMat3::from_rotation_y(1.5 * std::f64::consts::PI));
+        assert_eq!(front_by_size(&shelf, named(0.7, 0.35), back), Some([3, 1]));
+        // Neither a square mesh nor square named sizes tell anything, nor does a size that is none.
+        assert_eq!(front_by_size(&made("box", 0.4, 0.3, 0.4), named(2.0, 0.5), back), None);
+        assert_eq!(front_by_size(&shelf, named(0.6, 0.55), back), None);
+        assert_eq!(front_by_size(&shelf, named(0.6, 0.0), back), None);
     }
 
     #[test]

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use harmony_imaging::sheet::{Cell, contact_sheet};
-use harmony_mesh::{broad_sides, catalogue, front_by_form};
+use harmony_mesh::{broad_sides, catalogue, front_by_form, front_by_size};
 use harmony_placement::Shape;
 use harmony_prompts::{FrontPanel, FrontsAnswer, FrontsVars, InspectedObject, InspectedSize, fronts};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture};
-use harmony_scene::{Level, MaterialCategory, PbrFactors, Physical, PlacementType, SurfaceMaterial, WarningKind};
+use harmony_scene::{Level, MaterialCategory, PbrFactors, Physical, PlacementType, Size, SurfaceMaterial, WarningKind};
 use image::RgbaImage;
 use serde_json::{Value, json};
 
@@ -31,7 +31,8 @@ pub struct Canonical {
 }
 
 /// Sets a raw mesh upright (by its faces, or as the paper does by the PCA axis nearest to up) and turns it to the
-/// front that the VLM picks, or to the one that its form shows, where it does ([`front_by_form`], [`broad_sides`]).
+/// front that the VLM picks, or to the one that its form or its named size shows, where they do ([`front_by_form`],
+/// [`broad_sides`], [`front_by_size`]).
 ///
 /// # Errors
 /// Fatal role errors only.
@@ -51,7 +52,10 @@ pub async fn canonicalise(
         (generated.mesh.clone(), ctx.settings.mesh.faces as usize, ctx.settings.upright_by_faces);
     let (crop, labelled) = (Arc::clone(&c.image), id.clone());
     let back = catalogue::back(&c.inspected.kind);
-    let (mesh, turn, sheet, panels, by_form, broad) = ctx
+    let on_wall = c.candidate.level == Level::Wall;
+    let named = c.inspected.size_m;
+    let named = Size { width: named.width, height: named.height, depth: named.depth };
+    let (mesh, turn, sheet, panels, by_form, among) = ctx
         .computed(move || {
             let (mut mesh, _) = harmony_mesh::clean(&raw, faces);
             let turn = if by_faces {
@@ -70,8 +74,8 @@ pub async fn canonicalise(
             let sheet = contact_sheet(&cells, 5, VIEW);
             let panels: Vec<RgbaImage> = pictures.into_iter().skip(1).map(|(_, view)| view).collect();
             let by_form = back.and_then(|back| front_by_form(&mesh, back));
-            let broad = broad_sides(&mesh);
-            (mesh, turn, sheet, panels, by_form, broad)
+            let among = if on_wall { broad_sides(&mesh) } else { front_by_size(&mesh, named, back) };
+            (mesh, turn, sheet, panels, by_form, among)
         })
         .await?;
     let question = fronts(&FrontsVars { objects: vec![format!("- {id}: {}", c.inspected.kind)] });
@@ -83,18 +87,22 @@ pub async fn canonicalise(
     let answered = answer.objects.iter().find(|o| o.id == id).map(|o| o.front_panel);
     // A panel's turn brings the front to +Z.
     let panel_of = |quarters: u8| FrontPanel::ALL[(4 - usize::from(quarters)) % 4];
-    let broad = broad.map(|sides| sides.map(panel_of)).filter(|_| c.candidate.level == Level::Wall);
+    let among = among.map(|sides| sides.map(panel_of));
     let by_form = by_form.map(panel_of);
-    let narrow = |said: &FrontPanel| broad.is_some_and(|sides| !sides.contains(said));
-    let panel = by_form.or_else(|| if answered.as_ref().is_some_and(narrow) { Some(broad?[0]) } else { answered });
+    let excluded = |said: &FrontPanel| among.is_some_and(|sides| !sides.contains(said));
+    let panel = by_form.or_else(|| if answered.as_ref().is_some_and(excluded) { Some(among?[0]) } else { answered });
     if let (Some(said), Some(panel)) = (answered, panel)
         && said != panel
     {
         let message = if by_form.is_some() {
             format!("its form shows its front in panel {panel:?}, not in {said:?} as answered")
-        } else {
+        } else if on_wall {
             format!(
                 "what hangs on a wall shows a broad side, not panel {said:?} as answered; of its two, {panel:?} was taken"
+            )
+        } else {
+            format!(
+                "its named width and depth contradict panel {said:?} as answered; of the other two, {panel:?} was taken"
             )
         };
         ctx.warn(WarningKind::AnswerRepaired, Some(c.candidate.id.clone()), message);
@@ -114,7 +122,8 @@ pub async fn canonicalise(
     let front = match (by_form, panel == answered) {
         (Some(_), _) => "front by its form",
         (None, true) => "front by the VLM",
-        (None, false) => "one of its broad sides as front",
+        (None, false) if on_wall => "one of its broad sides as front",
+        (None, false) => "front by its named width and depth",
     };
     let record = json!({
         "frame": format!("{upright}, {front}"),
