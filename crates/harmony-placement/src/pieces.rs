@@ -59,3 +59,50 @@ fn middle(points: &[Vec2]) -> Option<Vec2> {
     let of = |i: usize| median(&mut points.iter().map(|p| p[i]).collect::<Vec<_>>());
     (!points.is_empty()).then(|| Vec2::new(of(0), of(1)))
 }
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::{Mask, PointMapKind};
+
+    use super::*;
+    use crate::RoomPoints;
+    use crate::raster::rasterise;
+    use crate::testing::{boxed, empty_room};
+
+    #[test]
+    fn a_piece_of_what_stands_elsewhere_is_dropped_and_one_of_its_own_stays() {
+        let mut scene = empty_room();
+        let size = scene.camera.size;
+        let plant = boxed(&scene, Vec3::new(0.5, 1.2, 0.5), Vec3::new(0.6, 0.0, 0.6), 0.0);
+        let chair = boxed(&scene, Vec3::new(0.8, 0.8, 0.8), Vec3::new(2.6, 0.0, 2.8), 0.0);
+        let mut depth = vec![0.0; size.pixels()];
+        for (item, at) in [(&plant, Vec3::new(0.6, 0.0, 0.6)), (&chair, Vec3::new(2.6, 0.0, 2.8))] {
+            rasterise(&scene.camera, item.shape.proxy(), &harmony_scene::Pose::new(at, 0.0, 1.0), &mut depth);
+        }
+        let point = |(i, z): (usize, &f32)| {
+            let pixel = Vec2::new((i as u32 % size.width) as f64 + 0.5, (i as u32 / size.width) as f64 + 0.5);
+            if *z > 0.0 { scene.camera.unproject(pixel, f64::from(*z)) } else { Vec3::NAN }
+        };
+        let points = RoomPoints {
+            kind: PointMapKind::Relative,
+            size,
+            xyz: depth.iter().enumerate().map(point).collect(),
+            confidence: vec![1.0; size.pixels()],
+        };
+        // A corner of the chair, and the plant with a gap that leaves its lowest part by itself.
+        let c = chair.mask.bounds().unwrap().centre();
+        let corner = Mask::from_fn(size, |x, y| {
+            (f64::from(x) - c.x).abs() < 8.0 && (f64::from(y) - c.y).abs() < 8.0 && chair.mask.get(x.into(), y.into())
+        });
+        let foot = plant.mask.bounds().unwrap().y1 as u32 - 12;
+        let gap = Mask::from_fn(size, |_, y| y == foot);
+        let own = plant.mask.minus(&chair.mask).minus(&gap);
+        let mut item = crate::Item { mask: own.or(&corner), ..plant };
+        assert_eq!(components(item.mask.bits(), size.width as usize, size.height as usize).1.len(), 4);
+        drop_strangers(&scene, &mut item);
+        assert_eq!(item.mask, own.or(&corner), "without a map nothing tells");
+        scene.points = Some(points);
+        drop_strangers(&scene, &mut item);
+        assert_eq!(item.mask, own);
+    }
+}

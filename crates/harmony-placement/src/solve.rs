@@ -325,6 +325,41 @@ mod tests {
     }
 
     #[test]
+    fn a_table_whose_mesh_lies_across_is_not_held_by_the_wall_it_was_said_to_be_at() {
+        let scene = empty_room();
+        let at = Vec3::new(2.0, 0.0, 2.2);
+        // Its mesh is deeper than wide: it was turned by a quarter. It has no front that could be wrong.
+        let mut item = boxed(&scene, Vec3::new(0.8, 0.75, 1.5), at, std::f64::consts::FRAC_PI_2);
+        item.relations.wall_affinity = Wall::Back.into();
+        let pose = solved(&scene, &item);
+        assert!(pose.position.distance(at) < 0.1, "{pose:?}");
+        assert!(pose.yaw.sin().abs() > 0.99, "{pose:?}");
+    }
+
+    #[test]
+    fn a_chair_turned_to_the_desk_that_it_faces_costs_nothing() {
+        let mut scene = empty_room();
+        let desk = boxed(&scene, Vec3::new(1.4, 0.75, 0.7), Vec3::new(2.0, 0.0, 1.0), 0.0);
+        let (pose, evidence) = (Pose::new(Vec3::new(2.0, 0.0, 1.0), 0.0, 1.0), Evidence::default());
+        let desk = std::sync::Arc::new(desk);
+        scene.placed.push(Placed { item: desk, pose, support: Support::Floor, evidence });
+        let mut chair = boxed(&scene, Vec3::new(0.6, 0.9, 0.6), Vec3::new(2.0, 0.0, 1.8), 0.0);
+        chair.id = ObjectId::numbered("chair", 1);
+        // Named to look at the viewer, and to face the desk behind it.
+        chair.yaw = crate::YawHint::About(0.3);
+        let settings = PlacementSettings::default();
+        let cheapest_backwards = |chair: &Item| {
+            let view = View::new(&scene, None, &chair.mask, &[], settings.window_px).unwrap();
+            let starts = Starter { scene: &scene, item: chair, view: &view, settings: &settings }.all();
+            let backwards = starts.iter().filter(|h| angle_between(h.pose.yaw, std::f64::consts::PI).abs() < 0.5);
+            backwards.map(|h| h.price).fold(f64::INFINITY, f64::min)
+        };
+        assert!(cheapest_backwards(&chair) > 0.1);
+        chair.relations.facing_toward = Some(ObjectId::numbered("box", 1));
+        assert!(cheapest_backwards(&chair) < 1e-9);
+    }
+
+    #[test]
     fn a_lamp_said_to_stand_on_the_chair_before_its_table_is_put_on_the_table() {
         let mut scene = empty_room();
         let place = |scene: &mut PartialScene, name: &str, parts: &[(Vec3, Vec3)], at: Vec3| {
