@@ -57,6 +57,8 @@ pub struct LevelReport {
     pub dropped: Vec<(ObjectId, PlacementError)>,
     /// Collisions that stay; the pipeline may ask for another order.
     pub unresolved: Vec<Unresolved>,
+    /// Members of rows at a wall that were together longer than their place, and by what share each was narrowed.
+    pub narrowed: Vec<(ObjectId, f64)>,
     /// What group refinement changed.
     pub groups: GroupReport,
     /// What the global refinement did, if it ran.
@@ -183,6 +185,10 @@ fn warnings(scene: &PartialScene, level: Level, report: &LevelReport) -> Vec<War
         let message = format!("the given placement order names {id}, which is unknown or named twice");
         tell(None, WarningKind::AnswerRepaired, message);
     }
+    for (id, share) in &report.narrowed {
+        let message = format!("made {:.0} % narrower: its row is longer than its place at the wall", share * 100.0);
+        tell(Some(id), WarningKind::LowConfidence, message);
+    }
     for object in &report.objects {
         if let Some(host) = &object.rehosted_to {
             let message = format!("it was placed on {host}, where its box lies, not on the given host");
@@ -276,6 +282,7 @@ fn part_all(scene: &mut PartialScene, settings: &PlacementSettings, report: &mut
             object.moved_by_collision += far;
         }
     }
+    report.narrowed = crate::plausible::narrow_rows(scene, settings);
     report.unresolved = collision::collisions(scene, settings)
         .into_iter()
         .map(|c| Unresolved { a: c.a, b: Some(c.b), penetration: c.penetration })

@@ -1,8 +1,10 @@
 //! Last corrections of a level, by what holds in rooms whatever the photo shows of it.
 
-use harmony_scene::{Mask, PlacementType, Pose, Support, Vec3, Wall};
+use std::collections::BTreeMap;
 
-use crate::anchoring::{Frame, YawRule, reach, size_of};
+use harmony_scene::{Mask, ObjectId, PlacementType, Pose, Support, Vec3, Wall};
+
+use crate::anchoring::{Anchoring, Frame, YawRule, reach, size_of};
 use crate::cost::angle_between;
 use crate::first_pose::facing;
 use crate::level::{anchoring_of, neighbours};
@@ -38,6 +40,9 @@ const WINDOW_SLACK: f64 = 0.1;
 const TURN_SLACK: f64 = 0.05;
 /// The same where the turn shows the front to what it is said to face.
 const FACING_SLACK: f64 = 0.1;
+/// Most that a member of a row gives of its width, and what is left between two of them, metres.
+const MOST_NARROWED: f64 = 0.2;
+const SEAM: f64 = 5e-4;
 /// Room that somebody needs before a front to use it, metres.
 const BEFORE_FRONT: f64 = 0.3;
 
@@ -253,6 +258,39 @@ pub(crate) fn between_curtains(scene: &mut PartialScene, settings: &PlacementSet
     }
 }
 
+/// Makes narrower what stands side by side at a wall and is still in one another after everything was brought apart: a
+/// row of cupboards whose sizes, each a little off, are together longer than their wall. Tells which, and by what share.
+pub(crate) fn narrow_rows(scene: &mut PartialScene, settings: &PlacementSettings) -> Vec<(ObjectId, f64)> {
+    let mut narrowed: BTreeMap<usize, f64> = BTreeMap::new();
+    for collision in crate::collision::collisions(scene, settings) {
+        let (Some(a), Some(b)) = (scene.position(&collision.a), scene.position(&collision.b)) else { continue };
+        let (Anchoring::AgainstWall(wall), Anchoring::AgainstWall(other)) =
+            (anchoring_of(scene, a), anchoring_of(scene, b))
+        else {
+            continue;
+        };
+        let (span_a, span_b) = (along(scene, a, wall), along(scene, b, wall));
+        let overlap = span_a[1].min(span_b[1]) - span_a[0].max(span_b[0]);
+        let a_first = span_a[0] + span_a[1] < span_b[0] + span_b[1];
+        let shares = [(a, span_a, a_first), (b, span_b, !a_first)].map(|(object, span, first)| {
+            let taken = (overlap / 2.0 + SEAM) / (span[1] - span[0]);
+            (object, taken, if first { -1.0 } else { 1.0 })
+        });
+        let total = |(object, taken, _): &(usize, f64, f64)| narrowed.get(object).unwrap_or(&0.0) + taken;
+        if wall != other || overlap <= 0.0 || shares.iter().any(|share| total(share) > MOST_NARROWED) {
+            continue;
+        }
+        for (object, taken, side) in shares {
+            let pose = &mut scene.placed[object].pose;
+            // What the wall's axis is to the room, the width is to the object.
+            pose.stretch.x *= 1.0 - taken;
+            pose.position += axis(wall) * side * (overlap / 2.0 + SEAM) / 2.0;
+            *narrowed.entry(object).or_default() += taken;
+        }
+    }
+    narrowed.into_iter().map(|(object, share)| (scene.placed[object].item.id.clone(), share)).collect()
+}
+
 /// Whether a mask ends at both sides where something that hangs, or the image's border, hides the rest.
 fn ends_hidden(scene: &PartialScene, mask: &Mask, hanging: &[usize]) -> bool {
     let Some(b) = mask.bounds() else { return false };
@@ -291,7 +329,7 @@ fn along(scene: &PartialScene, object: usize, wall: Wall) -> [f64; 2] {
 mod tests {
     use std::sync::Arc;
 
-    use harmony_scene::{Level, ObjectId};
+    use harmony_scene::Level;
 
     use super::*;
     use crate::Evidence;
@@ -312,6 +350,31 @@ mod tests {
 
     fn on(name: &str) -> Support {
         Support::Object { id: ObjectId::new(name).unwrap() }
+    }
+
+    #[test]
+    fn a_row_of_cupboards_that_is_longer_than_its_place_is_made_narrower() {
+        let settings = PlacementSettings::default();
+        let mut scene = empty_room();
+        let row = [("a_01", 1.0), ("b_01", 1.55), ("c_01", 2.1)];
+        for (name, x) in row {
+            add(&mut scene, name, Vec3::new(0.6, 0.9, 0.6), Vec3::new(x, 0.0, 0.301), |p| {
+                Arc::make_mut(&mut p.item).relations.wall_affinity = Wall::Back.into();
+            });
+        }
+        // Another is in one of them, and not at the wall.
+        add(&mut scene, "d_01", Vec3::new(0.6, 0.9, 0.6), Vec3::new(2.3, 0.0, 0.85), |_| {});
+        let narrowed = narrow_rows(&mut scene, &settings);
+        assert_eq!(narrowed.iter().map(|(id, _)| id.as_str()).collect::<Vec<_>>(), ["a_01", "b_01", "c_01"]);
+        let left = crate::collision::collisions(&scene, &settings);
+        assert_eq!(left.iter().map(|c| (c.a.as_str(), c.b.as_str())).collect::<Vec<_>>(), [("c_01", "d_01")]);
+        // The middle one gave half of both overlaps, the outer sides of the row stay.
+        let spans = [0, 1, 2].map(|i| along(&scene, i, Wall::Back));
+        assert!((spans[0][0] - 0.7).abs() < 1e-6 && (spans[2][1] - 2.4).abs() < 1e-6, "{spans:?}");
+        assert!((spans[1][1] - spans[1][0] - 0.549).abs() < 1e-6, "{spans:?}");
+        // Half of a width is no error of a size.
+        scene.placed[1].pose.position.x = 1.2;
+        assert_eq!(narrow_rows(&mut scene, &settings), []);
     }
 
     #[test]
