@@ -28,7 +28,7 @@ const CLEAR_RELIEF: f64 = 0.1;
 const OTHER_SIDES: f64 = 0.5;
 
 /// Smallest product of the logarithms of width over depth, of the mesh and as named, that tells which of its sides are
-/// the broad ones: 1.65 to 1 twice. Named sizes that are each 30 % off are wrong about that once in seventeen times.
+/// the broad ones: 1.65 to 1 twice. Where each side is named 30 % off, one in seventeen is wrong at this limit.
 const CLEAR_PROPORTIONS: f64 = 0.25;
 
 /// Depth over width of a mesh with broad sides, at most.

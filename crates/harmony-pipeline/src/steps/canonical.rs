@@ -87,26 +87,11 @@ pub async fn canonicalise(
     let answered = answer.objects.iter().find(|o| o.id == id).map(|o| o.front_panel);
     // A panel's turn brings the front to +Z.
     let panel_of = |quarters: u8| FrontPanel::ALL[(4 - usize::from(quarters)) % 4];
-    let among = among.map(|sides| sides.map(panel_of));
-    let by_form = by_form.map(panel_of);
-    let excluded = |said: &FrontPanel| among.is_some_and(|sides| !sides.contains(said));
-    let panel = by_form.or_else(|| if answered.as_ref().is_some_and(excluded) { Some(among?[0]) } else { answered });
-    if let (Some(said), Some(panel)) = (answered, panel)
-        && said != panel
-    {
-        let message = if by_form.is_some() {
-            format!("its form shows its front in panel {panel:?}, not in {said:?} as answered")
-        } else if on_wall {
-            format!(
-                "what hangs on a wall shows a broad side, not panel {said:?} as answered; of its two, {panel:?} was taken"
-            )
-        } else {
-            format!(
-                "its named width and depth contradict panel {said:?} as answered; of the other two, {panel:?} was taken"
-            )
-        };
+    let front = chosen(answered, by_form.map(panel_of), among.map(|sides| sides.map(panel_of)), on_wall);
+    if let Some(message) = front.repaired {
         ctx.warn(WarningKind::AnswerRepaired, Some(c.candidate.id.clone()), message);
     }
+    let panel = front.panel;
     let yaw = panel.map_or(0.0, FrontPanel::yaw);
     let mesh = ctx
         .computed(move || {
@@ -119,14 +104,8 @@ pub async fn canonicalise(
     generated.frame = MeshFrame::Canonical;
     let front_before = glam::DMat3::from_rotation_y(-yaw) * glam::DVec3::Z;
     let upright = if by_faces { "set upright by its faces" } else { "de-tilted by PCA" };
-    let front = match (by_form, panel == answered) {
-        (Some(_), _) => "front by its form",
-        (None, true) => "front by the VLM",
-        (None, false) if on_wall => "one of its broad sides as front",
-        (None, false) => "front by its named width and depth",
-    };
     let record = json!({
-        "frame": format!("{upright}, {front}"),
+        "frame": format!("{upright}, {}", front.basis),
         "detilt": turn.map(|m| m.to_cols_array_2d()),
         "front_panel_answered": answered,
         "front_panel": panel,
@@ -135,6 +114,43 @@ pub async fn canonicalise(
     // The mesh was turned as the panel shows it.
     let view = Arc::new(panels.into_iter().nth(panel.map_or(0, |p| p as usize)).unwrap_or_default());
     Ok(Canonical { mesh: generated, record, view })
+}
+
+/// The panel that shows a mesh's front.
+#[derive(Debug, PartialEq)]
+struct Front {
+    panel: Option<FrontPanel>,
+    /// What it rests on, in words.
+    basis: &'static str,
+    /// Why it is not the one that was answered.
+    repaired: Option<String>,
+}
+
+/// The panel that the form shows; else the answered one, unless the front is `among` two others.
+fn chosen(
+    answered: Option<FrontPanel>,
+    by_form: Option<FrontPanel>,
+    among: Option<[FrontPanel; 2]>,
+    on_wall: bool,
+) -> Front {
+    let excluding = |said: FrontPanel| among.filter(|sides| !sides.contains(&said)).map(|sides| sides[0]);
+    let (panel, basis, why) = match (by_form, answered.and_then(excluding)) {
+        (Some(_), _) => (by_form, "front by its form", "its form shows another side"),
+        (None, None) => (answered, "front by the VLM", ""),
+        (None, other) if on_wall => {
+            (other, "one of its broad sides as front", "what hangs on a wall shows a broad side")
+        }
+        (None, other) => {
+            (other, "front by its named width and depth", "its named width and depth speak for the other two sides")
+        }
+    };
+    let repaired = match (answered, panel) {
+        (Some(said), Some(panel)) if said != panel => {
+            Some(format!("its front was taken to be in panel {panel:?}, not in {said:?} as answered: {why}"))
+        }
+        _ => None,
+    };
+    Front { panel, basis, repaired }
 }
 
 /// How far a cushion leans that stands against a back, radians.
@@ -224,4 +240,30 @@ fn material_of(object: &InspectedObject) -> SurfaceMaterial {
         elasticity: sound(m.and_then(|m| m.elasticity), 0.0, 1.0).unwrap_or(0.1),
     };
     SurfaceMaterial { category, pbr, physical }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use FrontPanel::{A, B, C, D};
+
+    #[test]
+    fn form_counts_before_size_and_size_before_the_answer() {
+        let panel = |answered, by_form, among| chosen(answered, by_form, among, false).panel;
+        assert_eq!(panel(Some(B), Some(D), Some([A, C])), Some(D));
+        assert_eq!(panel(Some(B), None, Some([C, A])), Some(C));
+        assert_eq!(panel(Some(A), None, Some([C, A])), Some(A));
+        assert_eq!(panel(Some(B), None, None), Some(B));
+        assert_eq!(panel(None, None, Some([C, A])), None);
+        assert_eq!(panel(None, Some(D), None), Some(D));
+    }
+
+    #[test]
+    fn another_front_than_the_answered_one_is_told_with_its_reason() {
+        let told = |by_form, on_wall| chosen(Some(B), by_form, Some([C, A]), on_wall).repaired.unwrap_or_default();
+        assert!(told(Some(D), false).ends_with("in panel D, not in B as answered: its form shows another side"));
+        assert!(told(None, true).contains("hangs on a wall"));
+        assert!(told(None, false).contains("named width and depth"));
+        assert_eq!(chosen(Some(C), None, Some([C, A]), false).repaired, None);
+    }
 }
