@@ -1,7 +1,7 @@
 //! First poses on walls: the mask's centre as a ray against the walls, its extent projected onto the wall plane.
 //! Paper App. C "Wall-Mounted Object Placement".
 
-use harmony_scene::{Pose, Ray, Surface, Vec2, Vec3, Wall};
+use harmony_scene::{Pose, Ray, Vec2, Vec3, Wall};
 
 use crate::anchoring::{Anchoring, YawRule, prior_scale, size_of};
 use crate::first_pose::{Hypothesis, Starter};
@@ -55,7 +55,7 @@ fn walls(starter: &Starter) -> Vec<Wall> {
     }
     let hit = e.exit(&ray).and_then(|(face, at)| match face.wall() {
         Some(wall) => Some((wall, at)),
-        None => nearest_wall(starter, &ray, face),
+        None => nearest_wall(starter, &ray),
     });
     if let Some((wall, at)) = hit {
         if !out.contains(&wall) {
@@ -74,7 +74,7 @@ fn walls(starter: &Starter) -> Vec<Wall> {
 }
 
 /// The wall nearest to where a ray leaves through floor or ceiling.
-fn nearest_wall(starter: &Starter, ray: &Ray, _: Surface) -> Option<(Wall, Vec3)> {
+fn nearest_wall(starter: &Starter, ray: &Ray) -> Option<(Wall, Vec3)> {
     let e = &starter.scene.room.extents;
     let at = e.exit(ray)?.1;
     let seen = |w: &Wall| ray.direction.dot(w.normal()) < 0.0;

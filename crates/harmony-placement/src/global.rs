@@ -65,6 +65,8 @@ pub struct GlobalReport {
     pub camera_turned_deg: f64,
     /// Factor on the scene's scale.
     pub scale: f64,
+    /// How much less than a good model's the named sizes were believed, because they contradict one another; 1: not.
+    pub doubt: f64,
     /// Mean move of the objects, metres.
     pub objects_moved_m: f64,
     /// Whether the result was kept.
@@ -80,9 +82,11 @@ pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -
     let (camera, positions): (Camera, Vec<Vec3>) =
         (scene.camera, scene.placed.iter().map(|p| p.pose.position).collect());
     let mut trial = scene.clone();
-    let mut scale = 1.0;
+    let (mut scale, mut doubt) = (1.0, 1.0);
     for metric_limit in METRIC_LIMITS {
-        scale *= round(&mut trial, metric_limit, settings)?;
+        let by;
+        (by, doubt) = round(&mut trial, metric_limit, settings)?;
+        scale *= by;
     }
     crate::level::polish_all(&mut trial, settings);
     let after = agreement(&trial, settings)?;
@@ -100,6 +104,7 @@ pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -
         camera_moved_m: trial.camera.centre().distance(camera.centre()),
         camera_turned_deg: cos.acos().to_degrees(),
         scale,
+        doubt,
         objects_moved_m: moved / positions.len().max(1) as f64,
         kept,
     };
@@ -123,8 +128,8 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// One round; returns the factor on the scale.
-fn round(scene: &mut PartialScene, metric_limit: f64, settings: &PlacementSettings) -> Option<f64> {
+/// One round; returns the factor on the scale, and the doubt about named sizes.
+fn round(scene: &mut PartialScene, metric_limit: f64, settings: &PlacementSettings) -> Option<(f64, f64)> {
     let mut bodies = bodies(scene, settings);
     let doubt = body::doubt(&mut bodies);
     let posterior = scene.posterior.as_ref()?.with_hints_doubted(doubt);
@@ -231,7 +236,7 @@ fn round(scene: &mut PartialScene, metric_limit: f64, settings: &PlacementSettin
     });
     let stretched: Vec<(usize, Pose)> = stretched.collect();
     take_poses(scene, stretched, settings);
-    Some(scale)
+    Some((scale, doubt))
 }
 
 fn poses(scene: &PartialScene, bodies: &[Body], u: &[f64], extents: &Extents) -> Vec<Pose> {
@@ -474,11 +479,12 @@ mod tests {
 
     #[test]
     fn doubted_sizes_move_the_scale_less() {
-        let moved = |spread: f64| {
-            refine_globally(&mut with_sizes_off(10, spread), &PlacementSettings::default()).unwrap().scale.ln()
-        };
-        let [agreeing, scattered] = [0.1, 0.6].map(moved);
-        assert!(agreeing > 0.02 && scattered < 0.6 * agreeing, "{agreeing} {scattered}");
+        let refined =
+            |spread: f64| refine_globally(&mut with_sizes_off(10, spread), &PlacementSettings::default()).unwrap();
+        let [agreeing, scattered] = [0.1, 0.6].map(refined);
+        let moved = |report: &GlobalReport| report.scale.ln();
+        assert!(moved(&agreeing) > 0.02 && moved(&scattered) < 0.6 * moved(&agreeing), "{agreeing:?} {scattered:?}");
+        assert!(agreeing.doubt == 1.0 && scattered.doubt > 1.5, "{agreeing:?} {scattered:?}");
     }
 
     #[test]

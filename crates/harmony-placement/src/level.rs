@@ -15,6 +15,8 @@ const DOUBTFUL_IOU: f64 = 0.8;
 
 /// Objects of less confidence get a warning.
 const LOW_CONFIDENCE: f64 = 0.4;
+/// So does a level whose named sizes are doubted by more than this factor.
+const TOLD_DOUBT: f64 = 1.3;
 
 /// Two objects that no move separated.
 #[derive(Debug, Clone, PartialEq)]
@@ -184,6 +186,20 @@ fn warnings(scene: &PartialScene, level: Level, report: &LevelReport) -> Vec<War
     for id in &report.order.ignored {
         let message = format!("the given placement order names {id}, which is unknown or named twice");
         tell(None, WarningKind::AnswerRepaired, message);
+    }
+    if let Some(global) = &report.global {
+        if global.doubt > TOLD_DOUBT {
+            let message =
+                format!("the named sizes contradict one another: they were believed {:.1} times less", global.doubt);
+            tell(None, WarningKind::LowConfidence, message);
+        }
+        if !global.kept {
+            let message = format!(
+                "the refinement of camera, room and objects together was not kept: agreement with the masks {:.2} before, {:.2} after",
+                global.iou[0], global.iou[1]
+            );
+            tell(None, WarningKind::Fallback, message);
+        }
     }
     for (id, share) in &report.narrowed {
         let message = format!("made {:.0} % narrower: its row is longer than its place at the wall", share * 100.0);
@@ -472,6 +488,30 @@ mod tests {
 
     use super::*;
     use crate::testing::{boxed, empty_room};
+
+    #[test]
+    fn what_the_global_refinement_doubted_or_refused_is_told() {
+        let told = |doubt: f64, kept: bool| {
+            let global = crate::GlobalReport {
+                iou: [0.8, 0.6],
+                lost: 2,
+                camera_moved_m: 0.0,
+                camera_turned_deg: 0.0,
+                scale: 1.0,
+                doubt,
+                objects_moved_m: 0.0,
+                kept,
+            };
+            let report = LevelReport { global: Some(global), ..LevelReport::default() };
+            warnings(&empty_room(), Level::Furniture, &report).into_iter().map(|w| w.message).collect::<Vec<_>>()
+        };
+        assert!(told(1.0, true).is_empty());
+        let all = told(2.04, false);
+        assert!(
+            all.len() == 2 && all[0].contains("2.0 times less") && all[1].contains("0.80 before, 0.60 after"),
+            "{all:?}"
+        );
+    }
 
     #[test]
     fn what_lost_its_host_is_placed_on_it_anew() {

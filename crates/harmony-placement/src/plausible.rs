@@ -333,7 +333,7 @@ mod tests {
 
     use super::*;
     use crate::Evidence;
-    use crate::testing::{boxed, empty_room};
+    use crate::testing::{boxed, empty_room, of_boxes};
 
     fn add(scene: &mut PartialScene, name: &str, size: Vec3, at: Vec3, change: impl FnOnce(&mut Placed)) {
         let mut item = boxed(scene, size, at, 0.0);
@@ -430,23 +430,6 @@ mod tests {
         assert!(at.z <= 2.05 + 1e-6 && at.z > 2.03, "{at}");
     }
 
-    /// A box and others on it, each with its size and the place of its bottom's centre.
-    fn stacked(parts: &[(Vec3, Vec3)]) -> crate::Shape {
-        let mut all = harmony_mesh::Mesh::default();
-        for (size, at) in parts {
-            let mesh = crate::testing::box_mesh(*size);
-            let first = all.positions.len() as u32;
-            all.positions.extend(mesh.positions.iter().map(|p| *p + at.as_vec3()));
-            all.uvs.extend(&mesh.uvs);
-            all.materials.clone_from(&mesh.materials);
-            let triangles = mesh.groups[0].triangles.iter().map(|t| t.map(|i| i + first)).collect();
-            all.groups.push(harmony_mesh::Group { material: 0, triangles });
-        }
-        all.recompute_normals();
-        let hulls = all.positions.chunks(8).map(|part| part.iter().map(|p| p.as_dvec3()).collect()).collect();
-        crate::Shape::new(Arc::new(all), hulls)
-    }
-
     #[test]
     fn a_wide_shade_over_a_rim_does_not_lift_a_lamp() {
         let y = |y: f64| Vec3::Y * y;
@@ -462,9 +445,9 @@ mod tests {
                     p.item = Arc::new(item);
                 }
             };
-            let table = stacked(&[vec![(Vec3::new(0.6, 0.5, 0.6), Vec3::ZERO)], on_table].concat());
+            let table = of_boxes(&[vec![(Vec3::new(0.6, 0.5, 0.6), Vec3::ZERO)], on_table].concat());
             add(&mut scene, "table_01", Vec3::new(0.6, 0.53, 0.6), Vec3::new(2.0, 0.0, 2.0), with(table));
-            let lamp = stacked(&[(Vec3::new(0.1, 0.2, 0.1), Vec3::ZERO), (Vec3::new(0.6, 0.2, 0.6), y(0.2))]);
+            let lamp = of_boxes(&[(Vec3::new(0.1, 0.2, 0.1), Vec3::ZERO), (Vec3::new(0.6, 0.2, 0.6), y(0.2))]);
             add(&mut scene, "lamp_01", Vec3::new(0.6, 0.4, 0.6), Vec3::new(2.0, 0.5, 2.0), |p| {
                 with(lamp)(p);
                 p.support = on("table_01");

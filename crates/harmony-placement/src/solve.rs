@@ -229,12 +229,11 @@ fn search<'a>(
 
 #[cfg(test)]
 mod tests {
-    use harmony_mesh::Mesh;
     use harmony_scene::{Level, Mask, ObjectId, Support, Vec3, Wall};
 
     use super::*;
-    use crate::testing::{box_mesh, boxed, empty_room, seen};
-    use crate::{Evidence, Placed, Shape};
+    use crate::testing::{boxed, empty_room, of_boxes, seen};
+    use crate::{Evidence, Placed};
 
     fn solved(scene: &PartialScene, item: &Item) -> Pose {
         let settings = PlacementSettings::default();
@@ -248,24 +247,6 @@ mod tests {
         let view = View::new(scene, None, &item.mask, &[], settings.window_px).unwrap();
         let starts = Starter { scene, item, view: &view, settings: &settings }.all();
         starts.iter().map(|h| h.pose.position.distance(at)).fold(f64::INFINITY, f64::min)
-    }
-
-    fn joined(parts: &[(Vec3, Vec3)]) -> Shape {
-        let mut mesh = Mesh::default();
-        for (size, at) in parts {
-            let mut part = box_mesh(*size);
-            part.map(|p| p + at.as_vec3(), |n| n);
-            let first = mesh.positions.len() as u32;
-            mesh.positions.extend(&part.positions);
-            mesh.normals.extend(&part.normals);
-            mesh.uvs.extend(&part.uvs);
-            mesh.materials = part.materials;
-            for mut group in part.groups {
-                group.triangles.iter_mut().flatten().for_each(|i| *i += first);
-                mesh.groups.push(group);
-            }
-        }
-        Shape::new(std::sync::Arc::new(mesh), Vec::new())
     }
 
     #[test]
@@ -286,7 +267,7 @@ mod tests {
     fn of_two_curtains_of_which_one_is_seen_both_are_hung() {
         let scene = empty_room();
         let (panel, apart) = (Vec3::new(0.4, 2.0, 0.05), 0.9);
-        let shape = joined(&[(panel, Vec3::X * -apart), (panel, Vec3::X * apart)]);
+        let shape = of_boxes(&[(panel, Vec3::X * -apart), (panel, Vec3::X * apart)]);
         let at = Vec3::new(2.0, 0.2, 0.03);
         let mut item = boxed(&scene, Vec3::new(2.2, 2.0, 0.05), at, 0.0);
         item.level = Level::Wall;
@@ -313,7 +294,7 @@ mod tests {
         let drawers = (Vec3::new(0.4, 0.7, 0.6), Vec3::X * -0.5);
         let leg = (Vec3::new(0.06, 0.7, 0.6), Vec3::X * 0.67);
         let top = (Vec3::new(1.4, 0.05, 0.6), Vec3::Y * 0.7);
-        let shape = joined(&[drawers, leg, top]);
+        let shape = of_boxes(&[drawers, leg, top]);
         let at = Vec3::new(2.2, 0.0, 0.33);
         let mut item = boxed(&scene, Vec3::new(1.4, 0.75, 0.6), at, 0.0);
         item.mask = seen(&scene, &shape, &Pose::new(at, std::f64::consts::PI, 1.0));
@@ -364,7 +345,7 @@ mod tests {
         let mut scene = empty_room();
         let place = |scene: &mut PartialScene, name: &str, parts: &[(Vec3, Vec3)], at: Vec3| {
             let pose = Pose::new(at, 0.0, 1.0);
-            let shape = joined(parts);
+            let shape = of_boxes(parts);
             let mut item = boxed(scene, shape.extent(), at, 0.0);
             item.id = ObjectId::numbered(name, 1);
             item.mask = seen(scene, &shape, &pose);

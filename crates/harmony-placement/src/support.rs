@@ -206,7 +206,7 @@ mod back_tests {
 
     use super::*;
     use crate::Shape;
-    use crate::testing::{box_mesh, boxed, empty_room};
+    use crate::testing::{box_mesh, boxed, empty_room, of_boxes};
 
     #[test]
     fn the_gap_is_measured_to_the_backrest() {
@@ -231,18 +231,9 @@ mod back_tests {
     #[test]
     fn an_underside_is_no_shelf() {
         let scene = empty_room();
-        let slab = |low: f32, high: f32| {
-            let mut mesh = box_mesh(Vec3::new(2.0, f64::from(high - low), 1.0));
-            mesh.positions.iter_mut().for_each(|p| p.y += low);
-            mesh
-        };
         // A base and, above it, a mattress.
-        let (mut bed, mattress) = (slab(0.05, 0.15), slab(0.32, 0.6));
-        let first = bed.positions.len() as u32;
-        bed.positions.extend(&mattress.positions);
-        bed.uvs.extend(&mattress.uvs);
-        bed.groups[0].triangles.extend(mattress.groups[0].triangles.iter().map(|t| t.map(|i| i + first)));
-        bed.recompute_normals();
+        let parts = [(0.1, 0.05), (0.28, 0.32)].map(|(height, low)| (Vec3::new(2.0, height, 1.0), Vec3::Y * low));
+        let mut bed = (**of_boxes(&parts).mesh()).clone();
         let host_of = |mesh: harmony_mesh::Mesh| {
             let mut item = boxed(&scene, Vec3::new(2.0, 0.6, 1.0), Vec3::new(2.0, 0.0, 2.0), 0.0);
             item.shape = Arc::new(Shape::new(Arc::new(mesh), Vec::new()));
@@ -276,7 +267,7 @@ mod back_tests {
         assert!(stepped(1.03).is_some_and(|s| (s.height - 0.15).abs() < 1e-6 && s.share > 0.99));
         assert_eq!(heights_of(bed.clone()), [60.0, 15.0]);
         // The same with all faces inside out, as some meshes come.
-        bed.groups[0].triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        bed.groups.iter_mut().flat_map(|g| &mut g.triangles).for_each(|t| t.swap(1, 2));
         assert_eq!(heights_of(bed), [60.0, 15.0]);
     }
 }

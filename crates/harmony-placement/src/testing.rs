@@ -25,6 +25,23 @@ pub(crate) fn box_mesh(size: Vec3) -> Mesh {
     mesh
 }
 
+/// Boxes, each with its size and the place of its bottom's centre, as one thing whose hulls are the boxes.
+pub(crate) fn of_boxes(parts: &[(Vec3, Vec3)]) -> Shape {
+    let mut all = Mesh::default();
+    for (size, at) in parts {
+        let mesh = box_mesh(*size);
+        let first = all.positions.len() as u32;
+        all.positions.extend(mesh.positions.iter().map(|p| *p + at.as_vec3()));
+        all.uvs.extend(&mesh.uvs);
+        all.materials = mesh.materials;
+        let triangles = mesh.groups[0].triangles.iter().map(|t| t.map(|i| i + first)).collect();
+        all.groups.push(Group { material: 0, triangles });
+    }
+    all.recompute_normals();
+    let hulls = all.positions.chunks(8).map(|part| part.iter().map(|p| p.as_dvec3()).collect()).collect();
+    Shape::new(Arc::new(all), hulls)
+}
+
 /// A room of 4 x 2.5 x 5 metres, seen from its front.
 pub(crate) fn empty_room() -> PartialScene {
     let size = ImageSize::new(640, 480);
