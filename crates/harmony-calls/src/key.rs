@@ -41,9 +41,10 @@ impl KeyHasher {
         self.bytes(tag, text.as_bytes());
     }
 
-    /// Adds JSON, whatever the order of its properties.
+    /// Adds JSON, whatever the order of its properties, its numbers to six decimals: what was computed comes out the same
+    /// only so far when a sum is taken in another order.
     pub fn json(&mut self, tag: &str, value: &Value) {
-        self.text(tag, &sorted(value).to_string());
+        self.text(tag, &canonical(value).to_string());
     }
 
     /// Adds pixels.
@@ -88,15 +89,20 @@ pub fn key_for(question: &ContentKey, card: &PlayerCard) -> ContentKey {
     ContentKey(hasher.finalize().to_hex().to_string())
 }
 
-/// The same JSON with the properties of every object in order of their names.
-fn sorted(value: &Value) -> Value {
+/// The same JSON with the properties of every object in order of their names, and fractions to six decimals.
+fn canonical(value: &Value) -> Value {
     match value {
         Value::Object(map) => {
             let mut entries: Vec<_> = map.iter().collect();
             entries.sort_by(|a, b| a.0.cmp(b.0));
-            Value::Object(entries.into_iter().map(|(k, v)| (k.clone(), sorted(v))).collect())
+            Value::Object(entries.into_iter().map(|(k, v)| (k.clone(), canonical(v))).collect())
         }
-        Value::Array(items) => Value::Array(items.iter().map(sorted).collect()),
+        Value::Array(items) => Value::Array(items.iter().map(canonical).collect()),
+        Value::Number(number) if number.is_f64() => {
+            // Adding 0 takes the sign from -0.
+            let rounded = number.as_f64().map(|v| (v * 1e6).round() / 1e6 + 0.0);
+            rounded.and_then(serde_json::Number::from_f64).map_or_else(|| value.clone(), Value::Number)
+        }
         other => other.clone(),
     }
 }
@@ -119,6 +125,16 @@ mod tests {
         let c = key(|h| h.json("facts", &json!({"b": [{"y": 2, "x": 1}], "a": 2})));
         assert_eq!(a, b);
         assert_ne!(a, c);
+    }
+
+    #[test]
+    fn what_a_sum_leaves_behind_does_not_change_a_key() {
+        let of = |v: f64| key(|h| h.json("facts", &json!({"yaw_deg": v})));
+        assert_eq!(of(32.451_915_716_576_18), of(32.451_915_715_571_32));
+        assert_eq!(of(3e-17), of(-1e-16));
+        assert_ne!(of(32.4519), of(32.4520));
+        // What cannot be rounded stays as it is.
+        assert_ne!(of(1e303), of(2e303));
     }
 
     #[test]
