@@ -84,9 +84,9 @@ pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -
     let mut trial = scene.clone();
     let (mut scale, mut doubt) = (1.0, 1.0);
     for metric_limit in METRIC_LIMITS {
-        let by;
-        (by, doubt) = round(&mut trial, metric_limit, settings)?;
+        let (by, doubted) = round(&mut trial, metric_limit, settings)?;
         scale *= by;
+        doubt = doubted;
     }
     crate::level::polish_all(&mut trial, settings);
     let after = agreement(&trial, settings)?;

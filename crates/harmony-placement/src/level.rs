@@ -195,8 +195,8 @@ fn warnings(scene: &PartialScene, level: Level, report: &LevelReport) -> Vec<War
         }
         if !global.kept {
             let message = format!(
-                "the refinement of camera, room and objects together was not kept: agreement with the masks {:.2} before, {:.2} after",
-                global.iou[0], global.iou[1]
+                "the refinement of camera, room and objects together was not kept: agreement with the masks {:.2} before, {:.2} after, {} lost theirs",
+                global.iou[0], global.iou[1], global.lost
             );
             tell(None, WarningKind::Fallback, message);
         }
@@ -508,7 +508,9 @@ mod tests {
         assert!(told(1.0, true).is_empty());
         let all = told(2.04, false);
         assert!(
-            all.len() == 2 && all[0].contains("2.0 times less") && all[1].contains("0.80 before, 0.60 after"),
+            all.len() == 2
+                && all[0].contains("2.0 times less")
+                && all[1].ends_with("0.80 before, 0.60 after, 2 lost theirs"),
             "{all:?}"
         );
     }
