@@ -16,7 +16,7 @@ const FLAT: f32 = 1e-7;
 const MAX_ERROR: f32 = 0.05;
 
 /// Rounded position, normal and texture coordinates: equal ones are one vertex.
-type CornerKey = ([i64; 3], [i32; 3], [i32; 2]);
+type CornerKey = ([i64; 3], [i32; 3], [i32; 2], [i32; 2]);
 
 /// What [`clean`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -45,6 +45,7 @@ pub fn clean(mesh: &Mesh, max_triangles: usize) -> (Mesh, CleanReport) {
     let diagonal = if lo.is_finite() { (hi - lo).length() } else { 0.0 };
     let normals_known = mesh.normals.len() == count;
     let uvs_known = mesh.uvs.len() == count;
+    let metric_known = mesh.metric_uvs.len() == count && count > 0;
 
     let mut out = Mesh { materials: mesh.materials.clone(), ..Mesh::default() };
     if out.materials.is_empty() {
@@ -69,19 +70,25 @@ pub fn clean(mesh: &Mesh, max_triangles: usize) -> (Mesh, CleanReport) {
                 let k = i as usize;
                 let normal = if normals_known { mesh.normals[k].normalize_or(face) } else { Vec3::ZERO };
                 let uv = if uvs_known && mesh.uvs[k].is_finite() { mesh.uvs[k] } else { Vec2::ZERO };
-                (mesh.positions[k], if normal.is_finite() { normal } else { face }, uv)
+                let metric =
+                    if metric_known && mesh.metric_uvs[k].is_finite() { mesh.metric_uvs[k] } else { Vec2::ZERO };
+                (mesh.positions[k], if normal.is_finite() { normal } else { face }, uv, metric)
             };
             let welded = t.map(|i| {
-                let (p, n, uv) = corner(i);
+                let (p, n, uv, metric) = corner(i);
                 let key = (
                     ((p - lo) / step).to_array().map(|v| v.round() as i64),
                     (n * 100.0).to_array().map(|v| v.round() as i32),
                     (uv * 16_384.0).to_array().map(|v| v.round() as i32),
+                    (metric * 4096.0).to_array().map(|v| v.round() as i32),
                 );
                 *weld.entry(key).or_insert_with(|| {
                     out.positions.push(p);
                     out.normals.push(n);
                     out.uvs.push(uv);
+                    if metric_known {
+                        out.metric_uvs.push(metric);
+                    }
                     (out.positions.len() - 1) as u32
                 })
             });
@@ -174,6 +181,7 @@ pub fn simplified(mesh: &Mesh, triangles: usize, error: f32) -> Mesh {
         positions,
         groups: vec![Group { material: 0, triangles: indices.as_chunks::<3>().0.to_vec() }],
         materials: vec![Material::plain("shape", [0.5; 3])],
+        metric_uvs: Vec::new(),
     };
     compact(&mut out);
     out.recompute_normals();
@@ -183,7 +191,7 @@ pub fn simplified(mesh: &Mesh, triangles: usize, error: f32) -> Mesh {
 /// Leaves out vertices that no triangle uses.
 fn compact(mesh: &mut Mesh) {
     let mut new_index = vec![u32::MAX; mesh.positions.len()];
-    let (mut positions, mut normals, mut uvs) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut positions, mut normals, mut uvs, mut metric_uvs) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for i in mesh.groups.iter_mut().flat_map(|g| &mut g.triangles).flatten() {
         let k = *i as usize;
         if new_index[k] == u32::MAX {
@@ -191,10 +199,11 @@ fn compact(mesh: &mut Mesh) {
             positions.push(mesh.positions[k]);
             normals.push(mesh.normals[k]);
             uvs.push(mesh.uvs[k]);
+            metric_uvs.extend(mesh.metric_uvs.get(k));
         }
         *i = new_index[k];
     }
-    (mesh.positions, mesh.normals, mesh.uvs) = (positions, normals, uvs);
+    (mesh.positions, mesh.normals, mesh.uvs, mesh.metric_uvs) = (positions, normals, uvs, metric_uvs);
 }
 
 /// Turns the mesh by `canonical_from_mesh`, then centres it in x and z with its bottom at y = 0.

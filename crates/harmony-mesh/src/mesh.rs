@@ -3,7 +3,20 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec2, Vec3};
-use image::RgbaImage;
+use image::{RgbImage, RgbaImage};
+
+/// A look that repeats over a surface at metric scale. Images wrap around; normals are in tangent space, +Y up.
+#[derive(Debug, Clone)]
+pub struct Tile {
+    /// Width and height of the images on the surface, metres.
+    pub size: [f32; 2],
+    /// sRGB colour.
+    pub color: Arc<RgbaImage>,
+    /// Normals, as glTF has them.
+    pub normal: Option<Arc<RgbImage>>,
+    /// Red: occlusion, green: roughness, blue: metalness; multiplied with the material's factors.
+    pub surface: Option<Arc<RgbImage>>,
+}
 
 /// How a group of triangles looks.
 #[derive(Debug, Clone)]
@@ -14,6 +27,10 @@ pub struct Material {
     pub base_color: [f32; 4],
     /// sRGB colour texture; uv (0, 0) is the image's top-left corner as in glTF; wraps around.
     pub texture: Option<Arc<RgbaImage>>,
+    /// Repeating look by [`Mesh::metric_uvs`], drawn where there is no `texture`; multiplied with `base_color`.
+    pub tile: Option<Arc<Tile>>,
+    /// Cloth sheen, 0 to 1.
+    pub sheen: f32,
     /// Perceptual roughness.
     pub roughness: f32,
     /// Metalness.
@@ -35,6 +52,8 @@ impl Material {
             name: name.to_owned(),
             base_color: [linear_rgb[0], linear_rgb[1], linear_rgb[2], 1.0],
             texture: None,
+            tile: None,
+            sheen: 0.0,
             roughness: 0.6,
             metallic: 0.0,
             ior: 1.5,
@@ -63,6 +82,8 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// Texture coordinates, one a position.
     pub uvs: Vec<Vec2>,
+    /// Unwrapped positions in metres, one a position or none at all: what [`Tile`]s are laid by.
+    pub metric_uvs: Vec<Vec2>,
     /// Triangles by material.
     pub groups: Vec<Group>,
     /// Materials.
@@ -156,7 +177,8 @@ impl Mesh {
     /// The first [`MeshError`] found.
     pub fn check(&self) -> Result<(), MeshError> {
         let count = self.positions.len();
-        if self.normals.len() != count || self.uvs.len() != count {
+        let metric = self.metric_uvs.is_empty() || self.metric_uvs.len() == count;
+        if self.normals.len() != count || self.uvs.len() != count || !metric {
             return Err(MeshError::Lengths { positions: count, normals: self.normals.len(), uvs: self.uvs.len() });
         }
         if self.triangle_count() == 0 {
@@ -180,6 +202,11 @@ impl Mesh {
     pub fn append(&mut self, other: &Self) {
         let base = self.positions.len() as u32;
         let materials = self.materials.len();
+        if !self.metric_uvs.is_empty() || !other.metric_uvs.is_empty() {
+            self.metric_uvs.resize(self.positions.len(), Vec2::ZERO);
+            self.metric_uvs.extend_from_slice(&other.metric_uvs);
+            self.metric_uvs.resize(self.positions.len() + other.positions.len(), Vec2::ZERO);
+        }
         self.positions.extend_from_slice(&other.positions);
         self.normals.extend_from_slice(&other.normals);
         self.uvs.extend_from_slice(&other.uvs);

@@ -201,6 +201,7 @@ fn shell_nodes(shell: &Mesh) -> Vec<GlbNode> {
                 positions: old.iter().map(|i| shell.positions[*i as usize]).collect(),
                 normals: old.iter().map(|i| shell.normals[*i as usize]).collect(),
                 uvs: old.iter().map(|i| shell.uvs[*i as usize]).collect(),
+                metric_uvs: old.iter().filter_map(|i| shell.metric_uvs.get(*i as usize).copied()).collect(),
                 groups: vec![harmony_mesh::Group {
                     material: 0,
                     triangles: group.triangles.iter().map(|t| t.map(|i| used[&i])).collect(),

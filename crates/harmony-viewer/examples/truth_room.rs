@@ -242,6 +242,7 @@ fn mesh(name: &str, index: u32, v: &Array, f: &Array) -> Mesh {
     let mut material = Material::plain(name, [r, g, b]);
     material.double_sided = true;
     let mut mesh = Mesh {
+        metric_uvs: Vec::new(),
         normals: vec![Vec3::Y; positions.len()],
         uvs: vec![Vec2::ZERO; positions.len()],
         groups: vec![Group {

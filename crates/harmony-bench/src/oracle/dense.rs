@@ -52,6 +52,7 @@ pub(super) fn densified(mesh: &Mesh, faces: usize) -> Mesh {
         groups: vec![Group { material: 0, triangles }],
         materials: vec![Material::plain("surface", [0.5; 3])],
         normals: Vec::new(),
+        metric_uvs: Vec::new(),
     };
     out.recompute_normals();
     out

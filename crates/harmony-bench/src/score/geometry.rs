@@ -231,6 +231,7 @@ mod tests {
             groups: vec![Group { material: 0, triangles: vec![[0, 2, 1], [0, 3, 2], [0, 1, 4], [0, 4, 5]] }],
             materials: vec![Material::plain("grey", [0.5; 3])],
             normals: Vec::new(),
+            metric_uvs: Vec::new(),
         };
         shell.recompute_normals();
         let shell = Arc::new(shell);

@@ -160,6 +160,8 @@ impl Materials {
                 name: name.to_owned(),
                 base_color,
                 texture,
+                tile: None,
+                sheen: 0.0,
                 roughness,
                 metallic,
                 ior: number(extension("KHR_materials_ior", "ior")).map_or(1.5, |v| v.clamp(1.0, 3.0) as f32),

@@ -251,6 +251,7 @@ fn assemble(model: &PartModel, built: &[(String, Solid)], wanted: DVec3) -> Buil
                 let local = if spot.turned { local.yx() } else { local };
                 mesh.positions.push(p.as_vec3());
                 mesh.normals.push(v.normal.as_vec3());
+                mesh.metric_uvs.push(v.uv.as_vec2());
                 mesh.uvs.push((spot.offset + local * scale).clamp(DVec2::ZERO, DVec2::ONE).as_vec2());
             }
             let triangles = chart.triangles.iter().map(|t| t.map(|i| i + base));

@@ -1,0 +1,17 @@
+//! Shape trees: the typed form of everything that a modelling program yields (`DESIGN.md` section 7).
+//!
+//! A program (crate `harmony-program`) calls modelling functions; each call makes one [`Node`] of a [`ShapeTree`]. No
+//! mesh exists until the program ends: the tree is what is checked, stored, edited and meshed.
+//!
+//! * [`tree`]: the nodes, their limits and their check.
+//! * [`curve`]: curves and outlines, as plain functions, for programs and for meshing alike.
+//! * [`material`]: slot materials and metric patterns, baked into tiles.
+//! * `build`: from a tree to a mesh.
+//!
+//! Frame: metres, +Y up, front +Z, origin at the bottom centre, as canonical meshes have it.
+
+pub mod material;
+pub mod tree;
+
+pub use material::{MaterialSpec, Pattern, PhotoMap};
+pub use tree::{Kind, Node, NodeId, ShapeTree, TreeError};
