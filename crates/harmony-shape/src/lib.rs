@@ -4,14 +4,17 @@
 //! mesh exists until the program ends: the tree is what is checked, stored, edited and meshed.
 //!
 //! * [`tree`]: the nodes, their limits and their check.
-//! * [`curve`]: curves and outlines, as plain functions, for programs and for meshing alike.
 //! * [`material`]: slot materials and metric patterns, baked into tiles.
-//! * `build`: from a tree to a mesh.
+//! * [`build`]: from a tree to a mesh; [`soft`]: upholstery, cloth, fringes, plants.
 //!
 //! Frame: metres, +Y up, front +Z, origin at the bottom centre, as canonical meshes have it.
 
+pub mod build;
 pub mod material;
+pub mod piece;
+pub mod soft;
 pub mod tree;
 
 pub use material::{MaterialSpec, Pattern, PhotoMap};
+pub use piece::Piece;
 pub use tree::{Kind, Node, NodeId, ShapeTree, TreeError};
