@@ -237,6 +237,14 @@ impl PhaseCtx<'_> {
         Ok(harmony_io::write_json(&self.file(relative)?, value)?)
     }
 
+    /// Writes text into the phase's folder.
+    ///
+    /// # Errors
+    /// Unwritable files.
+    pub fn write_text(&self, relative: &str, text: &str) -> Result<(), PhaseError> {
+        Ok(harmony_io::write_atomic(&self.file(relative)?, text.as_bytes())?)
+    }
+
     /// Writes a PNG into the phase's folder.
     ///
     /// # Errors

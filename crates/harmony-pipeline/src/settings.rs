@@ -21,6 +21,8 @@ pub struct Settings {
     pub filters: FilterSettings,
     /// Image-to-3D settings.
     pub mesh: MeshSettings,
+    /// Modelling programs.
+    pub programs: ProgramSettings,
     /// Placement switches.
     pub placement: PlacementSettings,
     /// Lighting.
@@ -38,6 +40,7 @@ impl Default for Settings {
             review_rounds: 1,
             filters: FilterSettings::default(),
             mesh: MeshSettings::default(),
+            programs: ProgramSettings::default(),
             placement: PlacementSettings::default(),
             lighting: LightingSettings::default(),
             surface_px_per_m: 160.0,
@@ -72,6 +75,34 @@ impl Default for FilterSettings {
             mask_containment: 0.9,
             min_area: 0.00005,
             max_candidates: 60,
+        }
+    }
+}
+
+/// Modelling programs, where no generator makes the meshes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ProgramSettings {
+    /// Most objects of one level that programs are asked for, the largest in the photo first; 0: templates alone.
+    pub most_objects: usize,
+    /// Objects in one question.
+    pub objects_per_question: usize,
+    /// Smallest share of the photo that an object must have to be asked about.
+    pub smallest_share: f64,
+    /// Second looks at what was modelled, rounds at most.
+    pub second_looks: usize,
+    /// Objects in one second look.
+    pub looks_per_question: usize,
+}
+
+impl Default for ProgramSettings {
+    fn default() -> Self {
+        Self {
+            most_objects: 16,
+            objects_per_question: 8,
+            smallest_share: 0.0008,
+            second_looks: 1,
+            looks_per_question: 6,
         }
     }
 }
@@ -114,6 +145,11 @@ impl Settings {
         range("working_px", self.working_px.into(), 256.0, 2048.0)?;
         range("review_rounds", self.review_rounds as f64, 0.0, 5.0)?;
         range("surface_px_per_m", self.surface_px_per_m, 10.0, 1000.0)?;
+        range("programs.most_objects", self.programs.most_objects as f64, 0.0, 60.0)?;
+        range("programs.objects_per_question", self.programs.objects_per_question as f64, 1.0, 24.0)?;
+        range("programs.smallest_share", self.programs.smallest_share, 0.0, 1.0)?;
+        range("programs.second_looks", self.programs.second_looks as f64, 0.0, 2.0)?;
+        range("programs.looks_per_question", self.programs.looks_per_question as f64, 1.0, 24.0)?;
         range("lighting.rounds", self.lighting.rounds as f64, 0.0, 6.0)?;
         range("lighting.preview_px", self.lighting.preview_px.into(), 64.0, 2048.0)?;
         range("lighting.final_px", self.lighting.final_px.into(), 64.0, 4096.0)?;

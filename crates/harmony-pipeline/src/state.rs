@@ -11,6 +11,7 @@ use harmony_scene::{Camera, Level, Lighting, Mask, ObjectId, PointMap, Similarit
 use image::{RgbImage, RgbaImage};
 use serde_json::Value;
 
+use crate::steps::programs::Program;
 use crate::views::Gallery;
 
 /// An object that was found, before it has a mesh.
@@ -43,12 +44,24 @@ pub struct Prepared {
     pub shape: Arc<Shape>,
     /// Part model it was built from.
     pub part_model: Option<PartModel>,
+    /// Program that it was built by.
+    pub program: Option<Arc<Program>>,
+    /// Slots that keep their look whatever the photo shows.
+    pub plain_slots: Vec<String>,
     /// Who made the mesh, in words.
     pub mesh_source: String,
     /// Material.
     pub material: SurfaceMaterial,
     /// Value in the id image and in `segmentation.png`.
     pub index: u32,
+}
+
+impl Prepared {
+    /// Whether its mesh was modelled here, by a template, a part model or a program: it may be given other proportions,
+    /// and the photo's pixels are its paint.
+    pub fn is_modelled(&self) -> bool {
+        self.part_model.is_some() || self.program.is_some()
+    }
 }
 
 /// Room, camera and what they were found by.

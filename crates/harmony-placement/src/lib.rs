@@ -61,7 +61,7 @@ pub use groups::{GroupReport, color_swaps, refine_groups};
 pub use item::{Item, Traits, YawHint};
 pub use level::{LevelReport, ObjectReport, PlacementError, Unresolved, place_level};
 pub use order::{OrderEntry, OrderReport, placement_order};
-pub use review::{ActionError, ReviewAction, ReviewOutcome, Verdict, apply, judge};
+pub use review::{ActionError, ReviewAction, ReviewOutcome, Verdict, apply, judge, reshape};
 pub use scene::{PartialScene, Placed, RoomPoints, Upcoming};
 pub use settings::PlacementSettings;
 pub use shape::Shape;

@@ -250,6 +250,42 @@ pub fn apply(
     Ok(ReviewOutcome { scene: after, touched, removed, evidence })
 }
 
+/// Tries another shape for a placed object, whose units are metres: it takes the old one's place, turn and support.
+///
+/// What rests on the object is lifted or lowered with its top.
+///
+/// # Errors
+/// [`ActionError::Unknown`].
+pub fn reshape(
+    scene: &PartialScene,
+    object: &ObjectId,
+    shape: Arc<crate::Shape>,
+    settings: &PlacementSettings,
+) -> Result<ReviewOutcome, ActionError> {
+    let i = find(scene, object)?;
+    let mut after = scene.clone();
+    let placed = &mut after.placed[i];
+    let grown = shape.extent().y - placed.size().height;
+    let hangs = matches!(placed.support, Support::Ceiling);
+    let mut item = (*placed.item).clone();
+    item.shape = shape;
+    placed.item = Arc::new(item);
+    placed.pose.scale = 1.0;
+    placed.pose.stretch = Vec3::ONE;
+    if hangs {
+        placed.pose.position.y -= grown;
+    }
+    carry(&mut after, i, settings, |_| {});
+    for k in collision::body(&after, i) {
+        if k != i && !hangs {
+            after.placed[k].pose.position.y += grown;
+        }
+    }
+    after.placed[i].evidence = measure(&after, i, settings);
+    let evidence = vec![after.placed[i].evidence];
+    Ok(ReviewOutcome { scene: after, touched: vec![object.clone()], removed: Vec::new(), evidence })
+}
+
 fn find(scene: &PartialScene, id: &ObjectId) -> Result<usize, ActionError> {
     scene.position(id).ok_or_else(|| ActionError::Unknown { id: id.clone() })
 }
@@ -456,6 +492,24 @@ fn hides(before: &PartialScene, after: &PartialScene, id: &ObjectId) -> f64 {
 mod tests {
     use super::*;
     use crate::testing::{boxed, empty_room};
+
+    #[test]
+    fn another_shape_takes_the_place_of_the_old_one_and_what_stands_on_it_goes_along() {
+        let mut scene = scene();
+        let host = scene.placed[0].item.id.clone();
+        let on = |scene: &PartialScene| scene.placed[1].pose.position.y;
+        scene.placed[1].support = Support::Object { id: host.clone() };
+        scene.placed[1].pose.position = scene.placed[0].pose.position + Vec3::Y * 0.6;
+        let mut item = boxed(&scene, Vec3::new(0.8, 0.75, 0.5), scene.placed[0].pose.position, 0.0);
+        item.id = host.clone();
+        let outcome = reshape(&scene, &host, item.shape.clone(), &PlacementSettings::default()).unwrap();
+        let placed = outcome.scene.find(&host).unwrap();
+        assert!((placed.size().height - 0.75).abs() < 1e-6);
+        assert!((placed.pose.position - scene.placed[0].pose.position).length() < 1e-6);
+        assert!((on(&outcome.scene) - on(&scene) - 0.15).abs() < 1e-6, "{}", on(&outcome.scene));
+        let gone = ObjectId::numbered("ghost", 1);
+        assert!(reshape(&scene, &gone, item.shape, &PlacementSettings::default()).is_err());
+    }
 
     fn scene() -> PartialScene {
         let mut scene = empty_room();

@@ -8,14 +8,19 @@
 //! Image positions in answers are relative: 0..1000 across and 0..1000 down, `[x, y]`.
 
 mod inspect;
+mod last_look;
 mod layout;
 mod lighting;
 mod list;
 mod meshes;
+mod programs;
 mod question;
 mod review;
 
 pub use inspect::{InspectAnswer, InspectVars, InspectedMaterial, InspectedObject, InspectedSize, Occlusion, inspect};
+pub use last_look::{
+    Difference, DifferenceKind, LastAction, LastActionKind, LastLookAnswer, LastLookVars, MOST_LAST_ACTIONS, last_look,
+};
 pub use layout::{
     BackWallSide, FloorTexture, LayoutAnswer, LayoutCamera, LayoutOpening, LayoutPin, LayoutRoom, LayoutVars,
     LayoutWall, PinKind, WallTexture, layout,
@@ -25,6 +30,9 @@ pub use list::{ListAnswer, ListVars, ListedInstance, ListedItem, list};
 pub use meshes::{
     CompletedAnswer, CompletedObject, CompletedVars, FrontPanel, FrontsAnswer, FrontsObject, FrontsVars, completed,
     fronts, orient,
+};
+pub use programs::{
+    LookVerdict, LookedAt, ProgramObject, ProgramsAnswer, ProgramsVars, SecondLookAnswer, programs, second_look,
 };
 pub use question::{Question, QuestionKind, parse};
 pub use review::{ReviewActionAnswer, ReviewActionKind, ReviewAnswer, ReviewVars, review};

@@ -15,9 +15,12 @@ pub enum QuestionKind {
     Completed,
     Fronts,
     Orient,
+    Programs,
+    SecondLook,
     Review,
     Lights,
     LightingReview,
+    LastLook,
 }
 
 /// A question ready to be asked, but for its name and pictures.

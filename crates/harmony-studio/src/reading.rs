@@ -27,7 +27,10 @@ pub enum Asked {
 }
 
 /// Words by which a question is known. One that is reworded is not understood, and a test says so.
-const KINDS: [(&str, QuestionKind); 9] = [
+const KINDS: [(&str, QuestionKind); 12] = [
+    ("You look a last time at a 3D scene", QuestionKind::LastLook),
+    ("You model objects of a photographed room", QuestionKind::Programs),
+    ("You look a second time at objects", QuestionKind::SecondLook),
     ("STEP 5 -- PINS", QuestionKind::Layout),
     ("For EVERY candidate decide", QuestionKind::Inspect),
     ("judge whether the completed picture matches", QuestionKind::Completed),
@@ -62,7 +65,12 @@ pub fn read(prompt: &str) -> Option<Asked> {
     let (_, kind) = KINDS.iter().find(|(words, _)| prompt.contains(words))?;
     let level = LEVELS.iter().find(|(words, _)| prompt.contains(words)).map(|(_, level)| *level);
     let facts = match kind {
-        QuestionKind::Layout | QuestionKind::Lights | QuestionKind::LightingReview => json!({}),
+        QuestionKind::Layout
+        | QuestionKind::Lights
+        | QuestionKind::LightingReview
+        | QuestionKind::LastLook
+        | QuestionKind::Programs
+        | QuestionKind::SecondLook => json!({}),
         QuestionKind::List => json!({"level": level?}),
         QuestionKind::Inspect => json!({
             "level": level?,
@@ -227,6 +235,9 @@ mod tests {
         assert_eq!(kind(&p::lights(&p::LightsVars { sources: vec![] })), Some(QuestionKind::Lights));
         let again = p::LightingReviewVars { setup: "{}".into(), measured: "so".into() };
         assert_eq!(kind(&p::lighting_review(&again)), Some(QuestionKind::LightingReview));
+        let models = p::ProgramsVars { room: String::new(), objects: objects.clone(), guide: String::new() };
+        assert_eq!(kind(&p::programs(&models)), Some(QuestionKind::Programs));
+        assert_eq!(kind(&p::second_look(&models)), Some(QuestionKind::SecondLook));
         assert_eq!(read("What is the weather like?"), None);
     }
 }

@@ -36,6 +36,13 @@ impl VisionLanguage for Oracle {
                 Some(QuestionKind::Fronts) => json!(self.fronts(facts)),
                 Some(QuestionKind::Orient) => json!(self.orient(facts)),
                 Some(QuestionKind::Review) => json!(self.review(facts)),
+                Some(QuestionKind::LastLook) => json!(harmony_prompts::LastLookAnswer {
+                    converged: true,
+                    ..harmony_prompts::LastLookAnswer::default()
+                }),
+                // It writes no programs, and has nothing against the shapes that there are.
+                Some(QuestionKind::Programs) => json!(harmony_prompts::ProgramsAnswer::default()),
+                Some(QuestionKind::SecondLook) => json!(harmony_prompts::SecondLookAnswer::default()),
                 _ => {
                     return Err(RoleError::NotCapable {
                         player: "oracle".to_owned(),

@@ -1,12 +1,15 @@
 //! Pictures for questions: contact sheets, boxes, overlays, grids, crops.
 
 mod font;
+mod ruler;
 
 use harmony_scene::{ImageSize, Mask, PixelBox};
 use image::{Rgb, RgbImage, Rgba, RgbaImage, imageops};
 
 use crate::color::rgb8_from_lab;
 use crate::resample::resize_rgba;
+pub use ruler::ruled_window;
+
 use font::{GLYPH_PX, draw_tag, draw_text, fitted, put, text_width};
 
 /// A cell of a contact sheet.

@@ -13,7 +13,7 @@ use crate::before::{Before, Known};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Prepared, SceneState};
 use crate::steps::inspect::Inspection;
-use crate::steps::{detect, inspect, place, prepare, review, surfaces, texture};
+use crate::steps::{detect, inspect, place, prepare, review, second_look, surfaces, texture};
 
 /// A level that can be placed.
 #[derive(Debug, Default)]
@@ -121,6 +121,7 @@ pub async fn place(
             place::orient_decorations(ctx, &mut state).await?;
         }
         review::until_settled(ctx, level, &mut state).await?;
+        second_look::until_settled(ctx, level, &mut state).await?;
         texture::level(ctx, &mut state, level).await?;
         if !prepared.inspection.summary.is_empty() {
             state.summaries.push(prepared.inspection.summary);

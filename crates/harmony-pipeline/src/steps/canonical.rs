@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use harmony_imaging::sheet::{Cell, contact_sheet};
-use harmony_mesh::{broad_sides, catalogue, front_by_form, front_by_size};
+use harmony_mesh::{PartModel, TextureMode, broad_sides, catalogue, front_by_form, front_by_size};
 use harmony_placement::Shape;
 use harmony_prompts::{FrontPanel, FrontsAnswer, FrontsVars, InspectedObject, InspectedSize, fronts};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture};
@@ -206,13 +206,19 @@ pub async fn assemble(
     if let Some(model) = &g.part_model {
         ctx.write_json(&format!("meshes/{id}.part_model.json"), model)?;
     }
+    let plain = |model: &PartModel| {
+        let kept = model.slots.iter().filter(|s| s.texture == TextureMode::Plain);
+        kept.map(|s| s.name.clone()).collect()
+    };
     Ok(Prepared {
+        plain_slots: g.part_model.as_ref().map_or(c.plain_slots, plain),
         material: material_of(&c.inspected),
         candidate: c.candidate,
         inspected: c.inspected,
         mesh: g.mesh.clone(),
         shape,
         part_model: g.part_model.clone(),
+        program: c.program,
         mesh_source: g.source.clone(),
         index: 0,
     })

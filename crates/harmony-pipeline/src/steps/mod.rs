@@ -3,8 +3,11 @@
 pub mod canonical;
 pub mod detect;
 pub mod inspect;
+pub mod last_look;
 pub mod place;
 pub mod prepare;
+pub mod programs;
 pub mod review;
+pub mod second_look;
 pub mod surfaces;
 pub mod texture;

@@ -130,11 +130,11 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
             flat: is_flat(&label),
             soft,
             // A generated mesh has its own proportions; a slab of ours may be given others.
-            planar: planar && p.part_model.is_some(),
+            planar: planar && p.is_modelled(),
             opening: level == Level::Wall && matches!(harmony_mesh::template_name(&label), Some("window" | "door")),
             to_floor: level == Level::Wall && harmony_mesh::template_name(&label) == Some("door"),
             hangs: level == Level::Ceiling || harmony_mesh::template_name(&label) == Some("curtain"),
-            may_stretch: p.part_model.is_some(),
+            may_stretch: p.is_modelled(),
             as_wide_as_deep: !planar && (o.size_m.width / o.size_m.depth - 1.0).abs() < 0.02,
             heavily_occluded: o.occlusion == Occlusion::Heavily,
             has_front,

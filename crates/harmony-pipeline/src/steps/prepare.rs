@@ -16,6 +16,7 @@ use serde_json::{Value, json};
 
 use super::canonical::{Canonical, assemble, canonicalise, shape_of};
 use super::inspect::Inspection;
+use super::programs::{self, Program};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Candidate, Prepared, SceneState};
 
@@ -31,6 +32,10 @@ pub struct Completed {
     pub inspected: InspectedObject,
     /// The object alone; alpha = object.
     pub image: Arc<RgbaImage>,
+    /// The program that models it.
+    pub program: Option<Arc<Program>>,
+    /// Slots of the program that keep their look whatever the photo shows.
+    pub plain_slots: Vec<String>,
 }
 
 /// What comes out of the chains of a level.
@@ -59,6 +64,7 @@ pub async fn all(
     candidates: Vec<Candidate>,
     inspection: &Inspection,
 ) -> Result<Objects, PhaseError> {
+    let programs = programs::ask(ctx, state, &candidates, inspection).await?;
     let mut objects = Objects::default();
     let mut wanted = Vec::new();
     for candidate in candidates {
@@ -78,7 +84,7 @@ pub async fn all(
     // What this program makes itself costs nothing, and a part model is made for each object's own mask.
     let made_outside = ctx.played_outside(Role::MeshGenerator);
     let groups = if made_outside { identical(wanted) } else { wanted.into_iter().map(|one| vec![one]).collect() };
-    let outcomes = join_all(groups.into_iter().map(|group| chain(ctx, level, state, group))).await;
+    let outcomes = join_all(groups.into_iter().map(|group| chain(ctx, level, state, group, &programs))).await;
     let mut ready = Vec::new();
     for outcome in outcomes.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().flatten() {
         match outcome {
@@ -135,6 +141,7 @@ async fn chain(
     level: Level,
     state: &Arc<SceneState>,
     group: Vec<(Candidate, InspectedObject)>,
+    programs: &BTreeMap<ObjectId, Program>,
 ) -> Result<Vec<Outcome>, PhaseError> {
     let mut outcomes = Vec::new();
     let mut members = Vec::new();
@@ -146,13 +153,28 @@ async fn chain(
             continue;
         };
         ctx.write_picture_rgba(&format!("crops/{}.png", candidate.id), &crop)?;
-        members.push(Completed { candidate, inspected, image: Arc::new(crop) });
+        let program = programs.get(&candidate.id).cloned().map(Arc::new);
+        members.push(Completed { candidate, inspected, image: Arc::new(crop), program, plain_slots: Vec::new() });
     }
     let mut made = None;
     for member in &mut members {
         complete(ctx, state, member).await?;
         ctx.write_picture_rgba(&format!("completed/{}.png", member.candidate.id), &member.image)?;
-        if let Some(mesh) = generate(ctx, level, member).await? {
+        let programmed = match &member.program {
+            Some(program) => programs::mesh(ctx, &member.candidate.id, program, size_of(member), state).await?,
+            None => None,
+        };
+        let mesh = match programmed {
+            Some(modelled) => {
+                member.plain_slots = modelled.plain_slots;
+                Some(modelled.mesh)
+            }
+            None => {
+                member.program = None;
+                generate(ctx, level, member).await?
+            }
+        };
+        if let Some(mesh) = mesh {
             made = Some((member.candidate.id.clone(), canonicalise(ctx, member, mesh).await?, member.inspected.size_m));
             break;
         }
@@ -245,15 +267,19 @@ async fn inspect_completed(
     Ok(answer.objects.into_iter().find(|o| o.id == id).filter(|o| !o.matches).map(|o| o.hint))
 }
 
-async fn generate(ctx: &PhaseCtx<'_>, level: Level, c: &Completed) -> Result<Option<GeneratedMesh>, PhaseError> {
+fn size_of(c: &Completed) -> Size {
     let size = c.inspected.size_m;
+    Size { width: size.width, height: size.height, depth: size.depth }
+}
+
+async fn generate(ctx: &PhaseCtx<'_>, level: Level, c: &Completed) -> Result<Option<GeneratedMesh>, PhaseError> {
     let request = MeshRequest {
         name: ctx.call(&format!("{}/mesh", c.candidate.id)),
         crop: c.image.clone(),
         label: c.inspected.kind.clone(),
         description: c.inspected.description.clone(),
         level,
-        size: Size { width: size.width, height: size.height, depth: size.depth },
+        size: size_of(c),
         template: c.inspected.template.clone(),
         params: c.inspected.params.clone().unwrap_or_default(),
         part_model: c.inspected.part_model.clone(),

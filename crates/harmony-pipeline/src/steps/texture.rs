@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
-use harmony_mesh::TextureMode;
 use harmony_render::{BakeOptions, bake_texture};
 use harmony_scene::{Level, ObjectId, WarningKind};
 
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::SceneState;
+use crate::state::{Prepared, SceneState};
 use crate::views;
 
 /// Textures the objects of one level that have none yet.
@@ -34,9 +33,17 @@ pub async fn everything(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<()
     bake(ctx, state, ids).await
 }
 
+/// Textures some objects anew.
+///
+/// # Errors
+/// None of its own; the type is that of the steps.
+pub async fn only(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) -> Result<(), PhaseError> {
+    bake(ctx, state, ids).await
+}
+
 async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) -> Result<(), PhaseError> {
     let camera = state.partial.camera;
-    let modelled = |id: &ObjectId| state.prepared.get(id).is_some_and(|p| p.part_model.is_some());
+    let modelled = |id: &ObjectId| state.prepared.get(id).is_some_and(Prepared::is_modelled);
     if !ids.iter().any(modelled) {
         return Ok(());
     }
@@ -48,16 +55,10 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
         else {
             continue;
         };
-        let Some(model) = &prepared.part_model else { continue };
-        let options = BakeOptions {
-            plain_slots: model
-                .slots
-                .iter()
-                .filter(|s| s.texture == TextureMode::Plain)
-                .map(|s| s.name.clone())
-                .collect(),
-            ..BakeOptions::default()
-        };
+        if !prepared.is_modelled() {
+            continue;
+        }
+        let options = BakeOptions { plain_slots: prepared.plain_slots.clone(), ..BakeOptions::default() };
         jobs.push((id, prepared.mesh.clone(), placed.pose, visible, options));
     }
     let photo = state.photo.clone();

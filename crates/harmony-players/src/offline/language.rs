@@ -51,8 +51,15 @@ fn answer(kind: QuestionKind, request: &VlmRequest) -> Result<Value, RoleError> 
         QuestionKind::Inspect => serde_json::to_value(answers::inspect(facts)),
         QuestionKind::Completed => serde_json::to_value(answers::completed(facts)),
         QuestionKind::Fronts | QuestionKind::Orient => serde_json::to_value(answers::fronts(facts)),
+        // It writes no programs, and has nothing against those that there are.
+        QuestionKind::Programs => serde_json::to_value(harmony_prompts::ProgramsAnswer::default()),
+        QuestionKind::SecondLook => serde_json::to_value(harmony_prompts::SecondLookAnswer::default()),
         QuestionKind::Review => serde_json::to_value(answers::review()),
         QuestionKind::Lights => serde_json::to_value(answers::lights(facts)),
+        QuestionKind::LastLook => serde_json::to_value(harmony_prompts::LastLookAnswer {
+            converged: true,
+            ..harmony_prompts::LastLookAnswer::default()
+        }),
         QuestionKind::LightingReview => serde_json::to_value(answers::lighting_review(facts)),
     };
     answer.map_err(|error| super::not_capable(format!("the answer can't be written: {error}")))

@@ -1,0 +1,252 @@
+//! The last look: photo, lit render, canonical view and two inner views side by side; what still differs is named, and
+//! typed actions are tried, measured against the photo, and kept or refused with the reason.
+
+use std::sync::Arc;
+
+use harmony_mesh::{Mesh, linear_rgb, parse_color};
+use harmony_placement::ReviewAction;
+use harmony_prompts::{LastAction, LastActionKind};
+use harmony_scene::{ObjectId, Surface};
+use image::{RgbImage, RgbaImage};
+use serde_json::{Value, json};
+
+use super::programs::Program;
+use super::{review, second_look};
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::state::SceneState;
+use crate::views;
+
+/// A change of colour may raise the mean squared difference to the photo by this share, and by this much: what it was
+/// made for may be where the photo does not look.
+const WORSE_SHARE: f64 = 1.05;
+const WORSE: f64 = 2e-4;
+/// Fewer visible pixels than this say nothing.
+const FEW_PIXELS: usize = 40;
+/// Factors on a colour channel are kept within this and its inverse.
+const LARGEST_FACTOR: f32 = 6.0;
+
+/// Tries an action on objects or room surfaces; tells what came of it and whether the scene changed.
+///
+/// Actions on light are the caller's: they give `None`.
+///
+/// # Errors
+/// Unwritable files and computations that broke.
+pub async fn try_action(
+    ctx: &PhaseCtx<'_>,
+    state: &mut SceneState,
+    action: &LastAction,
+) -> Result<Option<(Value, bool)>, PhaseError> {
+    let told = |kept: bool, reason: String| Some((json!({ "asked": action, "kept": kept, "reason": reason }), kept));
+    let object = ObjectId::new(&action.id).ok();
+    let pose = |object: ObjectId| match action.action {
+        LastActionKind::Move => Some(ReviewAction::Move { object, by_m: action.delta_m? }),
+        LastActionKind::Rotate => Some(ReviewAction::Rotate { object, by_deg: action.angle_deg? }),
+        LastActionKind::Rescale => Some(ReviewAction::Rescale { object, factor: action.factor? }),
+        LastActionKind::Remove => Some(ReviewAction::Remove { object }),
+        _ => None,
+    };
+    Ok(match (action.action, object) {
+        (LastActionKind::Light | LastActionKind::Exposure, _) => None,
+        (LastActionKind::Surface, _) => {
+            let (kept, reason) = recolor_surface(state, action);
+            told(kept, reason)
+        }
+        (_, None) => told(false, format!("{:?} is no id", action.id)),
+        (LastActionKind::Reshape, Some(id)) => {
+            let Some(source) = action.program.clone() else { return Ok(told(false, "there is no program".into())) };
+            let program = Program { source, params: action.params.clone() };
+            match second_look::try_program(ctx, state, &id, program).await? {
+                Ok(verdict) => {
+                    if verdict.kept {
+                        super::texture::only(ctx, state, vec![id]).await?;
+                    }
+                    told(verdict.kept, verdict.reason)
+                }
+                Err(reason) => told(false, reason),
+            }
+        }
+        (LastActionKind::Recolor, Some(id)) => {
+            let (kept, reason) = recolor_object(state, &id, action);
+            told(kept, reason)
+        }
+        (kind, Some(id)) => {
+            let Some(wanted) = pose(id.clone()) else { return Ok(told(false, "it says too little".into())) };
+            match review::try_on(ctx, state, wanted, Some(id.clone()), &format!("{kind:?}")).await? {
+                Ok(verdict) => {
+                    let gone = state.partial.find(&id).is_none();
+                    if verdict.kept && !gone {
+                        super::texture::only(ctx, state, vec![id]).await?;
+                    }
+                    told(verdict.kept, verdict.reason)
+                }
+                Err(error) => told(false, error.to_string()),
+            }
+        }
+    })
+}
+
+/// Gives an object's slot another mean colour, if the flat render does not differ more from the photo then.
+fn recolor_object(state: &mut SceneState, id: &ObjectId, action: &LastAction) -> (bool, String) {
+    let Some(rgb) = action.color_hex.as_deref().and_then(parse_color) else {
+        return (false, "there is no colour".to_owned());
+    };
+    let Some(mesh) = state.mesh_of(id).cloned() else { return (false, format!("there is no object {id}")) };
+    let Some(changed) = recolored(&mesh, action.slot.as_deref(), linear_rgb(rgb)) else {
+        let slots: Vec<&str> = mesh.materials.iter().map(|m| m.name.as_str()).collect();
+        return (false, format!("it has no slot {:?}; its slots are {}", action.slot, slots.join(", ")));
+    };
+    let index = state.partial.find(id).map_or(0, |p| p.item.index);
+    let before = (difference(state, |own| own == index), state.textured.get(id).cloned());
+    state.textured.insert(id.clone(), Arc::new(changed));
+    let after = difference(state, |own| own == index);
+    let (kept, reason) = weighed(before.0, after);
+    if !kept {
+        match before.1 {
+            Some(old) => state.textured.insert(id.clone(), old),
+            None => state.textured.remove(id),
+        };
+    }
+    (kept, reason)
+}
+
+/// Gives a room surface another mean colour, as [`recolor_object`].
+fn recolor_surface(state: &mut SceneState, action: &LastAction) -> (bool, String) {
+    let name = action.id.trim_start_matches("wall_");
+    let surface = Surface::ALL.into_iter().find(|s| s.name() == name);
+    let Some((surface, old)) = surface.and_then(|s| Some((s, state.surfaces.get(&s)?.clone()))) else {
+        return (false, format!("there is no surface {:?}", action.id));
+    };
+    let Some(rgb) = action.color_hex.as_deref().and_then(parse_color) else {
+        return (false, "there is no colour".to_owned());
+    };
+    let factor = factors(mean_linear(&old), linear_rgb(rgb));
+    let image = RgbaImage::from_fn(old.width(), old.height(), |x, y| {
+        let [r, g, b, a] = old.get_pixel(x, y).0;
+        let [r, g, b] = scaled([r, g, b], factor);
+        image::Rgba([r, g, b, a])
+    });
+    let before = difference(state, |own| own == 0);
+    state.surfaces.insert(surface, Arc::new(image));
+    let (kept, reason) = weighed(before, difference(state, |own| own == 0));
+    if !kept {
+        state.surfaces.insert(surface, old);
+    }
+    (kept, reason)
+}
+
+/// The mesh with a slot (the largest one when none is named) of another mean colour; `None` when there is no such slot.
+fn recolored(mesh: &Mesh, slot: Option<&str>, rgb: [f32; 3]) -> Option<Mesh> {
+    let largest = || mesh.groups.iter().max_by_key(|g| g.triangles.len()).map(|g| g.material);
+    let which = match slot {
+        Some(name) => mesh.materials.iter().position(|m| m.name == name)?,
+        None => largest()?,
+    };
+    let mut mesh = mesh.clone();
+    let material = &mut mesh.materials[which];
+    let image = material.texture.as_ref().or(material.tile.as_ref().map(|t| &t.color));
+    let [r, g, b, _] = material.base_color;
+    let shown = image.map_or([1.0; 3], |image| mean_linear(image));
+    let now = [r * shown[0], g * shown[1], b * shown[2]];
+    let factor = factors(now, rgb);
+    for (channel, f) in material.base_color.iter_mut().zip(factor) {
+        *channel = (*channel * f).max(0.0);
+    }
+    Some(mesh)
+}
+
+fn factors(now: [f32; 3], wanted: [f32; 3]) -> [f32; 3] {
+    [0, 1, 2].map(|k| (wanted[k] / now[k].max(1e-4)).clamp(1.0 / LARGEST_FACTOR, LARGEST_FACTOR))
+}
+
+fn scaled(rgb: [u8; 3], factor: [f32; 3]) -> [u8; 3] {
+    let linear = harmony_imaging::color::linear_from_rgb8(rgb);
+    harmony_imaging::color::rgb8_from_linear([0, 1, 2].map(|k| (linear[k] * factor[k]).min(1.0)))
+}
+
+fn mean_linear(image: &RgbaImage) -> [f32; 3] {
+    let mut sum = [0.0_f64; 3];
+    let n = (f64::from(image.width()) * f64::from(image.height())).max(1.0);
+    for p in image.pixels() {
+        let [r, g, b, _] = p.0;
+        for (s, v) in sum.iter_mut().zip(harmony_imaging::color::linear_from_rgb8([r, g, b])) {
+            *s += f64::from(v);
+        }
+    }
+    sum.map(|s| (s / n) as f32)
+}
+
+/// Mean squared difference of flat render and photo over the pixels whose nearest object `counts`; `None` when there
+/// are hardly any.
+fn difference(state: &SceneState, counts: impl Fn(u32) -> bool) -> Option<f64> {
+    let drawn = views::drawn(state);
+    squared(&drawn.flat, &state.photo, &drawn.ids, counts)
+}
+
+fn squared(a: &RgbImage, b: &RgbImage, ids: &[u32], counts: impl Fn(u32) -> bool) -> Option<f64> {
+    let (mut sum, mut n) = (0.0, 0_usize);
+    for ((p, q), id) in a.pixels().zip(b.pixels()).zip(ids) {
+        if counts(*id) {
+            n += 1;
+            let d = p.0.iter().zip(q.0).map(|(x, y)| (f64::from(*x) - f64::from(y)) / 255.0);
+            sum += d.map(|d| d * d).sum::<f64>() / 3.0;
+        }
+    }
+    (n >= FEW_PIXELS).then(|| sum / n as f64)
+}
+
+fn weighed(before: Option<f64>, after: Option<f64>) -> (bool, String) {
+    match (before, after) {
+        (Some(before), Some(after)) if after > before * WORSE_SHARE + WORSE => {
+            (false, format!("its difference to the photo would grow from {before:.4} to {after:.4}"))
+        }
+        (Some(before), Some(after)) => (true, format!("difference to the photo {before:.4} -> {after:.4}")),
+        _ => (true, "the photo hardly shows it".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_mesh::{Group, Material};
+
+    use super::*;
+
+    fn two_slots() -> Mesh {
+        let mut mesh = Mesh {
+            materials: vec![Material::plain("seat", [0.2, 0.4, 0.1]), Material::plain("legs", [0.5; 3])],
+            ..Mesh::default()
+        };
+        mesh.groups.push(Group { material: 0, triangles: vec![[0, 1, 2], [0, 2, 3]] });
+        mesh.groups.push(Group { material: 1, triangles: vec![[0, 1, 2]] });
+        mesh
+    }
+
+    #[test]
+    fn a_slot_takes_the_colour_and_the_others_keep_theirs() {
+        let mesh = two_slots();
+        let changed = recolored(&mesh, Some("legs"), [0.25, 0.5, 1.0]).unwrap();
+        assert_eq!(changed.materials[0].base_color, mesh.materials[0].base_color);
+        for (channel, wanted) in changed.materials[1].base_color.iter().zip([0.25, 0.5, 1.0]) {
+            assert!((channel - wanted).abs() < 1e-5);
+        }
+        assert_eq!(recolored(&mesh, None, [0.1; 3]).unwrap().materials[1].base_color, mesh.materials[1].base_color);
+        assert!(recolored(&mesh, Some("shade"), [0.1; 3]).is_none());
+    }
+
+    #[test]
+    fn a_textured_slot_gets_the_colour_in_the_mean() {
+        let mut mesh = two_slots();
+        let image = RgbaImage::from_fn(2, 1, |x, _| image::Rgba(if x == 0 { [0, 0, 0, 255] } else { [255, 255, 255, 255] }));
+        mesh.materials[0].texture = Some(Arc::new(image));
+        mesh.materials[0].base_color = [1.0; 4];
+        // The texture's mean is half of white in linear light, so that a quarter needs a factor of one half.
+        let changed = recolored(&mesh, Some("seat"), [0.25; 3]).unwrap();
+        assert!((changed.materials[0].base_color[0] - 0.5).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_colour_that_differs_more_from_the_photo_is_refused() {
+        assert!(!weighed(Some(0.010), Some(0.012)).0);
+        assert!(weighed(Some(0.010), Some(0.009)).0);
+        assert!(weighed(None, None).0);
+    }
+}

@@ -1,0 +1,271 @@
+//! Modelling programs: what the language model writes instead of a template (`docs/decisions/0026-modelling-programs.md`).
+//!
+//! One question for several objects of a level; an answer whose programs do not run is asked for again with the line and
+//! the hint. Programs yield shape trees; the mesh is built from the tree, at the size at hand.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use futures::future::join_all;
+use harmony_imaging::rectify::rectify_quad;
+use harmony_imaging::sheet::{grid_overlay, ruled_window};
+use harmony_mesh::Tile;
+use harmony_program::{ChildCommand, GUIDE, Inputs, Limits};
+use harmony_prompts::{InspectedObject, ProgramsAnswer, ProgramsVars, programs};
+use harmony_roles::{GeneratedMesh, MeshFrame, Picture, Role, Usage};
+use harmony_scene::{Camera, ImageSize, ObjectId, Room, Size, WarningKind};
+use harmony_shape::{BuiltShape, ShapeTree};
+use image::RgbImage;
+use serde_json::json;
+
+use super::detect;
+use super::inspect::Inspection;
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::state::{Candidate, SceneState};
+use crate::views;
+
+/// Longest side of an object's crop, pixels.
+const CROP_PX: u32 = 720;
+/// Smallest side of a rectified piece of the photo, pixels.
+const PIECE_PX: f64 = 16.0;
+
+/// A program with what it was called with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Program {
+    /// Its text.
+    pub source: String,
+    /// Values for further parameters of `build`.
+    pub params: BTreeMap<String, f64>,
+}
+
+/// What programs can refer to beside their own numbers.
+#[derive(Debug, Clone)]
+pub struct Surroundings {
+    camera: Camera,
+    room: Room,
+}
+
+impl Surroundings {
+    /// Of a scene.
+    pub fn of(state: &SceneState) -> Self {
+        Self { camera: state.partial.camera, room: state.partial.room.clone() }
+    }
+}
+
+/// Runs a program for an object of a size.
+///
+/// # Errors
+/// What is wrong with it, with the line and a hint, for whoever wrote it.
+pub fn run(program: &Program, size: Size, around: &Surroundings) -> Result<ShapeTree, String> {
+    let inputs = Inputs::new(size)
+        .with_params(program.params.clone())
+        .with_view(around.camera, around.room.extents);
+    let tree = harmony_program::run(&program.source, &inputs, &Limits::default(), &ChildCommand::current())
+        .map_err(|error| error.to_string())?;
+    tree.check().map_err(|error| error.to_string())?;
+    Ok(tree)
+}
+
+/// A program's mesh for an object of a size, metres.
+///
+/// # Errors
+/// As [`run`], and shapes that cannot be built.
+pub fn built(
+    program: &Program,
+    size: Size,
+    around: &Surroundings,
+    photo: &RgbImage,
+) -> Result<(BuiltShape, ShapeTree), String> {
+    let tree = run(program, size, around)?;
+    let mut shape = tree.build(size).map_err(|error| error.to_string())?;
+    lay_pieces(&mut shape, &tree, photo);
+    Ok((shape, tree))
+}
+
+/// Lays rectified pieces of the photo on the materials that ask for them.
+fn lay_pieces(shape: &mut BuiltShape, tree: &ShapeTree, photo: &RgbImage) {
+    let (w, h) = (f64::from(photo.width()), f64::from(photo.height()));
+    for (spec, map) in tree.materials.iter().filter_map(|m| m.photo.as_ref().map(|p| (m, p))) {
+        let quad = map.quad.map(|[x, y]| glam::DVec2::new(x / 1000.0 * w, y / 1000.0 * h));
+        let across = quad[0].distance(quad[1]).max(quad[3].distance(quad[2])).clamp(PIECE_PX, 1024.0);
+        let down = quad[0].distance(quad[3]).max(quad[1].distance(quad[2])).clamp(PIECE_PX, 1024.0);
+        let piece = rectify_quad(photo, quad, ImageSize::new(across.ceil() as u32, down.ceil() as u32));
+        let tile = Arc::new(Tile { size: map.size.map(|v| v as f32), color: Arc::new(piece), normal: None, surface: None });
+        for material in shape.mesh.materials.iter_mut().filter(|m| m.name == spec.name) {
+            material.tile = Some(Arc::clone(&tile));
+            material.base_color = [1.0, 1.0, 1.0, material.base_color[3]];
+        }
+    }
+}
+
+/// What a program made.
+#[derive(Debug, Clone)]
+pub struct Modelled {
+    /// The mesh as a generator would have made it.
+    pub mesh: GeneratedMesh,
+    /// Slots that keep their look whatever the photo shows.
+    pub plain_slots: Vec<String>,
+}
+
+fn modelled(shape: BuiltShape, tree: &ShapeTree, program: &Program) -> Modelled {
+    let lines = program.source.lines().filter(|l| !l.trim().is_empty()).count();
+    let plain = tree.materials.iter().filter(|m| !m.paint);
+    let plain_slots = plain.map(|m| m.name.clone()).collect();
+    let mesh = GeneratedMesh {
+        mesh: Arc::new(shape.mesh),
+        convex: Some(shape.convex),
+        frame: MeshFrame::Canonical,
+        part_model: None,
+        source: format!("program of {lines} lines"),
+        notes: Vec::new(),
+        usage: Usage::default(),
+    };
+    Modelled { mesh, plain_slots }
+}
+
+/// Asks for programs for the objects of a level that matter, where no generator makes the meshes.
+///
+/// # Errors
+/// Fatal role errors only.
+pub async fn ask(
+    ctx: &PhaseCtx<'_>,
+    state: &Arc<SceneState>,
+    candidates: &[Candidate],
+    inspection: &Inspection,
+) -> Result<BTreeMap<ObjectId, Program>, PhaseError> {
+    let settings = ctx.settings.programs;
+    let mut found = BTreeMap::new();
+    if ctx.played_outside(Role::MeshGenerator) || settings.most_objects == 0 {
+        return Ok(found);
+    }
+    let smallest = settings.smallest_share * state.photo.width() as f64 * f64::from(state.photo.height());
+    let mut wanted: Vec<(&Candidate, &InspectedObject)> = candidates
+        .iter()
+        .filter_map(|c| Some((c, inspection.objects.get(&c.id).filter(|o| o.keep)?)))
+        .filter(|(c, _)| c.mask.count() as f64 >= smallest)
+        .collect();
+    wanted.sort_by_key(|(c, _)| (std::cmp::Reverse(c.mask.count()), c.id.clone()));
+    wanted.truncate(settings.most_objects);
+    let answers = join_all(wanted.chunks(settings.objects_per_question).enumerate().map(|(part, chunk)| {
+        let name = if part == 0 { "programs".to_owned() } else { format!("programs_{}", part + 1) };
+        async move { if ctx.is_answered(&name) { ask_for(ctx, state, chunk, &name).await } else { Ok(Vec::new()) } }
+    }))
+    .await;
+    for answer in answers {
+        found.extend(answer?);
+    }
+    Ok(found)
+}
+
+async fn ask_for(
+    ctx: &PhaseCtx<'_>,
+    state: &Arc<SceneState>,
+    objects: &[(&Candidate, &InspectedObject)],
+    name: &str,
+) -> Result<Vec<(ObjectId, Program)>, PhaseError> {
+    ctx.step(&format!("modelling {} objects", objects.len()));
+    let ids: Vec<String> = objects.iter().map(|(c, _)| c.id.to_string()).collect();
+    let question = programs(&ProgramsVars {
+        room: views::room_line(state),
+        objects: objects.iter().map(|(c, o)| line(c, o, state.partial.camera.size)).collect(),
+        guide: GUIDE.to_owned(),
+    });
+    let (shown, listed) = (Arc::clone(state), objects.iter().map(|(c, _)| (*c).clone()).collect::<Vec<_>>());
+    let pictures = ctx.computed(move || pictures(&shown, &listed)).await?;
+    let sizes: BTreeMap<String, Size> = objects.iter().map(|(c, o)| (c.id.to_string(), size_of(o))).collect();
+    let around = Surroundings::of(state);
+    let (asked, photo) = (ids.clone(), Arc::clone(&state.photo));
+    let answer: ProgramsAnswer = ctx
+        .ask(name, question, pictures, json!({ "objects": ids }), move |answer: &ProgramsAnswer| {
+            answer.check(&asked)?;
+            for (id, size) in &sizes {
+                let Some((source, params)) = answer.program_of(id) else { continue };
+                let program = Program { source: source.to_owned(), params: params.clone() };
+                built(&program, *size, &around, &photo).map_err(|error| format!("program of {id}: {error}"))?;
+            }
+            Ok(())
+        })
+        .await?;
+    Ok(objects
+        .iter()
+        .filter_map(|(c, _)| {
+            let (source, params) = answer.program_of(c.id.as_str())?;
+            Some((c.id.clone(), Program { source: source.to_owned(), params: params.clone() }))
+        })
+        .collect())
+}
+
+fn size_of(o: &InspectedObject) -> Size {
+    Size { width: o.size_m.width, height: o.size_m.height, depth: o.size_m.depth }
+}
+
+fn line(c: &Candidate, o: &InspectedObject, size: ImageSize) -> String {
+    let b = c.detection.bounds;
+    let (kx, ky) = (1000.0 / f64::from(size.width), 1000.0 / f64::from(size.height));
+    let template = match (&o.part_model, &o.template) {
+        (Some(_), _) => "a part model was written".to_owned(),
+        (None, Some(name)) => format!("template {name}"),
+        (None, None) => "no template named".to_owned(),
+    };
+    let set = o.matched_set.as_ref().map_or(String::new(), |s| format!("; one of the set {s:?}"));
+    format!(
+        "- {}: {}, {:.2} x {:.2} x {:.2} m, box [{:.0}, {:.0}, {:.0}, {:.0}]; {template}{set}; {}",
+        c.id,
+        o.kind,
+        o.size_m.width,
+        o.size_m.height,
+        o.size_m.depth,
+        b.x0 * kx,
+        b.y0 * ky,
+        b.x1 * kx,
+        b.y1 * ky,
+        o.description
+    )
+}
+
+/// The photo with the objects boxed and a grid, and a ruled crop of each.
+fn pictures(state: &SceneState, objects: &[Candidate]) -> Vec<Picture> {
+    let boxed = detect::boxed(&state.photo, objects);
+    let mut pictures = vec![Picture {
+        caption: "IMAGE 1: the photo, boxed, with thousandths along its border".into(),
+        image: Arc::new(grid_overlay(&boxed, 100).picture),
+    }];
+    for (i, c) in objects.iter().enumerate() {
+        let Some(bounds) = c.mask.bounds() else { continue };
+        let window = bounds.padded(0.12, state.partial.camera.size);
+        pictures.push(Picture {
+            caption: format!("IMAGE {}: {}", i + 2, c.id),
+            image: Arc::new(ruled_window(&state.photo, window, CROP_PX)),
+        });
+    }
+    pictures
+}
+
+/// The mesh of an object's program; a program that fails at this size gives way to the template, with a warning.
+///
+/// # Errors
+/// Only that of a computation that broke.
+pub async fn mesh(
+    ctx: &PhaseCtx<'_>,
+    id: &ObjectId,
+    program: &Program,
+    size: Size,
+    state: &Arc<SceneState>,
+) -> Result<Option<Modelled>, PhaseError> {
+    let (shown, written) = (Arc::clone(state), program.clone());
+    let made = ctx.computed(move || built(&written, size, &Surroundings::of(&shown), &shown.photo)).await?;
+    match made {
+        Ok((shape, tree)) => {
+            for sign in shape.signs(size) {
+                ctx.warn(WarningKind::AnswerRepaired, Some(id.clone()), format!("its program: {sign}"));
+            }
+            ctx.write_json(&format!("meshes/{id}.tree.json"), &tree)?;
+            ctx.write_text(&format!("meshes/{id}.program.py"), &program.source)?;
+            Ok(Some(modelled(shape, &tree, program)))
+        }
+        Err(error) => {
+            ctx.warn(WarningKind::PlayerReplaced, Some(id.clone()), format!("its program cannot be used: {error}"));
+            Ok(None)
+        }
+    }
+}

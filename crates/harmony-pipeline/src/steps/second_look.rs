@@ -1,0 +1,198 @@
+//! Second looks at shapes: the model sees what its programs and templates became, from several sides, and corrects
+//! them. A correction is measured against the photo and kept only when the evidence does not speak against it.
+
+use std::sync::Arc;
+
+use harmony_imaging::sheet::{Cell, contact_sheet};
+use harmony_placement::{Shape, judge, reshape};
+use harmony_program::GUIDE;
+use harmony_prompts::{LookVerdict, LookedAt, ProgramsVars, SecondLookAnswer, second_look};
+use harmony_roles::{Picture, Role};
+use harmony_scene::{Level, ObjectId, Size, WarningKind};
+use image::{RgbImage, RgbaImage};
+use serde_json::{Value, json};
+
+use super::programs::{self, Program, Surroundings};
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::state::SceneState;
+use crate::views;
+
+/// Side of a picture on the sheet, pixels.
+const CELL: u32 = 300;
+
+/// Looks again at the objects of a level that matter, until nothing is changed or the rounds are used up.
+///
+/// # Errors
+/// Fatal role errors and unwritable files.
+pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> Result<(), PhaseError> {
+    if ctx.played_outside(Role::MeshGenerator) {
+        return Ok(());
+    }
+    for round in 1..=ctx.settings.programs.second_looks {
+        let name = format!("second_look_{round}");
+        let chosen = worth_a_look(ctx, level, state);
+        if chosen.is_empty() || !ctx.is_answered(&name) {
+            return Ok(());
+        }
+        ctx.step(&format!("second look {round}"));
+        let answer = ask(ctx, state, &chosen, &name).await?;
+        let mut results = Vec::new();
+        let mut kept = 0;
+        for object in answer.objects.iter().filter(|o| o.verdict == LookVerdict::Change) {
+            let (result, changed) = try_change(ctx, state, object).await?;
+            kept += usize::from(changed);
+            results.push(result);
+        }
+        ctx.write_json(&format!("{name}.json"), &json!({ "objects": answer.objects, "tried": results }))?;
+        if kept == 0 {
+            return Ok(());
+        }
+        super::texture::level(ctx, state, level).await?;
+    }
+    Ok(())
+}
+
+/// Objects of the level, the largest in the photo first.
+fn worth_a_look(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState) -> Vec<usize> {
+    let smallest = ctx.settings.programs.smallest_share * state.partial.camera.size.pixels() as f64;
+    let mut chosen: Vec<usize> = (0..state.partial.placed.len())
+        .filter(|i| {
+            let p = &state.partial.placed[*i];
+            p.item.level == level && p.item.mask.count() as f64 >= smallest
+        })
+        .collect();
+    chosen.sort_by_key(|i| {
+        let item = &state.partial.placed[*i].item;
+        (std::cmp::Reverse(item.mask.count()), item.id.clone())
+    });
+    chosen.truncate(ctx.settings.programs.looks_per_question);
+    chosen
+}
+
+async fn ask(
+    ctx: &PhaseCtx<'_>,
+    state: &SceneState,
+    chosen: &[usize],
+    name: &str,
+) -> Result<SecondLookAnswer, PhaseError> {
+    let placed = |i: &usize| &state.partial.placed[*i];
+    let ids: Vec<String> = chosen.iter().map(|i| placed(i).item.id.to_string()).collect();
+    let lines = chosen.iter().map(|i| {
+        let p = placed(i);
+        let prepared = state.prepared.get(&p.item.id);
+        let how = prepared.map_or("", |o| o.mesh_source.as_str());
+        let program = prepared.and_then(|o| o.program.as_ref());
+        let text = program.map_or(String::new(), |o| format!("\n```python\n{}\n```", o.source.trim_end()));
+        format!("{}, made as {how}{text}", views::line(p))
+    });
+    let question = second_look(&ProgramsVars {
+        room: views::room_line(state),
+        objects: lines.collect(),
+        guide: GUIDE.to_owned(),
+    });
+    let (shown, rows) = (state.clone(), chosen.to_vec());
+    let sheet = ctx.computed(move || sheet(&shown, &rows)).await?;
+    let pictures = vec![Picture { caption: "IMAGE 1: the rows".into(), image: Arc::new(sheet) }];
+    let sizes: Vec<(String, Size)> = chosen.iter().map(|i| (placed(i).item.id.to_string(), placed(i).size())).collect();
+    let (around, photo, asked) = (Surroundings::of(state), Arc::clone(&state.photo), ids.clone());
+    ctx.ask(name, question, pictures, json!({ "objects": ids }), move |answer: &SecondLookAnswer| {
+        answer.check(&asked)?;
+        for (id, size) in &sizes {
+            let Some(program) = answer.objects.iter().find(|o| o.id == *id).and_then(program_of) else { continue };
+            programs::built(&program, *size, &around, &photo).map_err(|error| format!("program of {id}: {error}"))?;
+        }
+        Ok(())
+    })
+    .await
+}
+
+fn program_of(object: &LookedAt) -> Option<Program> {
+    let source = object.program.clone().filter(|_| object.verdict == LookVerdict::Change)?;
+    Some(Program { source, params: object.params.clone() })
+}
+
+/// A row an object: photo, the same window of the scene, and the mesh from its front, its left and its back.
+fn sheet(state: &SceneState, rows: &[usize]) -> RgbImage {
+    let mut pictures: Vec<(String, RgbaImage)> = Vec::new();
+    for i in rows {
+        let id = &state.partial.placed[*i].item.id;
+        let (Some(window), Some(mesh)) = (views::window_around(state, *i), state.mesh_of(id)) else { continue };
+        pictures.push((format!("{id} photo"), views::photo_window(state, window)));
+        pictures.push((format!("{id} model"), views::turned(state, *i, 0.0, window)));
+        for (k, side) in [(0, "front"), (1, "side"), (2, "back")] {
+            pictures.push((format!("{id} {side}"), views::mesh_view(mesh, k, CELL)));
+        }
+    }
+    let cells: Vec<Cell<'_>> = pictures.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
+    contact_sheet(&cells, 5, CELL)
+}
+
+/// Tries one corrected program; tells what came of it and whether it stays.
+async fn try_change(
+    ctx: &PhaseCtx<'_>,
+    state: &mut SceneState,
+    object: &LookedAt,
+) -> Result<(Value, bool), PhaseError> {
+    let refused = |reason: String| (json!({ "id": object.id, "kept": false, "reason": reason }), false);
+    let (Ok(id), Some(program)) = (ObjectId::new(&object.id), program_of(object)) else {
+        return Ok(refused("it says too little to be tried".to_owned()));
+    };
+    let tried = try_program(ctx, state, &id, program).await?;
+    Ok(match tried {
+        Ok(verdict) => (json!({ "id": object.id, "kept": verdict.kept, "verdict": verdict }), verdict.kept),
+        Err(reason) => refused(reason),
+    })
+}
+
+/// Gives a placed object the shape of another program, if the evidence does not speak against it; if it does, a warning
+/// says so.
+///
+/// # Errors
+/// Unwritable files and computations that broke; inside, why it cannot be tried.
+pub async fn try_program(
+    ctx: &PhaseCtx<'_>,
+    state: &mut SceneState,
+    id: &ObjectId,
+    program: Program,
+) -> Result<Result<harmony_placement::Verdict, String>, PhaseError> {
+    let Some(size) = state.partial.find(id).map(harmony_placement::Placed::size) else {
+        return Ok(Err(format!("there is no object {id} in the scene")));
+    };
+    let shown = Arc::new(state.clone());
+    let Some(made) = programs::mesh(ctx, id, &program, size, &shown).await? else {
+        return Ok(Err("its program cannot be used".to_owned()));
+    };
+    let settings = ctx.settings.placement.clone();
+    let wanted = id.clone();
+    let tried = ctx
+        .computed(move || {
+            let longest = size.as_vec().max_element();
+            let mesh = &made.mesh;
+            let shape = Arc::new(Shape::from_parts(Arc::clone(&mesh.mesh), mesh.convex.as_deref(), longest));
+            let outcome = reshape(&shown.partial, &wanted, Arc::clone(&shape), &settings)?;
+            let verdict = judge(&shown.partial, &outcome, &settings);
+            Ok::<_, harmony_placement::ActionError>((made, shape, outcome, verdict))
+        })
+        .await?;
+    Ok(match tried {
+        Err(error) => Err(error.to_string()),
+        Ok((made, shape, outcome, verdict)) => {
+            if verdict.kept {
+                state.partial = outcome.scene;
+                state.textured.remove(id);
+                if let Some(prepared) = state.prepared.get_mut(id) {
+                    prepared.mesh = made.mesh.mesh;
+                    prepared.plain_slots = made.plain_slots;
+                    prepared.shape = shape;
+                    prepared.part_model = None;
+                    prepared.mesh_source = made.mesh.source;
+                    prepared.program = Some(Arc::new(program));
+                }
+            } else {
+                let message = format!("another shape was proposed and refused: {}", verdict.reason);
+                ctx.warn(WarningKind::ActionRefused, Some(id.clone()), message);
+            }
+            Ok(verdict)
+        }
+    })
+}

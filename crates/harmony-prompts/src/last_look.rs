@@ -1,0 +1,248 @@
+//! `6_lighting/last_look_<n>`: a last look at the lit scene from all sides, with typed actions.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::question::{Question, QuestionKind, fill, in_range};
+
+/// What the template is filled with.
+#[derive(Debug, Clone)]
+pub struct LastLookVars {
+    /// Room size and camera, one line.
+    pub room: String,
+    /// Objects, one line each, with their slots.
+    pub objects: Vec<String>,
+    /// Light sources, one line each.
+    pub lights: Vec<String>,
+    /// What geometry and light measured, one line each.
+    pub findings: Vec<String>,
+    /// What the modelling language offers.
+    pub guide: String,
+}
+
+/// The whole answer.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LastLookAnswer {
+    /// What differs.
+    #[serde(default)]
+    pub differences: Vec<Difference>,
+    /// What to change, the most visible first.
+    #[serde(default)]
+    pub actions: Vec<LastAction>,
+    /// True when nothing matters any more.
+    #[serde(default)]
+    pub converged: bool,
+}
+
+/// How something differs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum DifferenceKind {
+    Wrong,
+    Ugly,
+    Missing,
+    Invented,
+}
+
+/// One difference.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Difference {
+    /// How.
+    pub kind: DifferenceKind,
+    /// What and where, in words.
+    pub what: String,
+}
+
+/// What an action does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum LastActionKind {
+    Move,
+    Rotate,
+    Rescale,
+    Remove,
+    Reshape,
+    Recolor,
+    Surface,
+    Light,
+    Exposure,
+}
+
+/// One action; fields that do not belong to its kind are left out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LastAction {
+    /// Which.
+    pub action: LastActionKind,
+    /// Id of the object, room surface or light source.
+    #[serde(default)]
+    pub id: String,
+    /// Metres along room x, y, z.
+    #[serde(default)]
+    pub delta_m: Option<[f64; 3]>,
+    /// Degrees.
+    #[serde(default)]
+    pub angle_deg: Option<f64>,
+    /// Factor on size, brightness or exposure.
+    #[serde(default)]
+    pub factor: Option<f64>,
+    /// Slot of the object; none: its main one.
+    #[serde(default)]
+    pub slot: Option<String>,
+    /// sRGB `#rrggbb`.
+    #[serde(default)]
+    pub color_hex: Option<String>,
+    /// Colour temperature.
+    #[serde(default)]
+    pub kelvin: Option<f64>,
+    /// A whole program.
+    #[serde(default)]
+    pub program: Option<String>,
+    /// Values for further parameters of its `build`.
+    #[serde(default)]
+    pub params: BTreeMap<String, f64>,
+    /// Why.
+    #[serde(default)]
+    pub why: String,
+}
+
+/// Most actions of one answer.
+pub const MOST_LAST_ACTIONS: usize = 12;
+
+/// The question.
+pub fn last_look(vars: &LastLookVars) -> Question {
+    let lines = |items: &[String]| if items.is_empty() { "(none)".to_owned() } else { items.join("\n") };
+    let prompt = fill(
+        include_str!("../templates/last_look.md"),
+        &[
+            ("room", vars.room.clone()),
+            ("objects", lines(&vars.objects)),
+            ("lights", lines(&vars.lights)),
+            ("findings", lines(&vars.findings)),
+            ("guide", vars.guide.clone()),
+        ],
+    );
+    Question::new(QuestionKind::LastLook, prompt, &LastLookAnswer::example())
+}
+
+impl LastAction {
+    /// An action about something, without numbers.
+    pub fn about(action: LastActionKind, id: &str) -> Self {
+        Self {
+            action,
+            id: id.to_owned(),
+            delta_m: None,
+            angle_deg: None,
+            factor: None,
+            slot: None,
+            color_hex: None,
+            kelvin: None,
+            program: None,
+            params: BTreeMap::new(),
+            why: String::new(),
+        }
+    }
+
+    /// Whether it brings what its kind needs.
+    fn check(&self) -> Result<(), String> {
+        let needs = |there: bool, what: &str| {
+            if there { Ok(()) } else { Err(format!("{:?} of {:?} needs {what}", self.action, self.id)) }
+        };
+        match self.action {
+            LastActionKind::Move => needs(self.delta_m.is_some(), "delta_m"),
+            LastActionKind::Rotate => needs(self.angle_deg.is_some(), "angle_deg"),
+            LastActionKind::Rescale | LastActionKind::Exposure => {
+                in_range("factor", self.factor.unwrap_or(f64::NAN), 0.1, 10.0)
+            }
+            LastActionKind::Remove => Ok(()),
+            LastActionKind::Reshape => needs(self.program.is_some(), "a program"),
+            LastActionKind::Recolor | LastActionKind::Surface => {
+                let hex = self.color_hex.as_deref().and_then(harmony_mesh::parse_color);
+                needs(hex.is_some(), "color_hex such as #a0b0c0")
+            }
+            LastActionKind::Light => {
+                needs(self.factor.is_some() || self.kelvin.is_some(), "a factor or kelvin")?;
+                in_range("factor", self.factor.unwrap_or(1.0), 0.0, 20.0)?;
+                in_range("kelvin", self.kelvin.unwrap_or(3000.0), 1500.0, 15_000.0)
+            }
+        }
+    }
+}
+
+impl LastLookAnswer {
+    /// A well-formed answer about some other picture.
+    pub fn example() -> Self {
+        Self {
+            differences: vec![Difference {
+                kind: DifferenceKind::Wrong,
+                what: "the lampshade is grey, in the photo it glows warm white".into(),
+            }],
+            actions: vec![
+                LastAction {
+                    factor: Some(1.6),
+                    kelvin: Some(2800.0),
+                    why: "the lamp is on in the photo".into(),
+                    ..LastAction::about(LastActionKind::Light, "lamp_01")
+                },
+                LastAction {
+                    slot: Some("shade".into()),
+                    color_hex: Some("#f3e6cf".into()),
+                    ..LastAction::about(LastActionKind::Recolor, "lamp_01")
+                },
+            ],
+            converged: false,
+        }
+    }
+
+    /// Whether actions are about known things and bring what they need.
+    ///
+    /// # Errors
+    /// A complaint in words.
+    pub fn check(&self, objects: &[String], lights: &[String]) -> Result<(), String> {
+        if self.actions.len() > MOST_LAST_ACTIONS {
+            return Err(format!("{} actions; at most {MOST_LAST_ACTIONS} are tried", self.actions.len()));
+        }
+        let objects: BTreeSet<&str> = objects.iter().map(String::as_str).collect();
+        let lights: BTreeSet<&str> = lights.iter().map(String::as_str).collect();
+        for action in &self.actions {
+            action.check()?;
+            let known = match action.action {
+                LastActionKind::Exposure | LastActionKind::Surface => true,
+                LastActionKind::Light => lights.contains(action.id.as_str()),
+                _ => objects.contains(action.id.as_str()),
+            };
+            if !known {
+                return Err(format!("{:?}: there is no {:?}", action.action, action.id));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn actions_bring_what_they_need_and_are_about_known_things() {
+        let answer = LastLookAnswer::example();
+        let ids = ["lamp_01".to_owned()];
+        assert_eq!(answer.check(&ids, &ids), Ok(()));
+        assert!(answer.check(&ids, &[]).unwrap_err().contains("lamp_01"));
+        let one = |action: LastAction| LastLookAnswer { actions: vec![action], ..LastLookAnswer::default() };
+        let bare = |kind| one(LastAction::about(kind, "lamp_01")).check(&ids, &ids);
+        for kind in [LastActionKind::Move, LastActionKind::Reshape, LastActionKind::Recolor, LastActionKind::Light] {
+            assert!(bare(kind).is_err(), "{kind:?}");
+        }
+        assert_eq!(bare(LastActionKind::Remove), Ok(()));
+        let mut many = answer.clone();
+        many.actions = vec![many.actions[0].clone(); MOST_LAST_ACTIONS + 1];
+        assert!(many.check(&ids, &ids).is_err());
+    }
+}
