@@ -13,7 +13,7 @@ use harmony_mesh::Tile;
 use harmony_program::{ChildCommand, GUIDE, Inputs, Limits};
 use harmony_prompts::{InspectedObject, ProgramsAnswer, ProgramsVars, programs};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture, Role, Usage};
-use harmony_scene::{Camera, ImageSize, ObjectId, Room, Size, WarningKind};
+use harmony_scene::{Camera, Extents, ImageSize, ObjectId, Size, WarningKind};
 use harmony_shape::{BuiltShape, ShapeTree};
 use image::RgbImage;
 use serde_json::json;
@@ -42,13 +42,13 @@ pub struct Program {
 #[derive(Debug, Clone)]
 pub struct Surroundings {
     camera: Camera,
-    room: Room,
+    room: Extents,
 }
 
 impl Surroundings {
     /// Of a scene.
     pub fn of(state: &SceneState) -> Self {
-        Self { camera: state.partial.camera, room: state.partial.room.clone() }
+        Self { camera: state.partial.camera, room: state.partial.room.extents }
     }
 }
 
@@ -57,10 +57,14 @@ impl Surroundings {
 /// # Errors
 /// What is wrong with it, with the line and a hint, for whoever wrote it.
 pub fn run(program: &Program, size: Size, around: &Surroundings) -> Result<ShapeTree, String> {
-    let inputs = Inputs::new(size)
-        .with_params(program.params.clone())
-        .with_view(around.camera, around.room.extents);
-    let tree = harmony_program::run(&program.source, &inputs, &Limits::default(), &ChildCommand::current())
+    let child = ChildCommand::this_program().map_err(|error| format!("this program cannot be found: {error}"))?;
+    let mut inputs = Inputs::object(size);
+    for (name, value) in &program.params {
+        inputs = inputs.with(name, *value);
+    }
+    inputs.camera = Some(around.camera);
+    inputs.room = Some(around.room);
+    let tree = harmony_program::run(&program.source, &inputs, &Limits::default(), &child)
         .map_err(|error| error.to_string())?;
     tree.check().map_err(|error| error.to_string())?;
     Ok(tree)
