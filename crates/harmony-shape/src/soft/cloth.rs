@@ -1,0 +1,1 @@
+//! The simulation: extended position-based dynamics.

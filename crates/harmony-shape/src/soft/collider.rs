@@ -1,0 +1,1 @@
+//! What a cloth meets: a distance grid.

@@ -1,0 +1,1 @@
+//! Meshes from grids and tubes.
