@@ -45,6 +45,10 @@ pub(super) struct Sim {
     /// Steps for which a particle is known to be away from the collider.
     clear: Vec<u8>,
     pairs: Vec<(u32, u32)>,
+    /// Weight of each particle relative to its own.
+    load: Vec<f32>,
+    /// Friction relative to the usual one.
+    slide: f32,
 }
 
 impl Sim {
@@ -63,6 +67,8 @@ impl Sim {
             before: start.to_vec(),
             clear: vec![0; n],
             pairs: Vec::new(),
+            load: vec![1.0; n],
+            slide: 1.0,
         }
     }
 
@@ -72,15 +78,24 @@ impl Sim {
     }
 
     /// Runs `frames` of ten steps; the last fifth is damped so that it comes to rest. Stops when it rests.
+    ///
+    /// For the first half, what is above something is pressed down and slides more easily: hands that lay a cloth
+    /// push it into the corner of a seat.
     pub fn settle(&mut self, collider: &Collider, frames: usize) {
         for frame in 0..frames {
             let late = frame * 5 > frames * 4;
             self.find_pairs();
+            let pressed = frame * 2 < frames;
+            for (i, load) in self.load.iter_mut().enumerate() {
+                let held = pressed && collider.height(self.x[i], self.z[i]) > 0.05;
+                *load = if held { 3.0 } else { 1.0 };
+            }
+            self.slide = if pressed { 0.35 } else { 1.0 };
             for _ in 0..10 {
                 self.step(collider, if late { 12.0 } else { 1.5 });
             }
             let mean = self.velocity.iter().map(|v| v.length()).sum::<f32>() / self.velocity.len().max(1) as f32;
-            if frame > 30 && mean < 0.004 {
+            if frame > 30 && !pressed && mean < 0.004 {
                 break;
             }
         }
@@ -92,7 +107,7 @@ impl Sim {
         let keep = 1.0 - damping * dt;
         for i in 0..self.x.len() {
             let mut v = self.velocity[i] * keep;
-            v.y -= 9.81 * dt;
+            v.y -= 9.81 * self.load[i] * dt;
             let speed = v.length();
             if speed > reach {
                 v *= reach / speed;
@@ -287,7 +302,7 @@ impl Sim {
             if p.y < offset {
                 let depth = offset - p.y;
                 p.y = offset;
-                p = rub(p, self.before[i], Vec3::Y, depth);
+                p = rub(p, self.before[i], Vec3::Y, depth, self.slide);
             }
             if self.clear[i] > 0 {
                 self.clear[i] -= 1;
@@ -297,7 +312,7 @@ impl Sim {
                 if depth > 0.0 {
                     let normal = gradient.normalize_or(Vec3::Y);
                     p += normal * depth.min(2.0 * step + 0.002);
-                    p = rub(p, self.before[i], normal, depth);
+                    p = rub(p, self.before[i], normal, depth, self.slide);
                 } else {
                     // Constraints can move a particle as well as its speed can: half of the way is trusted.
                     self.clear[i] = (-depth / (2.0 * step)).min(20.0) as u8;
@@ -311,15 +326,15 @@ impl Sim {
 }
 
 /// Friction: the slip along the surface is taken back by four times the depth, and by 30 % of what is left.
-fn rub(p: Vec3, before: Vec3, normal: Vec3, depth: f32) -> Vec3 {
+fn rub(p: Vec3, before: Vec3, normal: Vec3, depth: f32, amount: f32) -> Vec3 {
     let slip = p - before;
     let slip = slip - normal * slip.dot(normal);
     let length = slip.length();
     if length < 1e-9 {
         return p;
     }
-    let stick = (4.0 * depth).min(length);
-    p - slip * ((stick + 0.3 * (length - stick)) / length)
+    let stick = (4.0 * depth * amount).min(length);
+    p - slip * ((stick + 0.3 * amount * (length - stick)) / length)
 }
 
 /// How far both ends of a distance move along it.

@@ -22,6 +22,8 @@ pub(super) struct Collider {
     dims: [usize; 3],
     /// x fastest, then z, then y.
     values: Vec<f32>,
+    /// Height of the upper surface, x fastest.
+    heights: Vec<f32>,
     /// Greatest height of the upper surface within the area asked for; 0 with nothing there.
     pub top: f64,
 }
@@ -60,7 +62,17 @@ impl Collider {
             }
         }
         let origin = Vec3::new(lo[0] as f32, 0.0, lo[1] as f32);
-        Self { origin, pitch: pitch as f32, dims: [nx, ny, nz], values, top: f64::from(top) }
+        Self { origin, pitch: pitch as f32, dims: [nx, ny, nz], values, heights, top: f64::from(top) }
+    }
+
+    /// Height of the upper surface below or above a place; 0 outside the grid.
+    pub fn height(&self, x: f32, z: f32) -> f32 {
+        let (i, k) = ((x - self.origin.x) / self.pitch + 0.5, (z - self.origin.z) / self.pitch + 0.5);
+        if i >= 0.0 && k >= 0.0 && i < self.dims[0] as f32 && k < self.dims[2] as f32 {
+            self.heights[k as usize * self.dims[0] + i as usize]
+        } else {
+            0.0
+        }
     }
 
     /// Distance to the surface (negative inside) and its gradient; far away outside the grid.

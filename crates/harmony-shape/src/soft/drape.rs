@@ -93,7 +93,8 @@ fn half_thickness(flat: DVec2, spec: &DrapeSpec, thick: f64) -> f64 {
     }
     let seam = 0.004_f64.min(thick / 4.0);
     let t = 1.0 - (inside / (2.0 * thick)).min(1.0);
-    let puff = 1.0 + 0.22 * noise2(flat.x / 0.17, flat.y / 0.17, spec.seed.wrapping_add(77));
+    let (x, y, seed) = (flat.x, flat.y, spec.seed.wrapping_add(77));
+    let puff = 1.0 + 0.28 * noise2(x / 0.17, y / 0.17, seed) + 0.12 * noise2(x / 0.07, y / 0.07, seed);
     seam + (thick / 2.0 * puff - seam) * (1.0 - t * t).max(0.0).sqrt()
 }
 
@@ -103,7 +104,7 @@ fn stuff(spec: &DrapeSpec, thick: f64, cell: [f64; 2]) -> Stuff {
     // Limp cotton 2e-4 to felt 2e-6; what is thick is stiffer by itself.
     let bend = 2e-4 * libm::pow(10.0, -2.0 * stiff) / (1.0 + thick / 0.01);
     let padding = if thick >= 0.015 {
-        ((0.1 / smaller).round().max(3.0) as usize, 2e-5 / (1.0 + 4.0 * stiff))
+        ((0.1 / smaller).round().max(3.0) as usize, 6e-5 / (1.0 + 4.0 * stiff))
     } else if stiff > 0.5 {
         (4, 2e-4 * (1.1 - stiff))
     } else {

@@ -21,6 +21,7 @@ mod hang;
 mod linen;
 mod noise;
 mod pillow;
+mod refine;
 mod sheet;
 mod slump;
 mod tuft;
