@@ -5,13 +5,14 @@
 //!
 //! * [`tree`]: the nodes, their limits and their check.
 //! * [`material`]: slot materials and metric patterns, baked into tiles.
-//! * [`build`]: from a tree to a mesh; [`soft`]: upholstery, cloth, fringes, plants.
+//! * [`build`]: from a tree to a mesh; [`solid`]: hard solids; [`soft`]: upholstery, cloth, fringes, plants.
 //!
 //! Frame: metres, +Y up, front +Z, origin at the bottom centre, as canonical meshes have it.
 
 pub mod build;
 pub mod material;
 pub mod piece;
+pub mod solid;
 pub mod soft;
 pub mod tree;
 

@@ -1,0 +1,122 @@
+//! The scenes.
+
+use glam::{DAffine3, DMat3, DVec2, DVec3};
+use harmony_shape::Piece;
+use harmony_shape::soft::{DrapeSpec, PillowSpec, cushion, drape, folded, pillow, roll, slump};
+
+use crate::{Part, Scene};
+
+const LINEN: [f64; 3] = [0.72, 0.70, 0.66];
+const LILAC: [f64; 3] = [0.55, 0.48, 0.62];
+const RUST: [f64; 3] = [0.50, 0.20, 0.08];
+const WOOD: [f64; 3] = [0.35, 0.22, 0.12];
+
+/// All scenes by name.
+pub const ALL: &[(&str, fn() -> Scene)] = &[("bed", bed), ("throw", throw), ("sheet", sheet), ("pillows", pillows), ("cushion", cushions), ("linen", linen)];
+
+fn part(piece: Piece, color: [f64; 3]) -> Part {
+    Part { piece, color }
+}
+
+/// A box by its corners.
+fn block(lo: [f64; 3], hi: [f64; 3]) -> Piece {
+    let (lo, hi) = (DVec3::from_array(lo), DVec3::from_array(hi));
+    let mut p = Piece { closed: true, ..Piece::default() };
+    for (axis, sign) in (0..3).flat_map(|a| [(a, -1.0), (a, 1.0)]) {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let base = p.positions.len() as u32;
+        for (a, b) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+            let mut c = if sign > 0.0 { hi } else { lo };
+            c[u] = lo[u] + (hi[u] - lo[u]) * a;
+            c[v] = lo[v] + (hi[v] - lo[v]) * b;
+            let mut n = DVec3::ZERO;
+            n[axis] = sign;
+            p.positions.push(c);
+            p.normals.push(n);
+            p.uvs.push(DVec2::new(a, b));
+        }
+        let quad = if sign > 0.0 { [[0, 1, 2], [0, 2, 3]] } else { [[0, 2, 1], [0, 3, 2]] };
+        p.triangles.extend(quad.map(|t| t.map(|i| i + base)));
+    }
+    p
+}
+
+fn moved(piece: Piece, at: [f64; 3], lean_deg: f64) -> Piece {
+    let map = DAffine3::from_mat3_translation(DMat3::from_rotation_x(lean_deg.to_radians()), DVec3::from_array(at));
+    piece.transformed(&map)
+}
+
+fn mattress() -> Piece {
+    block([-0.8, 0.25, 0.0], [0.8, 0.5, 2.0])
+}
+
+fn cover() -> DrapeSpec {
+    DrapeSpec {
+        size: [2.1, 1.7],
+        at: [0.0, 1.25],
+        turn_deg: 0.0,
+        rumple: 0.5,
+        thick: 0.03,
+        fold: 0.35,
+        stiff: 0.2,
+        seed: 21,
+    }
+}
+
+fn bed() -> Scene {
+    let (mattress, frame) = (mattress(), block([-0.85, 0.05, -0.02], [0.85, 0.3, 2.05]));
+    let heads: Vec<Piece> = [(-0.38, 1), (0.38, 2)]
+        .map(|(x, seed)| {
+            let spec = PillowSpec { size: [0.68, 0.46, 0.17], wrinkle: 0.5, piping: 0.0, ears: 0.3, dent: 0.3, seed };
+            moved(pillow(&spec), [x, 0.68, 0.16], 55.0)
+        })
+        .into();
+    let duvet = drape(&cover(), &[&mattress, &frame, &heads[0], &heads[1]]).expect("a duvet");
+    let over = DrapeSpec { size: [1.9, 0.75], at: [0.0, 1.65], turn_deg: 6.0, rumple: 0.3, thick: 0.006, fold: 0.0, seed: 3, ..cover() };
+    let blanket = drape(&over, &[&mattress, &frame, &duvet.piece]).expect("a throw");
+    let mut parts = vec![part(mattress, LINEN), part(frame, WOOD), part(duvet.piece, LILAC), part(blanket.piece, RUST)];
+    parts.extend(heads.into_iter().map(|p| part(p, LINEN)));
+    Scene { parts, view: [35.0, 28.0], floor: true }
+}
+
+fn throw() -> Scene {
+    let (seat, back) = (block([-0.8, 0.0, -0.3], [0.8, 0.42, 0.45]), block([-0.8, 0.0, -0.5], [0.8, 0.85, -0.28]));
+    let spec = DrapeSpec { size: [1.0, 1.5], at: [0.2, 0.1], turn_deg: 12.0, rumple: 0.4, thick: 0.006, fold: 0.0, stiff: 0.1, seed: 4 };
+    let cloth = drape(&spec, &[&seat, &back]).expect("a throw");
+    Scene { parts: vec![part(seat, LINEN), part(back, LINEN), part(cloth.piece, RUST)], view: [30.0, 25.0], floor: true }
+}
+
+fn sheet() -> Scene {
+    let table = block([-0.6, 0.0, -0.4], [0.6, 0.7, 0.4]);
+    let spec = DrapeSpec { size: [1.8, 1.4], at: [0.0, 0.0], turn_deg: 0.0, rumple: 0.0, thick: 0.003, fold: 0.0, stiff: 0.0, seed: 4 };
+    let cloth = drape(&spec, &[&table]).expect("a table cloth");
+    Scene { parts: vec![part(table, WOOD), part(cloth.piece, LINEN)], view: [30.0, 25.0], floor: true }
+}
+
+fn pillows() -> Scene {
+    let spec = PillowSpec { size: [0.48, 0.48, 0.16], wrinkle: 0.5, piping: 0.0, ears: 0.6, dent: 0.0, seed: 1 };
+    let some = [
+        (spec, LILAC),
+        (PillowSpec { dent: 0.8, seed: 2, ..spec }, RUST),
+        (PillowSpec { piping: 0.006, ears: 0.2, wrinkle: 0.1, seed: 3, ..spec }, LINEN),
+        (PillowSpec { size: [0.68, 0.46, 0.17], wrinkle: 1.0, ears: 0.2, seed: 4, ..spec }, LINEN),
+    ];
+    let parts = some.iter().enumerate().map(|(k, (s, c))| part(moved(pillow(s), [k as f64 * 0.62, 0.24, 0.0], 75.0), *c));
+    let mut parts: Vec<Part> = parts.collect();
+    parts.push(part(moved(pillow(&spec), [0.5, 0.0, 0.6], 0.0), LINEN));
+    Scene { parts, view: [10.0, 22.0], floor: true }
+}
+
+fn cushions() -> Scene {
+    let mut parts = vec![part(cushion([0.7, 0.16, 0.6], 0.03, 0.0, 0.005, 0.03), LILAC)];
+    parts.push(part(moved(cushion([0.7, 0.2, 0.6], 0.04, 0.03, 0.0, 0.05), [0.8, 0.0, 0.0], 0.0), LINEN));
+    let bag = cushion([0.7, 0.6, 0.7], 0.1, 0.0, 0.0, 0.29);
+    parts.push(part(moved(slump(&bag, 0.8), [1.8, 0.0, 0.0], 0.0), RUST));
+    Scene { parts, view: [20.0, 28.0], floor: true }
+}
+
+fn linen() -> Scene {
+    let mut parts = vec![part(roll(0.4, 0.06, 4.0, 0.010), LINEN), part(moved(folded([0.4, 0.28], 4, 0.022, 3), [0.5, 0.0, 0.0], 0.0), LILAC)];
+    parts.push(part(moved(folded([0.4, 0.28], 8, 0.006, 4), [1.0, 0.0, 0.0], 0.0), RUST));
+    Scene { parts, view: [35.0, 22.0], floor: true }
+}
