@@ -14,7 +14,8 @@ use harmony_program::{ChildCommand, GUIDE, Inputs, Limits};
 use harmony_prompts::{InspectedObject, ProgramsAnswer, ProgramsVars, programs};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture, Role, Usage};
 use harmony_scene::{Camera, Extents, ImageSize, ObjectId, Size, WarningKind};
-use harmony_shape::{BuiltShape, ShapeTree};
+use harmony_shape::ShapeTree;
+use harmony_shape::build::{BuildContext, BuiltShape, lazy_signs};
 use image::RgbImage;
 use serde_json::json;
 
@@ -81,7 +82,10 @@ pub fn built(
     photo: &RgbImage,
 ) -> Result<(BuiltShape, ShapeTree), String> {
     let tree = run(program, size, around)?;
-    let mut shape = tree.build(size).map_err(|error| error.to_string())?;
+    let wanted = size.as_vec();
+    let context = BuildContext { size: Some(wanted.to_array()), material: harmony_shape::material::material };
+    let mut shape = tree.build(&context).map_err(|error| error.to_string())?;
+    shape.fit_to(wanted);
     lay_pieces(&mut shape, &tree, photo);
     Ok((shape, tree))
 }
@@ -260,7 +264,7 @@ pub async fn mesh(
     let made = ctx.computed(move || built(&written, size, &Surroundings::of(&shown), &shown.photo)).await?;
     match made {
         Ok((shape, tree)) => {
-            for sign in shape.signs(size) {
+            for sign in lazy_signs(&shape, Some(size.as_vec())) {
                 ctx.warn(WarningKind::AnswerRepaired, Some(id.clone()), format!("its program: {sign}"));
             }
             ctx.write_json(&format!("meshes/{id}.tree.json"), &tree)?;
