@@ -2,7 +2,10 @@
 
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use harmony_shape::Piece;
-use harmony_shape::soft::{DrapeSpec, PillowSpec, cushion, drape, folded, pillow, roll, slump};
+use harmony_shape::soft::{
+    DrapeSpec, HangSpec, PillowSpec, TuftSpec, cushion, drape, folded, hang, pillow, quilt, roll, slump, tuft,
+};
+use harmony_shape::tree::{Face, HangTop};
 
 use crate::{Part, Scene};
 
@@ -12,7 +15,7 @@ const RUST: [f64; 3] = [0.50, 0.20, 0.08];
 const WOOD: [f64; 3] = [0.35, 0.22, 0.12];
 
 /// All scenes by name.
-pub const ALL: &[(&str, fn() -> Scene)] = &[("bed", bed), ("throw", throw), ("sheet", sheet), ("pillows", pillows), ("cushion", cushions), ("linen", linen)];
+pub const ALL: &[(&str, fn() -> Scene)] = &[("bed", bed), ("throw", throw), ("sheet", sheet), ("pillows", pillows), ("cushion", cushions), ("linen", linen), ("tuft", tufts), ("hang", curtains)];
 
 fn part(piece: Piece, color: [f64; 3]) -> Part {
     Part { piece, color }
@@ -119,4 +122,28 @@ fn linen() -> Scene {
     let mut parts = vec![part(roll(0.4, 0.06, 4.0, 0.010), LINEN), part(moved(folded([0.4, 0.28], 4, 0.022, 3), [0.5, 0.0, 0.0], 0.0), LILAC)];
     parts.push(part(moved(folded([0.4, 0.28], 8, 0.006, 4), [1.0, 0.0, 0.0], 0.0), RUST));
     Scene { parts, view: [35.0, 22.0], floor: true }
+}
+
+fn tufts() -> Scene {
+    let board = cushion([1.5, 0.7, 0.11], 0.0, 0.0, 0.0, 0.03);
+    let t = tuft(&board, Face::Front, &TuftSpec { rows: 4, cols: 8, depth: 0.035, diamond: true, button: 0.012 });
+    let mut parts = vec![part(t.piece, LILAC), part(t.buttons, LILAC)];
+    let t = tuft(&board, Face::Front, &TuftSpec { rows: 3, cols: 6, depth: 0.025, diamond: false, button: 0.014 });
+    parts.push(part(moved(t.piece, [0.0, 0.8, 0.0], 0.0), RUST));
+    parts.push(part(moved(t.buttons, [0.0, 0.8, 0.0], 0.0), RUST));
+    let seat = cushion([0.7, 0.16, 0.7], 0.02, 0.0, 0.0, 0.04);
+    parts.push(part(moved(quilt(&seat, Face::Top, 0.14, 0.018, "diamond"), [-0.4, 0.0, 0.7], 0.0), LINEN));
+    parts.push(part(moved(quilt(&seat, Face::Top, 0.12, 0.018, "channel"), [0.4, 0.0, 0.7], 0.0), LINEN));
+    Scene { parts, view: [15.0, 25.0], floor: true }
+}
+
+fn curtains() -> Scene {
+    let mut parts = Vec::new();
+    let kinds = [(HangTop::Rings, 0.0, 9), (HangTop::Pleats, 0.0, 8), (HangTop::Rod, 0.0, 8), (HangTop::Pleats, 0.4, 8)];
+    for (k, (top, tie, folds)) in kinds.into_iter().enumerate() {
+        let c = hang(&HangSpec { size: [1.1, 2.4], folds, gather: 1.9, top, tie, seed: k as u32 });
+        parts.push(part(moved(c.piece, [k as f64 * 1.25, 0.02, 0.0], 0.0), [LINEN, LILAC, RUST, LINEN][k]));
+        parts.push(part(moved(c.fittings, [k as f64 * 1.25, 0.02, 0.0], 0.0), WOOD));
+    }
+    Scene { parts, view: [18.0, 6.0], floor: true }
 }
