@@ -3,9 +3,10 @@
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use harmony_shape::Piece;
 use harmony_shape::soft::{
-    DrapeSpec, HangSpec, PillowSpec, TuftSpec, cushion, drape, folded, hang, pillow, quilt, roll, slump, tuft,
+    DrapeSpec, HangSpec, PillowSpec, PlantSpec, TuftSpec, cushion, drape, folded, hang, leaf, pillow, plant, quilt, roll, slump,
+    tuft,
 };
-use harmony_shape::tree::{Face, HangTop};
+use harmony_shape::tree::{Face, HangTop, PlantKind};
 
 use crate::{Part, Scene};
 
@@ -15,7 +16,7 @@ const RUST: [f64; 3] = [0.50, 0.20, 0.08];
 const WOOD: [f64; 3] = [0.35, 0.22, 0.12];
 
 /// All scenes by name.
-pub const ALL: &[(&str, fn() -> Scene)] = &[("bed", bed), ("throw", throw), ("sheet", sheet), ("pillows", pillows), ("cushion", cushions), ("linen", linen), ("tuft", tufts), ("hang", curtains)];
+pub const ALL: &[(&str, fn() -> Scene)] = &[("bed", bed), ("throw", throw), ("sheet", sheet), ("pillows", pillows), ("cushion", cushions), ("linen", linen), ("tuft", tufts), ("hang", curtains), ("plants", plants), ("plants2", plants2), ("leaves", leaves)];
 
 fn part(piece: Piece, color: [f64; 3]) -> Part {
     Part { piece, color }
@@ -146,4 +147,41 @@ fn curtains() -> Scene {
         parts.push(part(moved(c.fittings, [k as f64 * 1.25, 0.02, 0.0], 0.0), WOOD));
     }
     Scene { parts, view: [18.0, 6.0], floor: true }
+}
+
+const GREEN: [f64; 3] = [0.10, 0.26, 0.06];
+
+fn row(kinds: &[(PlantKind, f64, f64)]) -> Scene {
+    let mut parts = Vec::new();
+    let mut x = 0.0;
+    for (k, (kind, height, spread)) in kinds.iter().enumerate() {
+        let p = plant(&PlantSpec { kind: *kind, height: *height, spread: *spread, count: 0, seed: k as u32 + 1 }, None);
+        x += spread * 0.55;
+        let at = [x, if *kind == PlantKind::Vine { 0.75 } else { 0.02 }, 0.0];
+        x += spread * 0.55;
+        let stem = if *kind == PlantKind::Tree { WOOD } else { [0.20, 0.24, 0.08] };
+        for (piece, color) in [(p.leaves, GREEN), (p.stems, stem), (p.flowers, [0.75, 0.25, 0.30])] {
+            if !piece.triangles.is_empty() {
+                parts.push(part(moved(piece, at, 0.0), color));
+            }
+        }
+    }
+    Scene { parts, view: [10.0, 14.0], floor: true }
+}
+
+fn plants() -> Scene {
+    row(&[(PlantKind::Bush, 0.6, 0.55), (PlantKind::Rosette, 0.5, 0.7), (PlantKind::Fern, 0.45, 0.8), (PlantKind::Vine, 0.8, 0.45)])
+}
+
+fn plants2() -> Scene {
+    row(&[(PlantKind::Succulent, 0.14, 0.26), (PlantKind::Palm, 1.1, 0.9), (PlantKind::Grass, 0.6, 0.5), (PlantKind::Flowers, 0.5, 0.4), (PlantKind::Tree, 1.3, 0.8)])
+}
+
+fn leaves() -> Scene {
+    let shapes = ["oval", "lance", "heart", "round", "lobed", "blade"];
+    let parts = shapes.iter().enumerate().map(|(k, s)| {
+        let l = leaf([0.3, if *s == "blade" { 0.04 } else { 0.16 }], s, 20.0, 40.0);
+        part(moved(l, [k as f64 * 0.2, 0.15, 0.0], 0.0), GREEN)
+    });
+    Scene { parts: parts.collect(), view: [10.0, 50.0], floor: true }
 }
