@@ -3,10 +3,11 @@
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use harmony_shape::Piece;
 use harmony_shape::soft::{
-    DrapeSpec, HangSpec, PillowSpec, PlantSpec, TuftSpec, cushion, drape, folded, hang, leaf, pillow, plant, quilt, roll, slump,
-    tuft,
+    DrapeSpec, FringeSpec, HangSpec, PillowSpec, PlantSpec, TuftSpec, braid, cushion, drape, folded, fringe, fringe_on,
+    fuzz, hang, leaf, pillow, plant, quilt, roll, slump,
+    tuft, wicker, wire_net,
 };
-use harmony_shape::tree::{Face, HangTop, PlantKind};
+use harmony_shape::tree::{Face, FringeKind, FuzzKind, HangTop, Outline, PlantKind};
 
 use crate::{Part, Scene};
 
@@ -16,7 +17,7 @@ const RUST: [f64; 3] = [0.50, 0.20, 0.08];
 const WOOD: [f64; 3] = [0.35, 0.22, 0.12];
 
 /// All scenes by name.
-pub const ALL: &[(&str, fn() -> Scene)] = &[("bed", bed), ("throw", throw), ("sheet", sheet), ("pillows", pillows), ("cushion", cushions), ("linen", linen), ("tuft", tufts), ("hang", curtains), ("plants", plants), ("plants2", plants2), ("leaves", leaves)];
+pub const ALL: &[(&str, fn() -> Scene)] = &[("bed", bed), ("throw", throw), ("sheet", sheet), ("pillows", pillows), ("cushion", cushions), ("linen", linen), ("tuft", tufts), ("hang", curtains), ("plants", plants), ("plants2", plants2), ("leaves", leaves), ("yarn", yarn), ("fuzz", hairy)];
 
 fn part(piece: Piece, color: [f64; 3]) -> Part {
     Part { piece, color }
@@ -78,7 +79,16 @@ fn bed() -> Scene {
     let duvet = drape(&cover(), &[&mattress, &frame, &heads[0], &heads[1]]).expect("a duvet");
     let over = DrapeSpec { size: [1.9, 0.75], at: [0.0, 1.65], turn_deg: 6.0, rumple: 0.3, thick: 0.006, fold: 0.0, seed: 3, ..cover() };
     let blanket = drape(&over, &[&mattress, &frame, &duvet.piece]).expect("a throw");
+    let below = [&mattress, &frame, &duvet.piece];
+    let fringes: Vec<Piece> = [&blanket.hems.left, &blanket.hems.right, &blanket.hems.foot]
+        .iter()
+        .map(|hem| {
+            let spec = FringeSpec { kind: FringeKind::Tassel, length: 0.13, spacing: 0.075, jitter: 0.4, seed: 5 };
+            fringe_on(hem, false, &spec, &below, Some(DVec3::new(0.0, 0.5, 1.65)))
+        })
+        .collect();
     let mut parts = vec![part(mattress, LINEN), part(frame, WOOD), part(duvet.piece, LILAC), part(blanket.piece, RUST)];
+    parts.extend(fringes.into_iter().map(|p| part(p, [0.55, 0.12, 0.12])));
     parts.extend(heads.into_iter().map(|p| part(p, LINEN)));
     Scene { parts, view: [35.0, 28.0], floor: true }
 }
@@ -184,4 +194,34 @@ fn leaves() -> Scene {
         part(moved(l, [k as f64 * 0.2, 0.15, 0.0], 0.0), GREEN)
     });
     Scene { parts: parts.collect(), view: [10.0, 50.0], floor: true }
+}
+
+fn yarn() -> Scene {
+    let mut parts = Vec::new();
+    let edge = [DVec3::new(-0.3, 0.3, 0.0), DVec3::new(0.3, 0.3, 0.0)];
+    let kinds = [(FringeKind::Thread, 0.006), (FringeKind::Tassel, 0.05), (FringeKind::Pompom, 0.06), (FringeKind::Lace, 0.03)];
+    for (k, (kind, spacing)) in kinds.into_iter().enumerate() {
+        let spec = FringeSpec { kind, length: if kind == FringeKind::Lace { 0.03 } else { 0.1 }, spacing, jitter: 0.3, seed: 1 };
+        let at = [(k % 2) as f64 * 0.65, 0.2 * (k / 2) as f64, 0.0];
+        parts.push(part(moved(fringe(&edge, false, &spec), at, 0.0), [LINEN, RUST, LILAC, LINEN][k]));
+    }
+    let line: Vec<DVec3> = (0..30).map(|k| DVec3::new(f64::from(k) * 0.02 - 0.3, 0.1 + 0.02 * (f64::from(k) * 0.3).sin(), 0.1)).collect();
+    parts.push(part(braid(&line, false, 0.012, 3, 0.05), RUST));
+    let circle = |r: f64| (0..40).map(|k| { let a = f64::from(k) * 0.157_08; [r * a.cos(), r * a.sin()] }).collect::<Vec<_>>();
+    let disc = Outline { points: circle(0.15), holes: vec![circle(0.05)], islands: Vec::new() };
+    parts.push(part(moved(wire_net(&disc, 0.02, 0.001), [0.45, 0.16, 0.15], 0.0), WOOD));
+    parts.push(part(moved(wicker(&cushion([0.3, 0.2, 0.25], 0.0, 0.0, 0.0, 0.04), 0.014, 0.0035), [0.85, 0.0, 0.15], 0.0), [0.55, 0.38, 0.18]));
+    Scene { parts, view: [12.0, 18.0], floor: true }
+}
+
+fn hairy() -> Scene {
+    let mut parts = Vec::new();
+    let kinds = [(FuzzKind::Pile, 0.03), (FuzzKind::Terry, 0.008), (FuzzKind::Boucle, 0.012), (FuzzKind::Fur, 0.05)];
+    for (k, (kind, length)) in kinds.into_iter().enumerate() {
+        let seat = cushion([0.4, 0.12, 0.4], 0.02, 0.0, 0.0, 0.05);
+        let at = [k as f64 * 0.5, 0.0, 0.0];
+        parts.push(part(moved(fuzz(&seat, kind, length, 1.0, 4), at, 0.0), LINEN));
+        parts.push(part(moved(seat, at, 0.0), LINEN));
+    }
+    Scene { parts, view: [12.0, 30.0], floor: true }
 }
