@@ -72,7 +72,7 @@ fn draw(scene: &Scene, width: u32, height: u32) -> RgbImage {
     let (az, el) = (scene.view[0].to_radians(), scene.view[1].to_radians());
     let away = DVec3::new(az.sin() * el.cos(), el.sin(), az.cos() * el.cos());
     let half_angle = 0.33_f64;
-    let eye = centre + away * (radius / half_angle.sin() * 0.92);
+    let eye = centre + away * (radius / half_angle.sin() * 0.66);
     let right = DVec3::Y.cross(away).normalize();
     let up = away.cross(right);
     let sun = (right * 0.75 + DVec3::Y * 1.0 + DVec3::new(away.x, 0.0, away.z) * 0.35).normalize();

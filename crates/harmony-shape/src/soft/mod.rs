@@ -30,7 +30,7 @@ mod weave;
 pub use cushion::cushion;
 pub use drape::{DrapeSpec, drape};
 pub use foliage::{Plant, PlantSpec, leaf, plant};
-pub use fringe::{FringeSpec, fringe};
+pub use fringe::{FringeSpec, fringe, fringe_on};
 pub use fuzz::fuzz;
 pub use hang::{HangSpec, hang};
 pub use linen::{folded, roll};

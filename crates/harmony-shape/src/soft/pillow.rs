@@ -129,7 +129,7 @@ impl Bag {
             }
         }
         let mut links = Vec::new();
-        let pucker = 0.035 + 0.045 * wrinkle;
+        let pucker = 0.03 + 0.03 * wrinkle;
         for side in 0..2 {
             let mut link = |a: (usize, usize), b: (usize, usize), give: f64| {
                 let seam = edge(a.0, a.1) && edge(b.0, b.1) && (a.0 == b.0 || a.1 == b.1);
@@ -139,7 +139,7 @@ impl Bag {
                 let (p, q) = (pattern(a.0, a.1), pattern(b.0, b.1));
                 let m = (p + q) * 0.5;
                 // Cloth with more length in some places than in others crumples there.
-                let slack = if seam { -pucker } else { 0.05 * wrinkle * noise2(m.x / 0.07, m.y / 0.07 + 9.0 * side as f64, spec.seed ^ 3) };
+                let slack = if seam { -pucker } else { 0.024 * wrinkle * noise2(m.x / 0.11, m.y / 0.11 + 9.0 * side as f64, spec.seed ^ 3) };
                 let rest = p.distance(q) * (1.0 + slack);
                 links.push(Link { a: index[side][a.1 * nu + a.0], b: index[side][b.1 * nu + b.0], rest, give, thread: false });
             };
