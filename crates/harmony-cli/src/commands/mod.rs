@@ -4,6 +4,7 @@ pub mod bench;
 pub mod bill;
 pub mod doctor;
 pub mod estimate;
+pub mod model;
 pub mod models;
 pub mod reconstruct;
 pub mod record;

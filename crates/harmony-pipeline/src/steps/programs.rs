@@ -47,6 +47,11 @@ pub struct Surroundings {
 }
 
 impl Surroundings {
+    /// A camera in a room.
+    pub fn new(camera: Camera, room: Extents) -> Self {
+        Self { camera, room }
+    }
+
     /// Of a scene.
     pub fn of(state: &SceneState) -> Self {
         Self { camera: state.partial.camera, room: state.partial.room.extents }
