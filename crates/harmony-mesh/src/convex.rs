@@ -74,7 +74,7 @@ fn box_part(lo: DVec3, hi: DVec3) -> ConvexPart {
 
 /// At most [`MAX_HULL_POINTS`] points of a set that are farthest in evenly spread directions: the hull's corners when
 /// there are few, an inner approximation of it otherwise.
-pub(crate) fn hull_points(points: &[DVec3]) -> Vec<Vec3> {
+pub fn hull_points(points: &[DVec3]) -> Vec<Vec3> {
     let mut out: Vec<usize> = Vec::new();
     for x in -1..=1 {
         for y in -1..=1 {

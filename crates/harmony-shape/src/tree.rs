@@ -9,6 +9,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::material::MaterialSpec;
 
+mod check;
+
+pub use check::MAX_TRIANGLES;
+
 /// Index of a node in [`ShapeTree::nodes`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]

@@ -9,13 +9,15 @@ const STEPS: usize = 24;
 
 /// Where a chart went: `uv = offset + scale * (turned ? (v, u) : (u, v))`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Slotting {
+pub struct ChartPlace {
+    /// Lowest corner in the unit square.
     pub offset: DVec2,
+    /// Whether u and v are exchanged.
     pub turned: bool,
 }
 
 /// Places rectangles of `sizes` (metres) without overlap; returns the common scale and each place.
-pub(super) fn pack(sizes: &[DVec2]) -> (f64, Vec<Slotting>) {
+pub fn pack_charts(sizes: &[DVec2]) -> (f64, Vec<ChartPlace>) {
     if sizes.is_empty() {
         return (1.0, Vec::new());
     }
@@ -25,7 +27,7 @@ pub(super) fn pack(sizes: &[DVec2]) -> (f64, Vec<Slotting>) {
     let gap = GAP.min(0.25 / (sizes.len() as f64).sqrt());
     let mut low = 0.0;
     let mut high = (1.0 / area.max(1e-18).sqrt()).min((1.0 - 2.0 * gap) / longest);
-    let mut best: Option<(f64, Vec<Slotting>)> = None;
+    let mut best: Option<(f64, Vec<ChartPlace>)> = None;
     for step in 0..STEPS {
         let scale = if step == 0 { high } else { f64::midpoint(low, high) };
         match place(sizes, scale, gap) {
@@ -41,15 +43,15 @@ pub(super) fn pack(sizes: &[DVec2]) -> (f64, Vec<Slotting>) {
     }
     best.unwrap_or_else(|| {
         // never reached with a gap that fits: everything as points in the middle
-        (0.0, vec![Slotting { offset: DVec2::splat(0.5), turned: false }; sizes.len()])
+        (0.0, vec![ChartPlace { offset: DVec2::splat(0.5), turned: false }; sizes.len()])
     })
 }
 
 /// Shelves of upright rectangles, tallest first.
-fn place(sizes: &[DVec2], scale: f64, gap: f64) -> Option<Vec<Slotting>> {
+fn place(sizes: &[DVec2], scale: f64, gap: f64) -> Option<Vec<ChartPlace>> {
     let mut order: Vec<usize> = (0..sizes.len()).collect();
     order.sort_by(|a, b| sizes[*b].max_element().total_cmp(&sizes[*a].max_element()).then(a.cmp(b)));
-    let mut places = vec![Slotting { offset: DVec2::ZERO, turned: false }; sizes.len()];
+    let mut places = vec![ChartPlace { offset: DVec2::ZERO, turned: false }; sizes.len()];
     // shelves are kept open: a small chart may still fit at the end of an earlier one
     let mut shelves: Vec<(f64, f64, f64)> = Vec::new();
     let mut top = 0.0;
@@ -71,7 +73,7 @@ fn place(sizes: &[DVec2], scale: f64, gap: f64) -> Option<Vec<Slotting>> {
             top += h;
             at
         };
-        places[i] = Slotting { offset: at + DVec2::splat(gap), turned };
+        places[i] = ChartPlace { offset: at + DVec2::splat(gap), turned };
     }
     Some(places)
 }
@@ -89,7 +91,7 @@ mod tests {
         };
         for count in [1, 2, 7, 60, 700] {
             let sizes: Vec<DVec2> = (0..count).map(|_| DVec2::new(next() + 0.01, next().powi(4) + 0.001)).collect();
-            let (scale, places) = pack(&sizes);
+            let (scale, places) = pack_charts(&sizes);
             let rects: Vec<(DVec2, DVec2)> = sizes
                 .iter()
                 .zip(&places)

@@ -220,7 +220,7 @@ fn reflections(mirror: Option<Mirror>, centre: DVec3, parent: DVec3, always: boo
 
 fn assemble(model: &PartModel, built: &[(String, Solid)], wanted: DVec3) -> BuiltModel {
     let charts: Vec<DVec2> = built.iter().flat_map(|(_, s)| &s.charts).map(|c| chart_box(c).1).collect();
-    let (scale, places) = atlas::pack(&charts);
+    let (scale, places) = atlas::pack_charts(&charts);
     let mut mesh = Mesh::default();
     let mut convex = Vec::new();
     let mut material_of: BTreeMap<&str, usize> = BTreeMap::new();

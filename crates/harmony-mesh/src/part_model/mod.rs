@@ -15,6 +15,7 @@ use harmony_scene::{MaterialCategory, Size};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use atlas::{ChartPlace, pack_charts};
 pub use build::BuiltModel;
 pub use check::PartModelError;
 pub use guide::PART_MODEL_GUIDE;

@@ -1,0 +1,143 @@
+//! Charts of a piece: what is unwrapped as one.
+
+use std::collections::HashMap;
+
+use glam::{DVec2, DVec3};
+
+use crate::Piece;
+use crate::piece::weld_key;
+
+/// A chart is cut in pieces when it is longer than this many times its width.
+const MAX_ASPECT: f64 = 4.0;
+/// Most pieces of one chart.
+const MAX_PIECES: usize = 6;
+
+/// Triangles that hang together in texture coordinates.
+#[derive(Debug, Clone)]
+pub(super) struct Chart {
+    pub triangles: Vec<u32>,
+    /// Lowest corner in texture coordinates.
+    pub lo: DVec2,
+    /// Highest corner.
+    pub hi: DVec2,
+    /// Whether v runs upwards as seen from outside (images would be mirrored).
+    pub mirrored: bool,
+    /// Whether v rather than u runs along the longest side of the piece.
+    pub upright: bool,
+}
+
+impl Chart {
+    /// Texture coordinates as they are drawn: v downwards as seen from outside, u along the grain where that is asked for.
+    pub fn metric(&self, uv: DVec2, along_grain: bool) -> DVec2 {
+        let v = if self.mirrored { self.lo.y + self.hi.y - uv.y } else { uv.y };
+        if along_grain && self.upright { DVec2::new(v, -uv.x) } else { DVec2::new(uv.x, v) }
+    }
+}
+
+/// The charts of a piece in the order of their first triangles.
+pub(super) fn charts(piece: &Piece) -> Vec<Chart> {
+    let mut first: HashMap<([i64; 3], [i64; 2]), u32> = HashMap::with_capacity(piece.positions.len());
+    let mut parent: Vec<u32> = (0..piece.positions.len() as u32).collect();
+    for i in 0..piece.positions.len() {
+        let uv = piece.uvs[i];
+        let key = (weld_key(piece.positions[i]), [uv.x, uv.y].map(|v| (v * 1e5 + 0.37).floor() as i64));
+        parent[i] = *first.entry(key).or_insert(i as u32);
+    }
+    for t in &piece.triangles {
+        for k in 1..3 {
+            let (a, b) = (root(&mut parent, t[0]), root(&mut parent, t[k]));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut index: HashMap<u32, usize> = HashMap::new();
+    let mut lists: Vec<Vec<u32>> = Vec::new();
+    for (i, t) in piece.triangles.iter().enumerate() {
+        let r = root(&mut parent, t[0]);
+        let at = *index.entry(r).or_insert_with(|| {
+            lists.push(Vec::new());
+            lists.len() - 1
+        });
+        lists[at].push(i as u32);
+    }
+    let long = longest_axis(piece);
+    lists.into_iter().flat_map(|list| cut(piece, list)).map(|list| chart(piece, list, long)).collect()
+}
+
+fn root(parent: &mut [u32], mut i: u32) -> u32 {
+    while parent[i as usize] != i {
+        parent[i as usize] = parent[parent[i as usize] as usize];
+        i = parent[i as usize];
+    }
+    i
+}
+
+/// The axis along which a piece is clearly longest; x when there is none.
+fn longest_axis(piece: &Piece) -> DVec3 {
+    let Some((lo, hi)) = piece.bounds() else { return DVec3::X };
+    let size = hi - lo;
+    if size.y > 1.1 * size.x && size.y >= size.z {
+        DVec3::Y
+    } else if size.z > 1.1 * size.x {
+        DVec3::Z
+    } else {
+        DVec3::X
+    }
+}
+
+fn span(piece: &Piece, list: &[u32]) -> (DVec2, DVec2) {
+    list.iter()
+        .flat_map(|t| piece.triangles[*t as usize])
+        .map(|i| piece.uvs[i as usize])
+        .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)))
+}
+
+/// Long charts in pieces, so that they pack well.
+fn cut(piece: &Piece, list: Vec<u32>) -> Vec<Vec<u32>> {
+    let (lo, hi) = span(piece, &list);
+    let size = hi - lo;
+    let upright = size.y > size.x;
+    let aspect = size.max_element() / size.min_element().max(1e-6);
+    let pieces = ((aspect / MAX_ASPECT).ceil() as usize).clamp(1, MAX_PIECES);
+    if pieces == 1 || list.len() < 2 * pieces {
+        return vec![list];
+    }
+    let middle = |t: u32| {
+        let sum: DVec2 = piece.triangles[t as usize].iter().map(|i| piece.uvs[*i as usize]).sum::<DVec2>() / 3.0 - lo;
+        if upright { sum.y / size.y } else { sum.x / size.x }
+    };
+    let longest = list
+        .iter()
+        .map(|t| {
+            let p = piece.triangles[*t as usize].map(|i| piece.uvs[i as usize]);
+            let extent = p[0].max(p[1]).max(p[2]) - p[0].min(p[1]).min(p[2]);
+            if upright { extent.y / size.y } else { extent.x / size.x }
+        })
+        .fold(0.0, f64::max);
+    if longest > 0.7 {
+        return vec![list]; // nothing gained: one triangle is most of the length
+    }
+    let mut out = vec![Vec::new(); pieces];
+    for t in list {
+        let k = ((middle(t) * pieces as f64) as usize).min(pieces - 1);
+        out[k].push(t);
+    }
+    out.retain(|l| !l.is_empty());
+    out
+}
+
+fn chart(piece: &Piece, triangles: Vec<u32>, long: DVec3) -> Chart {
+    let (lo, hi) = span(piece, &triangles);
+    let mut signed = 0.0;
+    let (mut along_u, mut along_v) = (0.0, 0.0);
+    for t in &triangles {
+        let t = piece.triangles[*t as usize];
+        let [a, b, c] = t.map(|i| piece.uvs[i as usize]);
+        let [p, q, r] = t.map(|i| piece.positions[i as usize].dot(long));
+        let (e, f) = (b - a, c - a);
+        signed += e.perp_dot(f);
+        // gradient of the place along the longest side, times the area
+        along_u += ((q - p) * f.y - (r - p) * e.y).abs();
+        along_v += ((r - p) * e.x - (q - p) * f.x).abs();
+    }
+    Chart { triangles, lo, hi, mirrored: signed > 0.0, upright: along_v > 1.2 * along_u }
+}
