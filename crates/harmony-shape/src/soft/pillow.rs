@@ -139,9 +139,19 @@ impl Bag {
                 let (p, q) = (pattern(a.0, a.1), pattern(b.0, b.1));
                 let m = (p + q) * 0.5;
                 // Cloth with more length in some places than in others crumples there.
-                let slack = if seam { -pucker } else { 0.024 * wrinkle * noise2(m.x / 0.11, m.y / 0.11 + 9.0 * side as f64, spec.seed ^ 3) };
+                let slack = if seam {
+                    -pucker
+                } else {
+                    0.024 * wrinkle * noise2(m.x / 0.11, m.y / 0.11 + 9.0 * side as f64, spec.seed ^ 3)
+                };
                 let rest = p.distance(q) * (1.0 + slack);
-                links.push(Link { a: index[side][a.1 * nu + a.0], b: index[side][b.1 * nu + b.0], rest, give, thread: false });
+                links.push(Link {
+                    a: index[side][a.1 * nu + a.0],
+                    b: index[side][b.1 * nu + b.0],
+                    rest,
+                    give,
+                    thread: false,
+                });
             };
             for j in 0..nv {
                 for i in 0..nu {
@@ -164,12 +174,24 @@ impl Bag {
             for j in 1..deep {
                 let k = j * nu + middle;
                 let open = j as f64 / deep as f64;
-                links.push(Link { a: index[0][k], b: index[1][k], rest: t * (1.0 - dent * 0.9 * (1.0 - open)), give: 0.4, thread: true });
+                links.push(Link {
+                    a: index[0][k],
+                    b: index[1][k],
+                    rest: t * (1.0 - dent * 0.9 * (1.0 - open)),
+                    give: 0.4,
+                    thread: true,
+                });
             }
             // The edge itself is drawn down.
             let far = index[0][(nv * 3 / 5) * nu + middle];
             let length = pattern(middle, 0).distance(pattern(middle, nv * 3 / 5));
-            links.push(Link { a: index[0][middle], b: far, rest: length * (1.0 - 0.22 * dent), give: 0.4, thread: true });
+            links.push(Link {
+                a: index[0][middle],
+                b: far,
+                rest: length * (1.0 - 0.22 * dent),
+                give: 0.4,
+                thread: true,
+            });
         }
         let mut triangles = Vec::new();
         for j in 0..nv - 1 {
@@ -263,7 +285,11 @@ mod tests {
 
     #[test]
     fn pillows_are_closed_and_of_the_right_size() {
-        for s in [spec(), PillowSpec { piping: 0.005, ..spec() }, PillowSpec { dent: 0.8, ears: 1.0, wrinkle: 1.0, ..spec() }] {
+        for s in [
+            spec(),
+            PillowSpec { piping: 0.005, ..spec() },
+            PillowSpec { dent: 0.8, ears: 1.0, wrinkle: 1.0, ..spec() },
+        ] {
             let p = pillow(&s);
             sound(&p);
             let (lo, hi) = p.bounds().unwrap();
@@ -282,9 +308,8 @@ mod tests {
     fn a_blow_dents_the_upper_edge() {
         let edge = |dent| {
             let p = pillow(&PillowSpec { dent, wrinkle: 0.2, ..spec() });
-            let near = |x: f64| {
-                p.positions.iter().filter(|p| (p.x - x).abs() < 0.02).map(|p| p.z).fold(f64::MAX, f64::min)
-            };
+            let near =
+                |x: f64| p.positions.iter().filter(|p| (p.x - x).abs() < 0.02).map(|p| p.z).fold(f64::MAX, f64::min);
             near(0.0) - near(0.2).min(near(-0.2))
         };
         assert!(edge(1.0) > edge(0.0) + 0.02, "{} after {}", edge(1.0), edge(0.0));

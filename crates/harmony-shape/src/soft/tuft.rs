@@ -187,7 +187,8 @@ pub fn quilt(child: &Piece, face: Face, cell: f64, depth: f64, pattern: &str) ->
         // Filled cells are round: steep at the seam, flat in the middle; stitches pucker the cloth beside it.
         let t = (e * 2.0).min(1.0);
         let full = (1.0 - (1.0 - t) * (1.0 - t)).max(0.0).sqrt();
-        let pucker = 0.18 * noise2(f.x / 0.018, f.y / 0.018, 8) * (1.0 - smoothstep(0.05, 0.5, t)) * smoothstep(0.0, 0.1, t);
+        let pucker =
+            0.18 * noise2(f.x / 0.018, f.y / 0.018, 8) * (1.0 - smoothstep(0.05, 0.5, t)) * smoothstep(0.0, 0.1, t);
         depth * (1.0 - full + pucker)
     })
 }
