@@ -175,7 +175,7 @@ fn pillows() -> Scene {
         some.iter().enumerate().map(|(k, (s, c))| part(moved(pillow(s), [k as f64 * 0.62, 0.24, 0.0], 75.0), *c));
     let mut parts: Vec<Part> = parts.collect();
     parts.push(part(moved(pillow(&spec), [0.5, 0.0, 0.6], 0.0), LINEN));
-    Scene { parts, view: [10.0, 22.0], floor: true }
+    Scene { parts, view: [10.0, 18.0], floor: true }
 }
 
 fn cushions() -> Scene {
