@@ -27,6 +27,8 @@ pub(super) struct Stuff {
     pub offset: f32,
     /// Least distance of parts of the cloth that are not neighbours.
     pub apart: f32,
+    /// Rows (first, last) that are folded sharply: no bending is felt across them.
+    pub crease: Option<(usize, usize)>,
 }
 
 /// A cloth in motion.
@@ -91,7 +93,7 @@ impl Sim {
                 let held = pressed && height > 0.05 && self.y[i] > height + 0.06;
                 *load = if held { 5.0 } else { 1.0 };
             }
-            self.slide = if pressed { 0.25 } else { 1.0 };
+            self.slide = if pressed { 0.6 } else { 1.0 };
             for _ in 0..10 {
                 self.step(collider, if late { 12.0 } else { 1.5 });
             }
@@ -154,6 +156,9 @@ impl Sim {
             self.along(skip, self.cell[0] * skip as f32, k);
         }
         for j in 0..nv.saturating_sub(skip) {
+            if self.stuff.crease.is_some_and(|(first, last)| j < last && j + skip > first) {
+                continue;
+            }
             self.between(j * nu, (j + skip) * nu, nu, self.cell[1] * skip as f32, k);
         }
     }

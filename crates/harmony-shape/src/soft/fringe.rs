@@ -81,7 +81,9 @@ pub fn fringe_on(edge: &[DVec3], closed: bool, spec: &FringeSpec, below: &[&Piec
         match spec.kind {
             FringeKind::Thread => threads(&mut piece, &fall, at, long, pitch, jitter, &mut dice),
             FringeKind::Tassel => tassel(&mut piece, &fall, at, long, pitch, jitter, &mut dice),
-            FringeKind::Pompom => pompom(&mut piece, &fall, at, long, pitch, spec.seed.wrapping_add(k as u32), &mut dice),
+            FringeKind::Pompom => {
+                pompom(&mut piece, &fall, at, long, pitch, spec.seed.wrapping_add(k as u32), &mut dice)
+            }
             FringeKind::Lace => scallop(&mut piece, &fall, at, long, pitch),
         }
     }
@@ -150,7 +152,7 @@ fn threads(piece: &mut Piece, fall: &Fall, at: DVec3, length: f64, pitch: f64, j
 fn tassel(piece: &mut Piece, fall: &Fall, at: DVec3, length: f64, pitch: f64, jitter: f64, dice: &mut Dice) {
     let wide = (0.105 * length).min(0.42 * pitch).max(0.0015);
     let lean = fall.tangent * (0.13 * jitter * dice.bell()) + fall.out * (0.10 * jitter * dice.bell());
-    let path = fall.path(at, lean, length, wide * 0.8, 8);
+    let path = fall.path(at, lean, length, wide, 8);
     let lengths = lengths(&path);
     let place = |t: f64| along(&path, &lengths, t * length);
     // A short cord from the edge.
@@ -177,7 +179,7 @@ fn tassel(piece: &mut Piece, fall: &Fall, at: DVec3, length: f64, pitch: f64, ji
                 let beyond = if t > 1.0 { d * ((t - 1.0) * length) } else { DVec3::ZERO };
                 let off = turn(square_to(d), d, angle) * (wide * out);
                 let p = p + off + beyond;
-                DVec3::new(p.x, p.y.max(0.0008), p.z)
+                DVec3::new(p.x, p.y.max(0.25 * wide), p.z)
             })
             .collect();
         let r = wide * 0.24;
@@ -273,7 +275,7 @@ mod tests {
             assert!((0.85..0.90).contains(&lo.y) && hi.y < 1.03, "{kind:?}: {lo} {hi}");
             assert!(lo.x > -0.56 && hi.x < 0.56);
             // 17 of them.
-            assert!(p.triangles.len() < 17 * 480, "{kind:?}: {}", p.triangles.len());
+            assert!(p.triangles.len() < 17 * 560, "{kind:?}: {}", p.triangles.len());
             assert_eq!(p, fringe(&edge, false, &spec(kind)));
         }
         let tassel = fringe(&edge, false, &spec(FringeKind::Tassel)).triangles.len() / 17;

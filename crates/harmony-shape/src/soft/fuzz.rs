@@ -128,7 +128,7 @@ fn ribbon(piece: &mut Piece, path: &[DVec3], half: &[f64], across: DVec3, normal
     }
     for k in 0..path.len() as u32 - 1 {
         let a = base + 2 * k;
-        piece.triangles.extend([[a, a + 1, a + 3], [a, a + 3, a + 2]]);
+        piece.triangles.extend([[a, a + 3, a + 1], [a, a + 2, a + 3]]);
     }
 }
 

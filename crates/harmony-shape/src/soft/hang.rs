@@ -65,7 +65,8 @@ impl Folds {
     fn angle(&self, s: f64, down: f64) -> f64 {
         let seed = self.spec.seed;
         // Phase of the unequal folds, drifting sideways a little on the way down.
-        let drift = 0.30 / self.count * smoothstep(0.05, 1.0, down) * noise2(s * self.count * 0.35, down * 1.3, seed ^ 5);
+        let drift =
+            0.30 / self.count * smoothstep(0.05, 1.0, down) * noise2(s * self.count * 0.35, down * 1.3, seed ^ 5);
         let at = (s + drift).clamp(0.0, 1.0);
         let k = (self.starts.partition_point(|v| *v <= at).max(1) - 1).min(self.depth.len() - 1);
         let t = (at - self.starts[k]) / (self.starts[k + 1] - self.starts[k]).max(1e-9);

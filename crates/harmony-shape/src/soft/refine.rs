@@ -86,8 +86,7 @@ pub(super) fn deform(piece: &mut Piece, f: impl Fn(DVec3) -> DVec3) {
         let slope = |axis: DVec3| (f(*p + axis * H) - f(*p - axis * H)) / (2.0 * H);
         let j = DMat3::from_cols(slope(DVec3::X), slope(DVec3::Y), slope(DVec3::Z));
         // The cofactor matrix carries areas; it works where the map is flat in one direction, too.
-        let cofactor =
-            DMat3::from_cols(j.y_axis.cross(j.z_axis), j.z_axis.cross(j.x_axis), j.x_axis.cross(j.y_axis));
+        let cofactor = DMat3::from_cols(j.y_axis.cross(j.z_axis), j.z_axis.cross(j.x_axis), j.x_axis.cross(j.y_axis));
         *n = (cofactor * *n).normalize_or(*n);
         *p = f(*p);
     }

@@ -133,13 +133,13 @@ pub fn tuft(child: &Piece, face: Face, spec: &TuftSpec) -> Tufted {
             let e = parity(1.0).min(parity(-1.0)) * metres;
             // Outside the outermost rows the pleats run straight to the border and fade.
             let beyond = (-q.y).max(q.y - (f64::from(rows) - 1.0)).max(0.0);
-            0.42 * (1.0 - (e / (0.30 * reach)).min(1.0).sqrt()) * (1.0 - smoothstep(0.1, 0.5, beyond))
+            0.45 * (1.0 - (e / (0.50 * reach)).min(1.0).sqrt()) * (1.0 - smoothstep(0.1, 0.5, beyond))
         } else {
             // Cloth strains between neighbours in a row and a column, only a little.
             let e = ((q.x - q.x.round()) * pitch.x).abs().min(((q.y - q.y.round()) * pitch.y).abs());
-            0.12 * (1.0 - (e / (0.35 * reach)).min(1.0))
+            0.10 * libm::exp(-(e / (0.25 * reach)).powi(2))
         };
-        depth * pit.max(pleat).max(0.12 * (pit + pleat)).min(1.0)
+        depth * (pit + pleat * (1.0 - pit))
     };
     let piece = side.push_in(child, 0.008_f64.max(0.05 * pitch.min_element()), shape);
     let mut buttons = Piece { closed: true, ..Piece::default() };
@@ -187,7 +187,8 @@ pub fn quilt(child: &Piece, face: Face, cell: f64, depth: f64, pattern: &str) ->
         // Filled cells are round: steep at the seam, flat in the middle; stitches pucker the cloth beside it.
         let t = (e * 2.0).min(1.0);
         let full = (1.0 - (1.0 - t) * (1.0 - t)).max(0.0).sqrt();
-        let pucker = 0.18 * noise2(f.x / 0.018, f.y / 0.018, 8) * (1.0 - smoothstep(0.05, 0.5, t)) * smoothstep(0.0, 0.1, t);
+        let pucker =
+            0.18 * noise2(f.x / 0.018, f.y / 0.018, 8) * (1.0 - smoothstep(0.05, 0.5, t)) * smoothstep(0.0, 0.1, t);
         depth * (1.0 - full + pucker)
     })
 }

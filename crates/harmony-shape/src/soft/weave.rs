@@ -189,7 +189,10 @@ fn net(outline: &Outline, pitch: f64, radius: f64, piece: &mut Piece) {
         return;
     }
     let ((x0, x1), (y0, y1)) = (span(0), span(1));
-    let pitch = pitch.max(2.5 * radius).max(((x1 - x0) * (y1 - y0) * 16.0 / MAX_TRIANGLES).sqrt() / 2.0).max((x1 - x0).max(y1 - y0) / 400.0);
+    let pitch = pitch
+        .max(2.5 * radius)
+        .max(((x1 - x0) * (y1 - y0) * 16.0 / MAX_TRIANGLES).sqrt() / 2.0)
+        .max((x1 - x0).max(y1 - y0) / 400.0);
     for axis in 0..2 {
         let (lo, hi) = if axis == 0 { (x0, x1) } else { (y0, y1) };
         let count = ((hi - lo) / pitch).round().max(1.0);

@@ -108,7 +108,8 @@ impl<'a> Growth<'a> {
                 let outward = if last { d } else { side + d * 0.55 + DVec3::Y * 0.15 };
                 // Leaves turn their face to the light: up and outwards.
                 let light = DVec3::Y + around(angle) * 0.5 * spread;
-                let small = Form { length: length * (0.75 + 0.35 * t), width: 0.5 * length * (0.75 + 0.35 * t), ..form };
+                let small =
+                    Form { length: length * (0.75 + 0.35 * t), width: 0.5 * length * (0.75 + 0.35 * t), ..form };
                 self.leaf(&small, at, outward, light, 0.26);
             }
         }
@@ -190,7 +191,7 @@ impl<'a> Growth<'a> {
     pub fn fern(&mut self) {
         let [h, r] = [self.spec.height, self.spec.spread / 2.0];
         let n = self.count(26, 60);
-        let pairs = (700 / n).clamp(10, 22);
+        let pairs = (480 / n).clamp(10, 22);
         for k in 0..n {
             let age = (f64::from(k) + 0.5) / f64::from(n);
             let angle = GOLDEN * f64::from(k) + 0.25 * self.dice.bell();
@@ -233,8 +234,8 @@ impl<'a> Growth<'a> {
     pub fn vine(&mut self) {
         let [h, r] = [self.spec.height, self.spec.spread / 2.0];
         let n = self.count(14, 60);
-        let each = (420 / n).clamp(6, 34);
-        let leaf = (0.30 * r).clamp(0.02, 0.11);
+        let each = (300 / n).clamp(6, 34);
+        let leaf = (0.40 * r).clamp(0.02, 0.12);
         let form = Form {
             length: leaf,
             width: 0.80 * leaf,
@@ -243,7 +244,7 @@ impl<'a> Growth<'a> {
             curl: 0.5,
             twist: 0.0,
             ripple: 0.02,
-            rows: 6,
+            rows: 5,
             cols: 4,
         };
         for k in 0..n {
@@ -252,7 +253,7 @@ impl<'a> Growth<'a> {
             // Some stay short and make the crown.
             let share = if k % 3 == 0 { 0.30 } else { 0.60 + 0.40 * self.dice.unit() };
             let length = 0.25 * h + r * 0.6 + 0.80 * h * share;
-            let drift = out.cross(DVec3::Y) * (1.6 * self.dice.bell());
+            let drift = out.cross(DVec3::Y) * (5.0 * self.dice.bell()) + out * (2.5 * self.dice.bell());
             let reach = r * (0.55 + 0.35 * self.dice.unit());
             let stem = Stem::grown(out * (0.08 * r), aim(angle, 1.05), length, 26, |t| {
                 // Up, over, and down: gravity wins once it is outside.
@@ -267,7 +268,7 @@ impl<'a> Growth<'a> {
                 // Stalks lift the leaf off the stem, the blade turns outwards and hangs.
                 let stalk = (side * 0.8 + out * 0.7 + DVec3::Y * 0.5).normalize_or(out);
                 let tip = at + stalk * (0.45 * leaf);
-                Stem::grown(at, stalk, 0.45 * leaf, 2, |_| DVec3::ZERO).draw(&mut self.plant.stems, 0.0009, 0.0007, 3);
+                Stem::grown(at, stalk, 0.45 * leaf, 1, |_| DVec3::ZERO).draw(&mut self.plant.stems, 0.0009, 0.0007, 3);
                 let hang = side * 0.6 + out * 0.5 - DVec3::Y * (0.3 + 0.5 * t);
                 let scale = 1.15 - 0.5 * t;
                 let small = Form { length: leaf * scale, width: 0.80 * leaf * scale, ..form };
@@ -330,7 +331,8 @@ impl<'a> Growth<'a> {
             let out_share = ((f64::from(k) + 0.3) / f64::from(n)).sqrt();
             let angle = GOLDEN * f64::from(k) + 0.3 * self.dice.bell();
             let out = around(angle);
-            let reach = out * ((r - head) * out_share) + DVec3::Y * (h * (0.97 - 0.26 * out_share) * (1.0 + 0.05 * self.dice.bell()));
+            let reach = out * ((r - head) * out_share)
+                + DVec3::Y * (h * (0.97 - 0.26 * out_share) * (1.0 + 0.05 * self.dice.bell()));
             let base = out * (0.04 * r);
             let direct = (reach - base).normalize_or(DVec3::Y);
             let bend = out * 0.35 + square_to(direct) * (0.3 * self.dice.bell());
@@ -367,7 +369,8 @@ impl<'a> Growth<'a> {
         let turned = TAU * self.dice.unit();
         for (ring, (count, rise, size)) in [(9_u32, 0.25, 1.0), (8, 0.7, 0.82), (6, 1.1, 0.6)].into_iter().enumerate() {
             for k in 0..count {
-                let angle = turned + TAU * (f64::from(k) + 0.5 * ring as f64) / f64::from(count) + 0.08 * self.dice.bell();
+                let angle =
+                    turned + TAU * (f64::from(k) + 0.5 * ring as f64) / f64::from(count) + 0.08 * self.dice.bell();
                 let out = turn(side, face, angle);
                 let (s, c) = libm::sincos(rise + 0.15 * self.dice.bell());
                 let length = radius * size * (1.0 + 0.08 * self.dice.bell());
@@ -382,7 +385,14 @@ impl<'a> Growth<'a> {
                     rows: 4,
                     cols: 4,
                 };
-                place(&mut self.plant.flowers, &form.mesh(), at + face * (0.03 * radius), out * c + face * s, face - out * 0.2, 1.0);
+                place(
+                    &mut self.plant.flowers,
+                    &form.mesh(),
+                    at + face * (0.03 * radius),
+                    out * c + face * s,
+                    face - out * 0.2,
+                    1.0,
+                );
             }
         }
         let r = 0.16 * radius;
@@ -481,8 +491,12 @@ fn fleshy(length: f64, width: f64, thick: f64, curl: f64) -> Piece {
     let mut piece = Piece { closed: true, ..Piece::default() };
     for j in 0..=rows {
         let t = f64::from(j) / f64::from(rows);
-        let half = width / 2.0 * libm::pow(libm::sin(PI * libm::pow(t, 1.25) * 0.94 + 0.19), 0.7) * if j == rows { 0.02 } else { 1.0 };
-        let deep = thick / 2.0 * libm::pow(libm::sin(PI * libm::pow(t, 0.8) * 0.97 + 0.09), 0.8) * if j == rows { 0.02 } else { 1.0 };
+        let half = width / 2.0
+            * libm::pow(libm::sin(PI * libm::pow(t, 1.25) * 0.94 + 0.19), 0.7)
+            * if j == rows { 0.02 } else { 1.0 };
+        let deep = thick / 2.0
+            * libm::pow(libm::sin(PI * libm::pow(t, 0.8) * 0.97 + 0.09), 0.8)
+            * if j == rows { 0.02 } else { 1.0 };
         let (s, c) = libm::sincos(curl * t);
         let centre = DVec3::new(0.0, -s * length * t * 0.5, length * t * c.abs().max(0.7));
         for k in 0..=sides {

@@ -20,7 +20,7 @@ pub(super) enum Outline {
 }
 
 impl Outline {
-    /// Half the width at a fraction of the length, greatest value 1.
+    /// Half the width at a fraction of the length, greatest value about 1.
     fn half(self, t: f64) -> f64 {
         let sin = |v: f64| libm::sin(PI * v.clamp(0.0, 1.0));
         match self {
@@ -69,6 +69,7 @@ impl Form {
         if self.outline == Outline::Heart {
             at.z = -0.10 * self.length;
         }
+        let peak = (0..=64).map(|k| self.outline.half(f64::from(k) / 64.0)).fold(0.1, f64::max);
         let step = self.length / f64::from(rows);
         for j in 0..=rows {
             let t = f64::from(j) / f64::from(rows);
@@ -81,7 +82,7 @@ impl Form {
             }
             let (ts, tc) = libm::sincos(self.twist * t);
             let (right, up) = (DVec3::X * tc + up * ts, up * tc - DVec3::X * ts);
-            let half = (self.width / 2.0 * self.outline.half(t)).max(0.012 * self.width);
+            let half = (self.width / 2.0 * self.outline.half(t) / peak).max(0.012 * self.width);
             for i in 0..=cols {
                 let v = 2.0 * f64::from(i) / f64::from(cols) - 1.0;
                 // The fold is less sharp at the tip; a leaf is cupped beside its midrib.

@@ -42,7 +42,7 @@ fn plants_fill_their_height_and_spread_and_no_more() {
         }
         let least = p.leaves.positions.len() / 40;
         assert!(octants.iter().all(|n| *n > least), "{kind:?}: {octants:?}");
-        assert!(all.triangles.len() <= 30_000, "{kind:?}: {} triangles", all.triangles.len());
+        assert!(all.triangles.len() <= 16_000, "{kind:?}: {} triangles", all.triangles.len());
         assert_eq!(p.flowers.triangles.is_empty(), kind != PlantKind::Flowers);
     }
 }
