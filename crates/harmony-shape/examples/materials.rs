@@ -47,21 +47,36 @@ fn samples() -> Vec<(String, Pattern, &'static str, f64)> {
     add("brick english", make(K::Brick, "english"), "#7a4a3c", 1.0);
     add("checks", colors(make(K::Checks, ""), &["#e8ded0", "#b0503c"]), "#888888", 0.6);
     add("gingham", colors(sized(make(K::Checks, "gingham"), 0.03, 0.0), &["#f0eee8", "#3c62a0"]), "#888888", 0.3);
-    add("stripes", colors(sized(make(K::Stripes, ""), 0.08, 0.0), &["#ece4d4", "#4a6a60", "#ece4d4", "#c09a50"]), "#888888", 0.8);
+    add(
+        "stripes",
+        colors(sized(make(K::Stripes, ""), 0.08, 0.0), &["#ece4d4", "#4a6a60", "#ece4d4", "#c09a50"]),
+        "#888888",
+        0.8,
+    );
     add("dots", colors(make(K::Dots, ""), &["#f0d8d0", "#b04050"]), "#888888", 0.35);
     add("hearts", colors(make(K::Motif, "heart"), &["#f3ece6", "#c8405a", "#e09ab0"]), "#888888", 0.6);
-    add("hearts over weave", {
-        let mut p = make(K::Over, "");
-        p.layers = vec![
-            colors(sized(make(K::Motif, "star"), 0.06, 0.0), &["#ffffff", "#d0a030"]),
-            colors(make(K::Weave, ""), &["#2c3a58"]),
-        ];
-        p
-    }, "#888888", 0.2);
+    add(
+        "hearts over weave",
+        {
+            let mut p = make(K::Over, "");
+            p.layers = vec![
+                colors(sized(make(K::Motif, "star"), 0.06, 0.0), &["#ffffff", "#d0a030"]),
+                colors(make(K::Weave, ""), &["#2c3a58"]),
+            ];
+            p
+        },
+        "#888888",
+        0.2,
+    );
     add("weave", make(K::Weave, ""), "#b9ad9a", 0.03);
     add("linen", Pattern { amount: 0.9, ..sized(make(K::Weave, ""), 0.0016, 0.0) }, "#c9bfa8", 0.12);
     add("denim", colors(make(K::Weave, "twill"), &["#2c3f66", "#b9c0cc"]), "#445566", 0.05);
-    add("weave herringbone", colors(sized(make(K::Weave, "herringbone"), 0.002, 0.0), &["#5a5650", "#b8b0a4"]), "#445566", 0.10);
+    add(
+        "weave herringbone",
+        colors(sized(make(K::Weave, "herringbone"), 0.002, 0.0), &["#5a5650", "#b8b0a4"]),
+        "#445566",
+        0.10,
+    );
     add("knit", make(K::Knit, ""), "#c4a890", 0.10);
     add("knit rib", make(K::Knit, "rib"), "#8a4050", 0.12);
     add("terry", make(K::Terry, ""), "#9ab0b8", 0.06);
@@ -83,11 +98,19 @@ fn samples() -> Vec<(String, Pattern, &'static str, f64)> {
     add("quilt diamond", make(K::Quilting, "diamond"), "#b8a0a8", 0.4);
     add("quilt box", make(K::Quilting, "box"), "#8090a0", 0.4);
     add("quilt channel", make(K::Quilting, "channel"), "#405a50", 0.4);
-    add("grime over tiles", {
-        let mut p = make(K::Over, "");
-        p.layers = vec![Pattern { amount: 0.6, ..make(K::Grime, "") }, colors(make(K::Tiles, ""), &["#d8d8d0", "#a0a098"])];
-        p
-    }, "#888888", 1.2);
+    add(
+        "grime over tiles",
+        {
+            let mut p = make(K::Over, "");
+            p.layers = vec![
+                Pattern { amount: 0.6, ..make(K::Grime, "") },
+                colors(make(K::Tiles, ""), &["#d8d8d0", "#a0a098"]),
+            ];
+            p
+        },
+        "#888888",
+        1.2,
+    );
     add("ramp", colors(sized(make(K::Ramp, ""), 0.5, 0.5), &["#e8c8b0", "#7a5a90"]), "#888888", 1.0);
     list
 }

@@ -166,8 +166,9 @@ impl Materials {
         if let Some(alpha) = number(entry.extras.pointer("/harmony/alpha")).filter(|_| transmission > 0.0) {
             base_color[3] = unit(Some(alpha), 1.0);
         }
-        let sheen: [Option<f64>; 3] =
-            std::array::from_fn(|k| number(extension("KHR_materials_sheen", "sheenColorFactor").and_then(|c| c.get(k))));
+        let sheen: [Option<f64>; 3] = std::array::from_fn(|k| {
+            number(extension("KHR_materials_sheen", "sheenColorFactor").and_then(|c| c.get(k)))
+        });
         let place = reference.and_then(|r| r.extensions.get("KHR_texture_transform"));
         let pair = |key: &str, default: f32| {
             let list = place.and_then(|p| p.get(key)).and_then(Value::as_array);

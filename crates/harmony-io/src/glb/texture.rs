@@ -152,9 +152,7 @@ fn smaller(
 /// scene.
 fn lossless(image: &Arc<RgbaImage>, alpha: Alpha) -> Result<Arc<[u8]>, GlbError> {
     static KNOWN: Known<RgbaImage> = Known::new();
-    KNOWN.file(image, || {
-        Ok(if alpha == Alpha::Opaque { rgb_png(&without_alpha(image))? } else { rgba_png(image)? })
-    })
+    KNOWN.file(image, || Ok(if alpha == Alpha::Opaque { rgb_png(&without_alpha(image))? } else { rgba_png(image)? }))
 }
 
 /// Files by an image's address, which stays that image's own as long as the `Weak` is here.

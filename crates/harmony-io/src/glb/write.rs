@@ -9,8 +9,8 @@ use image::{RgbImage, RgbaImage};
 use serde_json::json;
 
 use super::document::{
-    ARRAY_BUFFER, Accessor, Asset, Buffer, BufferView, Document, ELEMENT_ARRAY_BUFFER, FLOAT, MeshEntry, Node, Primitive,
-    Scene, UNSIGNED_INT, UNSIGNED_SHORT,
+    ARRAY_BUFFER, Accessor, Asset, Buffer, BufferView, Document, ELEMENT_ARRAY_BUFFER, FLOAT, MeshEntry, Node,
+    Primitive, Scene, UNSIGNED_INT, UNSIGNED_SHORT,
 };
 use super::normals::unit;
 use super::surface::Embedded;

@@ -76,7 +76,8 @@ pub(super) fn weave(space: &Space, p: &Pattern) -> Paint {
         let color = mix(times(weft, tone_j), times(warp, tone_i), top);
         let f = fuzz.at(u, v);
         // Between threads less light gets out.
-        let shade = lerp(1.0, lerp(0.62, 1.06, smooth(-0.3, 1.2, h)), shows) * (1.0 + 0.05 * f + 0.03 * drift.fbm(u, v, 2));
+        let shade =
+            lerp(1.0, lerp(0.62, 1.06, smooth(-0.3, 1.2, h)), shows) * (1.0 + 0.05 * f + 0.03 * drift.fbm(u, v, 2));
         Sample {
             height: 1000.0 * yarn * (0.20 * h * shows + 0.03 * f),
             color: times(color, shade),
@@ -176,7 +177,13 @@ pub(super) fn terry(space: &Space, p: &Pattern) -> Paint {
         let h = h1.max(0.75 * h2) + 0.25 * nap.fbm(u, v, 2);
         let f = fuzz.at(u, v);
         let tone = libm::exp(sigma * 0.5 * gauss(id, 1)) * lerp(0.55, 1.08, smooth(-0.1, 1.0, h)) * (1.0 + 0.05 * f);
-        Sample { height: 1000.0 * w * (0.34 * h + 0.03 * f), color: times(palette.pick(id), tone), rough: 0.03 * f, cover: 1.0, id }
+        Sample {
+            height: 1000.0 * w * (0.34 * h + 0.03 * f),
+            color: times(palette.pick(id), tone),
+            rough: 0.03 * f,
+            cover: 1.0,
+            id,
+        }
     })
 }
 
@@ -248,7 +255,9 @@ pub(super) fn pile(space: &Space, p: &Pattern) -> Paint {
                 let (x, y) = ((to[0] * c + to[1] * s) / w, (to[1] * c - to[0] * s) / w);
                 let y = y + 0.25 * x * x * (unit(point, 3) - 0.5);
                 let q = 1.0 - (x * x * 1.1 + y * y * 12.0);
-                let top = q.max(0.0).sqrt() * 0.7 + 0.6 * unit(point, 4) * smooth(0.0, 0.3, q) + 0.3 * x * smooth(0.0, 0.2, q);
+                let top = q.max(0.0).sqrt() * 0.7
+                    + 0.6 * unit(point, 4) * smooth(0.0, 0.3, q)
+                    + 0.3 * x * smooth(0.0, 0.2, q);
                 if top > h {
                     (h, id) = (top, point);
                 }

@@ -105,8 +105,12 @@ mod tests {
     #[test]
     fn black_bodies_have_the_known_colours() {
         // Charity's table (CIE 1964 observer) within 8 of 255: 2700 K, 4000 K, 6500 K, 10000 K.
-        let known =
-            [(2700.0, [255, 169, 87]), (4000.0, [255, 209, 163]), (6500.0, [255, 249, 253]), (10_000.0, [204, 219, 255])];
+        let known = [
+            (2700.0, [255, 169, 87]),
+            (4000.0, [255, 209, 163]),
+            (6500.0, [255, 249, 253]),
+            (10_000.0, [204, 219, 255]),
+        ];
         for (kelvin, rgb) in known {
             let got = bytes_of(kelvin_to_rgb(kelvin));
             for (g, w) in got.into_iter().zip(rgb) {

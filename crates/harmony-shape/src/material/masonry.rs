@@ -57,7 +57,8 @@ pub(super) fn tiles(space: &Space, p: &Pattern) -> Paint {
         let g = grout.fbm(u, v, 2);
         let soiled = 1.0 - 0.18 * smooth(0.0, 0.8, dirt.fbm(u, v, 2)) - 0.10 * g;
         let tilt = gauss(id, 7) * piece.x + gauss(id, 8) * piece.y;
-        let face = -0.35 * (1.0 - smooth(0.0, edge_round, d)) + 0.035 * wave.at(gx, gy) + 1.2 * tilt + 0.02 * stone * cloud;
+        let face =
+            -0.35 * (1.0 - smooth(0.0, edge_round, d)) + 0.035 * wave.at(gx, gy) + 1.2 * tilt + 0.02 * stone * cloud;
         let bed = -1.0 + 0.08 * g;
         let face_rough = 0.03 * gauss(id, 9) + 0.10 * stone * cloud;
         Sample {

@@ -1,10 +1,10 @@
 //! Stone, plaster and dirt: marble, terrazzo, concrete, plaster, grime.
 
 use super::Pattern;
+use super::color::{linear_hex, luminance};
 use super::noise::{Cells, Noise, gauss, lerp, smooth, unit};
 use super::plan::{Palette, amount, chip_share, tone_sigma, width};
 use super::space::{Paint, Rgb, Sample, Space, mix, times};
-use super::color::{linear_hex, luminance};
 
 /// Veins through clouds; colours: ground, veins; `amount`: how many.
 pub(super) fn marble(space: &Space, p: &Pattern) -> Paint {
@@ -26,7 +26,8 @@ pub(super) fn marble(space: &Space, p: &Pattern) -> Paint {
         let there = smooth(-0.5, 0.6, presence.fbm(u, v, 2));
         // Distance from where the noise is zero, in its own measure: lines of uneven width.
         let thick = smooth(0.13, 0.0, large.at(x, y).abs()) * there;
-        let thin = smooth(0.055, 0.0, small.fbm(x + 0.2 * a, y, 2).abs()) * 0.55 * smooth(-0.2, 0.8, presence.fbm(v, u, 2));
+        let thin =
+            smooth(0.055, 0.0, small.fbm(x + 0.2 * a, y, 2).abs()) * 0.55 * smooth(-0.2, 0.8, presence.fbm(v, u, 2));
         let halo = smooth(0.45, 0.0, large.at(x, y).abs()) * 0.20 * there;
         let vein = ((thick * thick * 0.75).max(thin) + halo).min(1.0) * (0.35 + 1.1 * much);
         let ground = times(palette.main[0], libm::exp(0.09 * c));
@@ -41,7 +42,12 @@ pub(super) fn terrazzo(space: &Space, p: &Pattern) -> Paint {
     let chips: Vec<Rgb> = if palette.main.len() > 1 {
         palette.main[1..].to_vec()
     } else {
-        vec![times(matrix, 0.45), mix(times(matrix, 0.65), [0.30, 0.17, 0.10], 0.45), mix(matrix, [0.9; 3], 0.65), times(matrix, 0.16)]
+        vec![
+            times(matrix, 0.45),
+            mix(times(matrix, 0.65), [0.30, 0.17, 0.10], 0.45),
+            mix(matrix, [0.9; 3], 0.65),
+            times(matrix, 0.16),
+        ]
     };
     let w = width(p);
     let share = chip_share(p);
@@ -153,7 +159,8 @@ pub(super) fn plaster(space: &Space, p: &Pattern) -> Paint {
         };
         let work = if even { 0.0 } else { much };
         let base = second.map_or(palette.main[0], |b| mix(palette.main[0], b, smooth(-0.6, 0.6, c + 0.5 * s)));
-        let tone = libm::exp(work * (0.10 * s + 0.05 * c) + 0.012 * c + 0.012 * f - 0.12 * (0.6 - lump) * f64::from(coarse));
+        let tone =
+            libm::exp(work * (0.10 * s + 0.05 * c) + 0.012 * c + 0.012 * f - 0.12 * (0.6 - lump) * f64::from(coarse));
         Sample {
             height: work * (1.1 * s + 0.5 * ridge) + 0.035 * f + 2.0 * lump,
             color: times(base, tone),
@@ -173,7 +180,8 @@ pub(super) fn grime(space: &Space, p: &Pattern) -> Paint {
     let speck = Noise::periodic(space, [(0.006_f64).max(2.0 * space.px); 2], 184);
     let much = amount(p, 0.3);
     Box::new(move |u, v| {
-        let n = 0.55 * large.fbm(u, v, 5) + 0.30 * small.fbm(u, v, 3) + 0.22 * streak.fbm(u, v, 2) + 0.12 * speck.at(u, v);
+        let n =
+            0.55 * large.fbm(u, v, 5) + 0.30 * small.fbm(u, v, 3) + 0.22 * streak.fbm(u, v, 2) + 0.12 * speck.at(u, v);
         let cover = smooth(0.55 - 0.9 * much, 1.25 - 0.7 * much, n) * (0.35 + 0.6 * much);
         Sample { rough: 0.25, cover, ..Sample::flat(times(color, 1.0 + 0.2 * speck.at(u, v))) }
     })

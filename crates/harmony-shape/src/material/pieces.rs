@@ -22,13 +22,11 @@ pub(super) struct Piece {
     pub edge: f64,
     /// Row and column sum, for two-coloured layouts.
     pub parity: i64,
-    /// Whether it runs along v.
-    pub upright: bool,
 }
 
 impl Piece {
-    fn rect(id: u64, x: f64, y: f64, half: [f64; 2], parity: i64, upright: bool) -> Self {
-        Self { id, x, y, half, edge: (half[0] - x.abs()).min(half[1] - y.abs()), parity, upright }
+    fn rect(id: u64, x: f64, y: f64, half: [f64; 2], parity: i64) -> Self {
+        Self { id, x, y, half, edge: (half[0] - x.abs()).min(half[1] - y.abs()), parity }
     }
 }
 
@@ -101,7 +99,7 @@ pub(super) fn planks(space: &Space, width: f64, length: f64, spread: f64) -> Lay
         let end = if k == line.len() { line[0] + total } else { line[k] };
         let id = hash(seed, row, (k % line.len()) as i64);
         let half = [(end - start) / 2.0, w / 2.0];
-        Piece::rect(id, u - f64::midpoint(start, end), v - (j + 0.5) * w, half, row + k as i64, false)
+        Piece::rect(id, u - f64::midpoint(start, end), v - (j + 0.5) * w, half, row + k as i64)
     })
 }
 
@@ -122,7 +120,6 @@ pub(super) fn rows(space: &Space, length: f64, width: f64, shift: f64) -> Layout
             v - (j + 0.5) * h,
             [w / 2.0, h / 2.0],
             (i as i64).rem_euclid(nu) + (j as i64).rem_euclid(nv),
-            false,
         )
     })
 }
@@ -144,7 +141,7 @@ pub(super) fn bonded(space: &Space, length: f64, height: f64, flemish: bool) -> 
             let header = x >= 2.0 * half_w;
             let (centre, half) = if header { (2.5 * half_w, half_w / 2.0) } else { (half_w, half_w) };
             let id = hash(seed, 2 * (i as i64).rem_euclid(nu) + i64::from(header), row);
-            Piece::rect(id, x - centre, v - (j + 0.5) * h, [half, h / 2.0], row, false)
+            Piece::rect(id, x - centre, v - (j + 0.5) * h, [half, h / 2.0], row)
         });
     }
     let (nu, w) = space.across(length);
@@ -155,7 +152,7 @@ pub(super) fn bonded(space: &Space, length: f64, height: f64, flemish: bool) -> 
         let u = u - off;
         let i = (u / w).floor();
         let id = hash(seed, (i as i64).rem_euclid(n), row);
-        Piece::rect(id, u - (i + 0.5) * w, v - (j + 0.5) * h, [w / 2.0, h / 2.0], row, false)
+        Piece::rect(id, u - (i + 0.5) * w, v - (j + 0.5) * h, [w / 2.0, h / 2.0], row)
     })
 }
 
@@ -173,7 +170,7 @@ pub(super) fn diagonal(space: &Space, width: f64) -> Layout {
         let id = hash(seed, (i - j).rem_euclid(2 * nu), (i + j + 1).rem_euclid(2 * nv));
         let side = a / root;
         let (x, y) = ((p - i as f64 - 0.5) * side, (q - j as f64 - 0.5) * side);
-        Piece::rect(id, x, y, [side / 2.0; 2], i.rem_euclid(2) + j.rem_euclid(2), false)
+        Piece::rect(id, x, y, [side / 2.0; 2], i.rem_euclid(2) + j.rem_euclid(2))
     })
 }
 
@@ -183,9 +180,7 @@ pub(super) fn hexagons(space: &Space, width: f64) -> Layout {
     let (nv, h) = space.down(width * 0.866_025_403_784_438_6, 2);
     let seed = space.seed;
     Box::new(move |u, v| {
-        let centre = |i: i64, j: i64| {
-            ((i as f64 + if j.rem_euclid(2) == 0 { 0.0 } else { 0.5 }) * w, j as f64 * h)
-        };
+        let centre = |i: i64, j: i64| ((i as f64 + if j.rem_euclid(2) == 0 { 0.0 } else { 0.5 }) * w, j as f64 * h);
         let (i0, j0) = ((u / w).floor() as i64, (v / h).floor() as i64);
         let mut best = (f64::INFINITY, 0, 0);
         for j in j0..=j0 + 1 {
@@ -203,7 +198,7 @@ pub(super) fn hexagons(space: &Space, width: f64) -> Layout {
         // Distance to the nearest of the three pairs of sides.
         let across = x.abs().max((x * 0.5).abs() + (y * 0.866_025_403_784_438_6).abs());
         let id = hash(seed, i.rem_euclid(nu), j.rem_euclid(nv));
-        Piece { id, x, y, half: [w / 2.0; 2], edge: w / 2.0 - across, parity: i + 2 * j, upright: false }
+        Piece { id, x, y, half: [w / 2.0; 2], edge: w / 2.0 - across, parity: i + 2 * j }
     })
 }
 
@@ -233,12 +228,8 @@ pub(super) fn herringbone(space: &Space, width: f64, count: i64) -> Layout {
         } else {
             (p - (i0 as f64 + n / 2.0), q - (j0 as f64 + 0.5))
         };
-        let id = hash(
-            seed ^ u64::from(upright),
-            (i0 - j0).rem_euclid(2 * count * nu),
-            (i0 + j0).rem_euclid(2 * nv),
-        );
-        Piece::rect(id, x * s, y * s, [n * s / 2.0, s / 2.0], i64::from(upright), upright)
+        let id = hash(seed ^ u64::from(upright), (i0 - j0).rem_euclid(2 * count * nu), (i0 + j0).rem_euclid(2 * nv));
+        Piece::rect(id, x * s, y * s, [n * s / 2.0, s / 2.0], i64::from(upright))
     })
 }
 
@@ -262,7 +253,7 @@ pub(super) fn chevron(space: &Space, width: f64, length: f64) -> Layout {
         let along = (x - column / 2.0) * root + if down { across } else { -across };
         let half = [column * root / 2.0, rise / root / 2.0];
         let edge = (half[1] - across.abs()).min(x.min(column - x));
-        Piece { id, x: along, y: across, half, edge, parity: c, upright: !down }
+        Piece { id, x: along, y: across, half, edge, parity: c }
     })
 }
 
@@ -281,7 +272,7 @@ pub(super) fn basket(space: &Space, width: f64, count: i64) -> Layout {
         let w = lb / count as f64;
         let k = ((across + lb / 2.0) / w).floor().clamp(0.0, count as f64 - 1.0);
         let id = hash(seed ^ k as u64, i.rem_euclid(2 * nu), j.rem_euclid(2 * nv));
-        Piece::rect(id, along, across + lb / 2.0 - (k + 0.5) * w, [la / 2.0, w / 2.0], i + j, upright)
+        Piece::rect(id, along, across + lb / 2.0 - (k + 0.5) * w, [la / 2.0, w / 2.0], i + j)
     })
 }
 

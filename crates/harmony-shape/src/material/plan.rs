@@ -313,7 +313,9 @@ fn unit_of(p: &Pattern) -> ([f64; 2], f64) {
         K::Plaster => ([4.0 * w; 2], 0.002),
         K::Rattan => ([2.0 * w; 2], (w / 16.0).clamp(0.0003, 0.001)),
         K::Corrugated => ([w; 2], (w / 32.0).clamp(0.0005, 0.002)),
-        K::Quilting => ([w, w * if p.variant == "diamond" { 3.0_f64.sqrt() } else { 1.0 }], (w / 100.0).clamp(0.0005, 0.002)),
+        K::Quilting => {
+            ([w, w * if p.variant == "diamond" { 3.0_f64.sqrt() } else { 1.0 }], (w / 100.0).clamp(0.0005, 0.002))
+        }
         K::Grime => ([2.0 * w; 2], 0.002),
         K::Ramp => ([0.5, 2.0 * l], (2.0 * l / 512.0).max(0.002)),
         K::Over | K::Tint => ([0.3; 2], 0.002),

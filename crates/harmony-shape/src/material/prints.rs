@@ -55,7 +55,11 @@ pub(super) fn stripes(space: &Space, p: &Pattern) -> Paint {
         let start = if k == 0 { 0.0 } else { ends[k - 1] };
         let (before, after) = (x - start, ends[k] - x);
         let color = colors[k % colors.len()];
-        let next = if before < after { colors[(k + count - 1) % count % colors.len()] } else { colors[(k + 1) % count % colors.len()] };
+        let next = if before < after {
+            colors[(k + count - 1) % count % colors.len()]
+        } else {
+            colors[(k + 1) % count % colors.len()]
+        };
         let own = space.inside(-before.min(after));
         let id = hash(7, (repeat as i64).rem_euclid(n), k as i64);
         Sample { id, ..Sample::flat(mix(next, color, own)) }
@@ -143,7 +147,8 @@ pub(super) fn outline(p: &Pattern) -> Vec<[f64; 2]> {
 /// Area of a polygon, square metres.
 pub(super) fn area(points: &[[f64; 2]]) -> f64 {
     let n = points.len();
-    (0..n).map(|k| points[k][0] * points[(k + 1) % n][1] - points[(k + 1) % n][0] * points[k][1]).sum::<f64>().abs() / 2.0
+    (0..n).map(|k| points[k][0] * points[(k + 1) % n][1] - points[(k + 1) % n][0] * points[k][1]).sum::<f64>().abs()
+        / 2.0
 }
 
 /// Signed distance to a polygon, negative inside (even-odd).
@@ -273,7 +278,8 @@ pub(super) fn quilting(space: &Space, p: &Pattern) -> Paint {
         };
         let puff = dome(d1) * if d2.is_finite() { dome(d2) } else { 1.0 };
         let creases = pucker.fbm(u, v, 2) * smooth(reach * 0.7, 0.0, d) * full * 0.05;
-        let stitch = smooth(0.0012_f64.max(px), 0.0, d) * smooth(-0.2, 0.3, libm::cos(along / 0.004 * std::f64::consts::TAU));
+        let stitch =
+            smooth(0.0012_f64.max(px), 0.0, d) * smooth(-0.2, 0.3, libm::cos(along / 0.004 * std::f64::consts::TAU));
         let id = hash(space_id(nu, nv), x.floor() as i64 % nu, y.floor() as i64 % nv);
         let shade = lerp(0.88, 1.0, smooth(0.0, reach * 0.35, d));
         let weave = 0.03 * cloth.at(u, v);

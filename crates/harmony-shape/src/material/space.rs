@@ -58,12 +58,6 @@ impl Space {
         (n as i64, self.h / n)
     }
 
-    /// Share of a texel, centred at distance `d` from the middle of a line, that the line of this width covers.
-    pub(super) fn line(&self, d: f64, width: f64) -> f64 {
-        let (half, reach) = (self.px / 2.0, width / 2.0);
-        (((d + half).min(reach) - (d - half).max(-reach)) / self.px).clamp(0.0, 1.0)
-    }
-
     /// Share of a texel inside an edge at signed distance `d` (negative inside).
     pub(super) fn inside(&self, d: f64) -> f64 {
         (0.5 - d / self.px).clamp(0.0, 1.0)
