@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use harmony_mesh::TextureMode;
-use harmony_render::{BakeOptions, bake_texture};
+use harmony_mesh::{TextureMode, catalogue};
+use harmony_render::{BakeOptions, SOLID, bake_texture, opacity};
 use harmony_scene::{Level, ObjectId, WarningKind};
 
 use crate::ctx::{PhaseCtx, PhaseError};
@@ -49,13 +49,13 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
             continue;
         };
         let Some(model) = &prepared.part_model else { continue };
+        let plain = model.slots.iter().filter(|s| s.texture == TextureMode::Plain).map(|s| s.name.clone());
+        let at_wall = placed.item.level == Level::Wall;
+        // What is seen through glass is not its paint, but for the view out of a window.
+        let clear = prepared.mesh.materials.iter().filter(|m| !at_wall && opacity(m) < SOLID).map(|m| m.name.clone());
         let options = BakeOptions {
-            plain_slots: model
-                .slots
-                .iter()
-                .filter(|s| s.texture == TextureMode::Plain)
-                .map(|s| s.name.clone())
-                .collect(),
+            plain_slots: plain.chain(clear).collect(),
+            trusted: at_wall && catalogue::is_planar(&placed.item.label),
             ..BakeOptions::default()
         };
         jobs.push((id, prepared.mesh.clone(), placed.pose, visible, options));
