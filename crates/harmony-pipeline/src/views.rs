@@ -7,7 +7,7 @@ use glam::DVec3;
 use harmony_imaging::sheet::{LabelledBox, LineEnds, draw_boxes, draw_polyline, palette};
 use harmony_mesh::{Bounds, Mesh, ShellOptions, room_shell_with};
 use harmony_placement::{Placed, may_be_seen};
-use harmony_render::{Instance, Lighting, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window};
+use harmony_render::{Glass, Instance, Lighting, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window};
 use harmony_scene::{Camera, ImageSize, PixelBox, Pose, Room, Size, Support, Surface};
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 
@@ -32,8 +32,16 @@ fn instances<'a>(state: &'a SceneState, shell: &'a Mesh) -> Vec<Instance<'a>> {
 }
 
 /// Unlit, 4x multisampled.
-const FLAT: RenderOptions =
-    RenderOptions { lighting: Lighting::Unlit, multisample: true, background: OUTSIDE, near: 0.05 };
+///
+/// Ids stay those of the nearest surface, of glass too: they tell whose pixels a photo's are, and what is seen through a
+/// glass table has not its own colours.
+const FLAT: RenderOptions = RenderOptions {
+    lighting: Lighting::Unlit,
+    multisample: true,
+    background: OUTSIDE,
+    near: 0.05,
+    glass: Glass::Solid,
+};
 
 /// A render of the scene from any camera, unlit, 4x multisampled.
 pub fn scene_from(state: &SceneState, camera: &Camera, omit: Vec<Surface>) -> RgbImage {

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use harmony_mesh::{Bounds, Bvh, ConvexPart, Mesh};
+use harmony_mesh::{Bounds, Bvh, ConvexPart, Group, Material, Mesh};
 use harmony_scene::Vec3;
 
 use crate::proxy::Proxy;
@@ -19,6 +19,25 @@ pub struct Shape {
     extremes: Vec<Vec3>,
     bounds: Bounds,
     bvh: OnceLock<Arc<Bvh>>,
+    /// What is not see-through; `None` when all is like that, so that [`Shape::proxy`] holds.
+    opaque: Option<Arc<Proxy>>,
+}
+
+/// Share of light that a material keeps back below which one sees through it.
+const SEE_THROUGH: f32 = 0.5;
+
+fn see_through(m: &Material) -> bool {
+    m.base_color[3] * (1.0 - m.transmission.clamp(0.0, 1.0) * (1.0 - m.metallic.clamp(0.0, 1.0))) < SEE_THROUGH
+}
+
+/// The triangles of a mesh that one does not see through, when there are others.
+fn opaque_part(mesh: &Mesh) -> Option<Mesh> {
+    let clear = |g: &Group| mesh.materials.get(g.material).is_some_and(see_through);
+    if !mesh.groups.iter().any(clear) {
+        return None;
+    }
+    let groups = mesh.groups.iter().filter(|g| !clear(g)).cloned().collect();
+    Some(Mesh { groups, ..mesh.clone() })
 }
 
 impl Shape {
@@ -39,7 +58,11 @@ impl Shape {
         }
         let proxy = Arc::new(Proxy::new(form));
         let extremes = extremes(&hulls.concat());
-        Self { mesh, proxy, hulls, extremes, bounds, bvh: OnceLock::new() }
+        let opaque = opaque_part(&mesh).map(|part| {
+            let empty = part.triangle_count() == 0;
+            Arc::new(if empty { Proxy::default() } else { Proxy::new(&harmony_mesh::simple_form(&Arc::new(part))) })
+        });
+        Self { mesh, proxy, hulls, extremes, bounds, bvh: OnceLock::new(), opaque }
     }
 
     /// The same with convex parts from elsewhere, or those of [`harmony_mesh::convex_parts`] for an object whose longest
@@ -59,6 +82,11 @@ impl Shape {
     /// What silhouettes are drawn from.
     pub(crate) fn proxy(&self) -> &Proxy {
         &self.proxy
+    }
+
+    /// What hides others: all but glass; `None` when that is the whole [`Shape::proxy`].
+    pub(crate) fn opaque(&self) -> Option<&Proxy> {
+        self.opaque.as_deref()
     }
 
     /// Hull points of the convex parts, canonical frame.

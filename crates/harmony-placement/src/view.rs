@@ -50,6 +50,9 @@ pub(crate) struct View {
     reference: Vec<f32>,
     /// Planar depth of what is placed, 0 where nothing is.
     scene: Vec<f32>,
+    /// The same without what is see-through, where something is: what is behind glass may be seen or not, so that neither
+    /// is held against a pose.
+    opaque: Option<Vec<f32>>,
     /// Robust box of the mask, image pixels.
     pub(crate) mask_box: PixelBox,
     /// Free edges of the mask: left, top, right, bottom.
@@ -127,6 +130,7 @@ impl View {
             others: Vec::with_capacity(n),
             reference: Vec::with_capacity(n),
             scene: vec![0.0; n],
+            opaque: None,
             mask_box: cleaned,
             free: free_edges(mask, &cleaned, neighbours),
             within: within_border(&cleaned, image),
@@ -162,7 +166,15 @@ impl View {
         let whole = PixelBox { x0: 0.0, y0: 0.0, x1: f64::from(size.width), y1: f64::from(size.height) };
         for (i, placed) in scene.placed.iter().enumerate() {
             if Some(i) != skip && may_be_seen(&view.camera, &placed.item.shape.bounds(), &placed.pose, &whole) {
-                rasterise(&view.camera, placed.item.shape.proxy(), &placed.pose, &mut depth);
+                let shape = &placed.item.shape;
+                let opaque = match (shape.opaque(), &mut view.opaque) {
+                    (None, None) => None,
+                    (_, known) => Some(known.get_or_insert_with(|| depth.clone())),
+                };
+                if let Some(opaque) = opaque {
+                    rasterise(&view.camera, shape.opaque().unwrap_or(shape.proxy()), &placed.pose, opaque);
+                }
+                rasterise(&view.camera, shape.proxy(), &placed.pose, &mut depth);
             }
         }
         view.scene = depth;
@@ -237,7 +249,8 @@ impl View {
             let s = self.scene[i];
             if self.mask[i] {
                 both += 1;
-                let behind = s > 0.0 && z > s + HIDING_TOLERANCE;
+                let hides = self.opaque.as_ref().map_or(s, |o| o[i]);
+                let behind = hides > 0.0 && z > hides + HIDING_TOLERANCE;
                 strict_both += u32::from(!behind);
                 let r = self.reference[i];
                 if r.is_finite() {
@@ -581,6 +594,42 @@ mod tests {
     use super::*;
     use crate::PlacementSettings;
     use crate::testing::{boxed, empty_room};
+
+    #[test]
+    fn what_is_behind_glass_may_be_seen_or_not() {
+        let scene = crate::testing::empty_room();
+        let at = Vec3::new(2.0, 0.0, 1.5);
+        let chair = crate::testing::boxed(&scene, Vec3::new(0.5, 0.9, 0.5), at, 0.0);
+        let before = Vec3::new(2.05, 0.0, 2.6);
+        let pane = crate::testing::boxed(&scene, Vec3::new(1.2, 1.2, 0.02), before, 0.0);
+        let placed = |transmission: f32| {
+            let mut mesh = (**pane.shape.mesh()).clone();
+            mesh.materials.iter_mut().for_each(|m| m.transmission = transmission);
+            let item = crate::Item {
+                id: harmony_scene::ObjectId::numbered("pane", 1),
+                shape: std::sync::Arc::new(Shape::new(std::sync::Arc::new(mesh), Vec::new())),
+                ..pane.clone()
+            };
+            let mut scene = scene.clone();
+            let evidence = crate::Evidence::default();
+            let (pose, support) = (Pose::new(before, 0.0, 1.0), harmony_scene::Support::Floor);
+            scene.placed.push(crate::Placed { item: std::sync::Arc::new(item), pose, support, evidence });
+            scene
+        };
+        let compare = |scene: &PartialScene, mask: &Mask| {
+            View::new(scene, None, mask, &[], 128).unwrap().compare(chair.shape.proxy(), &Pose::new(at, 0.0, 1.0))
+        };
+        // Seen as if nothing were there: right behind glass, wrong behind wood.
+        let (glass, wood) = (placed(1.0), placed(0.0));
+        assert!(compare(&glass, &chair.mask).strict_iou > 0.9);
+        assert!(compare(&wood, &chair.mask).strict_iou < 0.3);
+        // Seen above the pane alone: right behind both.
+        let top = chair.mask.bounds().unwrap();
+        let half = Mask::from_fn(chair.mask.size(), |x, y| {
+            chair.mask.get(i64::from(x), i64::from(y)) && f64::from(y) < top.y0 + 0.1 * top.height()
+        });
+        assert!((compare(&glass, &half).iou - compare(&wood, &half).iou).abs() < 1e-9);
+    }
 
     /// A box that the image's lower border cuts: the outline that counts is that of the part in view, which is narrower
     /// than the part below.

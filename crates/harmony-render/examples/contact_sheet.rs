@@ -56,6 +56,7 @@ fn draw(
         multisample: true,
         background: [236, 236, 232, 255],
         near: radius * 0.1,
+        ..RenderOptions::default()
     };
     let instance = Instance { mesh: &built.mesh, linear: DMat3::IDENTITY, translation: DVec3::ZERO, id: 1 };
     let frame = render(&camera, &[instance], &options);

@@ -1,28 +1,35 @@
 //! Textures for part models from the object's own pixels (DESIGN section 7).
 //!
-//! Every texel of the unwrap knows its surface point. A point that the camera sees, inside the object's mask, takes the
-//! photo's colour. The others are completed: first from the photo again, where the camera sees the point's mirror image
-//! in the object's plane of symmetry (x = 0, then z = 0, then both); else from what was observed of the same slot
-//! nearby, on faces that point the same way if possible, with the fine texture of the best observed patch; last from
-//! the slot's own colour. The gaps of large patterned faces (rugs, table tops) are filled from the face itself by
-//! patches.
+//! Every texel of the unwrap knows its surface point. What it looks like by its slot's material (colour or metric tile),
+//! in the robust mean colour that the photo shows of the slot, is the base. The photo adds to it where the point is seen
+//! squarely, sharply, well inside the object's mask and away from the model's own edges, and where the pixel's colour is
+//! plausible for the slot ([`plausible`]). Elsewhere the light that was observed nearby is added to the base, on faces that
+//! point the same way if possible, and the fine texture of the best observed patch; a slot with a pattern is completed
+//! from the photo's mirror image in the object's plane of symmetry, where what is seen on both sides of it agrees. The
+//! gaps of large patterned faces (rugs, table tops) are filled from the face itself, by its lattice or by patches.
 
+mod base;
 mod exemplar;
 mod fill;
 mod lattice;
+mod plausible;
 mod pyramid;
+mod symmetry;
 mod texels;
 mod view;
 
 use std::sync::Arc;
 
-use harmony_mesh::Mesh;
+use harmony_mesh::{Material, Mesh};
 use harmony_scene::{Camera, Mask, Pose};
 use image::{RgbImage, RgbaImage};
 use rayon::prelude::*;
 
+use base::Base;
 use texels::Texel;
 use view::View;
+
+use crate::{SOLID, opacity};
 
 /// How to bake.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,13 +40,15 @@ pub struct BakeOptions {
     pub erode_px: i32,
     /// Smallest cosine between surface normal and view at which a texel is taken from the photo.
     pub min_cosine: f64,
+    /// Whether the whole mask is surely the object's and every colour in it plausible: pictures, panes with a view.
+    pub trusted: bool,
     /// Texture side in pixels; 0 chooses 256 to 1024 from the object's size in the photo.
     pub texture_size: u32,
 }
 
 impl Default for BakeOptions {
     fn default() -> Self {
-        Self { plain_slots: Vec::new(), erode_px: 2, min_cosine: 0.12, texture_size: 0 }
+        Self { plain_slots: Vec::new(), erode_px: 2, min_cosine: 0.12, trusted: false, texture_size: 0 }
     }
 }
 
@@ -65,11 +74,13 @@ pub struct SlotColour {
     pub pixels: usize,
 }
 
-/// Reflections that are tried in turn for a point that is not seen itself.
-const MIRRORS: [[f32; 3]; 3] = [[-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]];
-
-/// Weight of a mirrored colour in the means, relative to one seen at its place.
-const MIRROR_WEIGHT: f32 = 0.25;
+/// Least difference, in any channel, of a slot's observed colour from the model's that recolours a slot which is not baked;
+/// sRGB steps.
+const FAR_OFF: f32 = 40.0;
+/// Least photo pixels for that.
+const SEEN_ENOUGH: usize = 60;
+/// A slot with a tile of which less than this share is seen keeps it, which is sharper than any bake.
+const HARDLY_SEEN: f64 = 0.03;
 
 /// Puts the photo's pixels on the mesh and completes what was not seen.
 ///
@@ -85,25 +96,60 @@ pub fn bake_texture(
 ) -> BakedMesh {
     let side = texture_side(visible, options);
     let mut texels = texels::surface(mesh, side, &options.plain_slots);
-    let view = View::new(mesh, pose, camera, photo, visible, options);
-    let colors = medians(mesh, view.as_ref());
-    let mut seen = 0;
+    let mut bases = base::of(mesh);
+    let named: Vec<[f32; 3]> = bases.iter().map(Base::named).collect();
+    let view = View::new(mesh, pose, camera, photo, visible, options, &named);
+    let colors = medians(mesh, &named, view.as_ref());
     if let Some(view) = &view {
         texels.par_iter_mut().for_each(|t| look(t, view));
-        seen = texels.iter().filter(|t| t.direct).count();
     }
-    let mut made_up = fill::made_up(&texels, mesh, &colors, side as usize);
-    exemplar::improve(&mut made_up, &texels, side as usize);
+    let seen = texels.iter().filter(|t| t.direct).count();
+    let mut of_slot = vec![(0_usize, 0_usize); bases.len()];
+    for texel in &texels {
+        of_slot[texel.slot].0 += usize::from(texel.direct);
+        of_slot[texel.slot].1 += 1;
+    }
+    for (slot, base) in bases.iter_mut().enumerate() {
+        let own: Vec<&Texel> = texels.iter().filter(|t| t.slot == slot && t.direct).collect();
+        base.meet(&own);
+    }
+    let mut made_up = fill::made_up(&texels, mesh, &bases, side as usize);
+    let done = exemplar::improve(&mut made_up, &texels, &bases, side as usize);
+    if let Some(view) = &view {
+        symmetry::complete(&mut texels, &made_up, &bases, &done, view);
+    }
     fill::blend(&mut texels, &made_up);
     let texture = Arc::new(paint(&texels, side));
     let mut mesh = mesh.clone();
-    for material in &mut mesh.materials {
-        if !options.plain_slots.contains(&material.name) {
+    for (slot, material) in mesh.materials.iter_mut().enumerate() {
+        let (direct, all) = of_slot[slot];
+        let keeps = options.plain_slots.contains(&material.name);
+        if keeps || bases[slot].is_tiled() && (direct as f64) < HARDLY_SEEN * all as f64 {
+            recolour(material, &bases[slot], &colors[slot]);
+        } else {
             material.texture = Some(Arc::clone(&texture));
             material.base_color = [1.0, 1.0, 1.0, material.base_color[3]];
         }
     }
     BakedMesh { mesh, observed: seen as f64 / texels.len().max(1) as f64, colors }
+}
+
+/// Gives a slot that keeps its material the colour that was observed, when the model's is far off. What one sees through,
+/// in or what shines has no colour of its own in a photo.
+fn recolour(material: &mut Material, base: &Base, seen: &SlotColour) {
+    let dull = opacity(material) >= SOLID && material.metallic < 0.5 && material.emissive.iter().all(|e| *e <= 0.0);
+    let named = base.named();
+    let off = (0..3).map(|k| (named[k] - f32::from(seen.rgb[k])).abs()).fold(0.0, f32::max);
+    if !dull || seen.pixels < SEEN_ENOUGH || off < FAR_OFF {
+        return;
+    }
+    let mean = base.linear();
+    for k in 0..3 {
+        let wanted = base::linear(f32::from(seen.rgb[k]));
+        // Through a tile only a factor is to be had.
+        let factor = ((wanted + 0.002) / (mean[k] + 0.002)).clamp(0.1, 10.0);
+        material.base_color[k] = if base.is_tiled() { (material.base_color[k] * factor).min(1.0) } else { wanted };
+    }
 }
 
 /// Median photo colour of each slot as visible in the pose, to recolour a part model without baking.
@@ -115,25 +161,17 @@ pub fn slot_colors(
     visible: &Mask,
     options: &BakeOptions,
 ) -> Vec<SlotColour> {
-    medians(mesh, View::new(mesh, pose, camera, photo, visible, options).as_ref())
+    let named: Vec<[f32; 3]> = base::of(mesh).iter().map(Base::named).collect();
+    medians(mesh, &named, View::new(mesh, pose, camera, photo, visible, options, &named).as_ref())
 }
 
-/// Takes the photo's colour of a texel, or of its mirror image.
+/// Takes the photo's colour of a texel.
 fn look(texel: &mut Texel, view: &View) {
     if let Some(sight) = view.color(texel, [1.0; 3]) {
         texel.color = Some(sight.color);
         texel.weight = (sight.cosine * sight.cosine) as f32;
         texel.share = sight.share;
         texel.direct = true;
-        return;
-    }
-    for mirror in MIRRORS {
-        if let Some(sight) = view.color(texel, mirror) {
-            texel.color = Some(sight.color);
-            texel.weight = MIRROR_WEIGHT * (sight.cosine * sight.cosine) as f32;
-            texel.share = sight.share;
-            return;
-        }
     }
 }
 
@@ -146,17 +184,18 @@ fn texture_side(visible: &Mask, options: &BakeOptions) -> u32 {
     [256, 384, 512, 768, 1024].into_iter().find(|s| f64::from(*s) >= wanted).unwrap_or(1024)
 }
 
-fn medians(mesh: &Mesh, view: Option<&View>) -> Vec<SlotColour> {
+fn medians(mesh: &Mesh, named: &[[f32; 3]], view: Option<&View>) -> Vec<SlotColour> {
     let mut channels: Vec<[Vec<u8>; 3]> = vec![Default::default(); mesh.materials.len()];
     if let Some(view) = view {
         view.collect(&mut channels);
     }
     mesh.materials
         .iter()
+        .zip(named)
         .zip(channels)
-        .map(|(material, channels)| {
+        .map(|((material, own), channels)| {
             let pixels = channels[0].len();
-            let own = [0, 1, 2].map(|k| crate::srgb::tables().encode(material.base_color[k]));
+            let own = own.map(|c| c.round().clamp(0.0, 255.0) as u8);
             let median = |mut values: Vec<u8>| {
                 let middle = values.len() / 2;
                 *values.select_nth_unstable(middle).1

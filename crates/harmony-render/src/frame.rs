@@ -40,6 +40,21 @@ pub enum Lighting {
     HeadLight,
 }
 
+/// What depth and ids say of see-through surfaces ([`crate::opacity`] below [`crate::SOLID`]). Colour always shows what is
+/// behind them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Glass {
+    /// They are surfaces like all others: what is nearest counts.
+    #[default]
+    Solid,
+    /// What is seen through them counts, unless that is nothing or the instance `backdrop` (the room): there the glass
+    /// keeps its pixel, so that it has a silhouette of its own and hides nothing.
+    Clear {
+        /// Id of the instance that counts as nothing behind glass; 0 for none.
+        backdrop: u32,
+    },
+}
+
 /// What to draw and how.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderOptions {
@@ -51,11 +66,19 @@ pub struct RenderOptions {
     pub background: [u8; 4],
     /// Nearest drawn depth, metres.
     pub near: f64,
+    /// What depth and ids say of see-through surfaces.
+    pub glass: Glass,
 }
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        Self { lighting: Lighting::Unlit, multisample: false, background: [0, 0, 0, 0], near: 0.05 }
+        Self {
+            lighting: Lighting::Unlit,
+            multisample: false,
+            background: [0, 0, 0, 0],
+            near: 0.05,
+            glass: Glass::Solid,
+        }
     }
 }
 

@@ -25,6 +25,7 @@ mod assemble;
 mod bake;
 mod cameras;
 mod frame;
+mod glass;
 mod mips;
 mod prepare;
 mod raster;
@@ -35,5 +36,6 @@ mod srgb;
 
 pub use bake::{BakeOptions, BakedMesh, SlotColour, bake_texture, slot_colors};
 pub use cameras::{RoomView, canonical_camera, mesh_view_camera, orbit_cameras};
-pub use frame::{DepthFrame, Frame, Instance, Lighting, RenderOptions, Window, WindowFrame};
+pub use frame::{DepthFrame, Frame, Glass, Instance, Lighting, RenderOptions, Window, WindowFrame};
+pub use glass::{SOLID, opacity};
 pub use renderer::{Renderer, projected_window, render, render_depth_ids, render_window};

@@ -18,7 +18,7 @@ pub(crate) struct Pyramid {
 }
 
 impl Pyramid {
-    fn new(base: Arc<RgbaImage>) -> Self {
+    pub(crate) fn new(base: Arc<RgbaImage>) -> Self {
         let min_alpha = base.as_raw().chunks_exact(4).fold(255, |low: u8, t| low.min(t[3]));
         Self { base, min_alpha, levels: OnceLock::new() }
     }

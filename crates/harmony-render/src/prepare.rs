@@ -6,6 +6,7 @@ use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
 use harmony_mesh::{Material, Mesh};
 use harmony_scene::Camera;
 
+use crate::glass::{Pane, SOLID, opacity};
 use crate::mips::{MipCache, Pyramid};
 use crate::{Instance, Window};
 
@@ -60,9 +61,14 @@ pub(crate) struct Run<'a> {
     pub(crate) faces: Faces,
     pub(crate) base_color: [f32; 4],
     pub(crate) emissive: [f32; 3],
+    /// Of the texture, else of the tile.
     pub(crate) texture: Option<Arc<Pyramid>>,
+    /// Tiles a metre, where the texture is a tile laid by metric texture coordinates.
+    pub(crate) tiling: Option<Vec2>,
     /// Whether each pixel's alpha decides if it is drawn.
     pub(crate) cut_out: bool,
+    /// How light passes, for a see-through surface.
+    pub(crate) glass: Option<Pane>,
 }
 
 /// Everything one pass draws.
@@ -74,6 +80,8 @@ pub(crate) struct Draw<'a> {
     pub(crate) vertices: usize,
     /// Number of triangles over all runs.
     pub(crate) triangles: u32,
+    /// Triangles from this number on are see-through; they come last.
+    pub(crate) opaque: u32,
 }
 
 /// The vertices of one triangle, in the object's frame.
@@ -84,8 +92,11 @@ pub(crate) struct Vertices {
     pub(crate) uvs: [Vec2; 3],
 }
 
-/// Alpha below this is not drawn.
+/// Texels whose alpha is below this are holes of a surface that is not see-through.
 pub(crate) const ALPHA_CUT: f32 = 0.5;
+
+/// Materials whose alpha is below this are not drawn.
+const INVISIBLE: f32 = 0.004;
 
 /// Nearest near plane, metres: keeps reciprocal depths in range.
 const LEAST_NEAR: f64 = 1e-4;
@@ -108,17 +119,30 @@ impl<'a> Draw<'a> {
             near: if near.is_finite() { near.max(LEAST_NEAR) } else { LEAST_NEAR },
             window,
         };
-        let mut draw = Self { view, placed: Vec::new(), runs: Vec::new(), vertices: 0, triangles: 0 };
+        let mut draw = Self { view, placed: Vec::new(), runs: Vec::new(), vertices: 0, triangles: 0, opaque: 0 };
         let lens_ok = [k.fx, k.fy, k.cx, k.cy].iter().all(|v| v.is_finite()) && k.fx != 0.0 && k.fy != 0.0;
         if lens_ok && !window.is_empty() {
+            let mut clear = Vec::new();
             for instance in instances {
-                draw.add(camera, instance, textures);
+                draw.add(camera, instance, textures, &mut clear);
+            }
+            draw.opaque = draw.triangles;
+            for run in clear {
+                draw.push(run);
             }
         }
         draw
     }
 
-    fn add(&mut self, camera: &Camera, instance: &Instance<'a>, textures: &MipCache) {
+    /// Appends a run, unless there are too many triangles for their numbers.
+    fn push(&mut self, run: Run<'a>) {
+        let count = u32::try_from(run.triangles.len()).ok();
+        let Some(after) = count.and_then(|n| self.triangles.checked_add(n)) else { return };
+        self.runs.push(Run { first: self.triangles, ..run });
+        self.triangles = after;
+    }
+
+    fn add(&mut self, camera: &Camera, instance: &Instance<'a>, textures: &MipCache, clear: &mut Vec<Run<'a>>) {
         let linear = camera.rotation * instance.linear;
         let translation = camera.to_camera(instance.translation);
         if !linear.is_finite() || !translation.is_finite() {
@@ -127,20 +151,23 @@ impl<'a> Draw<'a> {
         let mesh = instance.mesh;
         let mirrored = linear.determinant() < 0.0;
         let placed = self.placed.len();
-        let before = self.runs.len();
+        let before = self.runs.len() + clear.len();
         for group in &mesh.groups {
-            let count = u32::try_from(group.triangles.len()).ok();
-            let Some(after) = count.and_then(|n| self.triangles.checked_add(n)) else { continue };
             let material = mesh.materials.get(group.material);
             let alpha = material.map_or(1.0, |m| m.base_color[3]);
             // NaN is drawn: it is not known to be transparent.
-            if group.triangles.is_empty() || alpha < ALPHA_CUT {
+            if group.triangles.is_empty() || alpha < INVISIBLE {
                 continue;
             }
-            let texture = material.and_then(|m| m.texture.as_ref()).map(|t| textures.get(t));
-            let cut_out = texture.as_ref().is_some_and(|t| alpha * f32::from(t.min_alpha) / 255.0 < ALPHA_CUT);
-            self.runs.push(Run {
-                first: self.triangles,
+            let own = material.and_then(|m| m.texture.as_ref());
+            let tile = material.and_then(|m| m.tile.as_ref()).filter(|t| {
+                own.is_none() && mesh.metric_uvs.len() == mesh.positions.len() && t.size.iter().all(|s| *s > 1e-6)
+            });
+            let texture = own.or(tile.map(|t| &t.color)).map(|t| textures.get(t));
+            let glass = material.filter(|m| opacity(m) < SOLID).map(Pane::new);
+            let cuts = |t: &Arc<Pyramid>| glass.is_none() && alpha * f32::from(t.min_alpha) / 255.0 < ALPHA_CUT;
+            let run = Run {
+                first: 0,
                 placed,
                 triangles: &group.triangles,
                 faces: match (material.is_some_and(|m| m.double_sided), mirrored) {
@@ -150,12 +177,18 @@ impl<'a> Draw<'a> {
                 },
                 base_color: material.map_or([1.0; 4], |m| m.base_color),
                 emissive: material.map_or([0.0; 3], emitted),
+                cut_out: texture.as_ref().is_some_and(cuts),
                 texture,
-                cut_out,
-            });
-            self.triangles = after;
+                tiling: tile.map(|t| Vec2::from_array(t.size).recip()),
+                glass,
+            };
+            if run.glass.is_some() {
+                clear.push(run);
+            } else {
+                self.push(run);
+            }
         }
-        if self.runs.len() == before {
+        if self.runs.len() + clear.len() == before {
             return;
         }
         // The cofactor matrix: the inverse transpose times the determinant, defined for singular matrices too.
@@ -178,11 +211,20 @@ impl<'a> Draw<'a> {
     /// What the mesh says about a triangle's vertices; texture coordinates are 0 where the mesh has none.
     #[inline]
     pub(crate) fn vertices(&self, numbers: [usize; 3], run: usize) -> Vertices {
-        let mesh = self.placed[self.runs[run].placed].mesh;
+        let run = &self.runs[run];
+        let mesh = self.placed[run.placed].mesh;
         let [a, b, c] = numbers;
         let p = &mesh.positions;
-        let uv = |i: usize| mesh.uvs.get(i).copied().unwrap_or(Vec2::ZERO);
-        Vertices { numbers, positions: [p[a], p[b], p[c]], uvs: [uv(a), uv(b), uv(c)] }
+        let uvs = if let Some(tiles) = run.tiling {
+            let uv = |i: usize| mesh.metric_uvs.get(i).map_or(Vec2::ZERO, |m| *m * tiles);
+            // Whole tiles are taken off, so that far from the origin no digits are lost.
+            let whole = uv(a).floor();
+            [uv(a) - whole, uv(b) - whole, uv(c) - whole]
+        } else {
+            let uv = |i: usize| mesh.uvs.get(i).copied().unwrap_or(Vec2::ZERO);
+            [uv(a), uv(b), uv(c)]
+        };
+        Vertices { numbers, positions: [p[a], p[b], p[c]], uvs }
     }
 
     /// The run that a triangle number belongs to; `hint` is the run of the last question.

@@ -83,6 +83,32 @@ impl Band<'_> {
         }
     }
 
+    /// Hands out pixel, reciprocal depth and triangle of every sample of the pieces that is nearer than what is there.
+    pub(crate) fn visit(&self, draw: &Draw, pieces: &[Piece], mut found: impl FnMut(usize, f32, u32)) {
+        let mut run = 0;
+        let [ox, oy] = self.offset;
+        for piece in pieces {
+            run = draw.run_of(piece.triangle, run);
+            let ([ax, bx, cx], [ay, by, cy]) = (piece.x, piece.y);
+            let p = Piece { x: [ax - ox, bx - ox, cx - ox], y: [ay - oy, by - oy, cy - oy], ..*piece };
+            let (min_y, max_y) = range(p.y);
+            let plane = Plane::new(draw, &p, run, self.offset);
+            let (left, right) = (self.x0, self.x0 + self.width as i32 - 1);
+            let (top, bottom) = (first_pixel(min_y).max(self.y0), last_pixel(max_y).min(self.y0 + self.height as i32 - 1));
+            for py in top..=bottom {
+                let Some((from, to)) = span(&p, py, left, right) else { continue };
+                let row = (py - self.y0) as usize * self.width;
+                for px in from..=to {
+                    let at = row + (px - self.x0) as usize;
+                    let w = plane.at(px, py);
+                    if w > self.inverse_depth[at] {
+                        found(at, w, p.triangle);
+                    }
+                }
+            }
+        }
+    }
+
     /// Edge functions in 32 bits over the whole box; `depth_at` gives the reciprocal depth of a pixel.
     #[inline]
     fn small(&mut self, p: &Piece, b: Bounds, depth_at: impl Fn(i32, i32) -> f32) {

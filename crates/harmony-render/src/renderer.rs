@@ -8,11 +8,12 @@ use image::RgbaImage;
 use rayon::prelude::*;
 
 use crate::assemble::{Layout, Piece, Projected, assemble, project};
+use crate::glass::{self, opaque_pieces};
 use crate::mips::MipCache;
 use crate::prepare::Draw;
 use crate::raster::Band;
 use crate::resolve;
-use crate::{DepthFrame, Frame, Instance, RenderOptions, Window, WindowFrame};
+use crate::{DepthFrame, Frame, Glass, Instance, RenderOptions, Window, WindowFrame};
 
 /// Draws frames, and keeps the texture pyramids and buffers that the next frame needs again.
 ///
@@ -76,7 +77,7 @@ impl Renderer {
         let n = window.size.pixels();
         let (mut depth, mut ids) = (vec![0.0; n], vec![0; n]);
         let mut color = options.background.repeat(n);
-        self.pass(&draw, &mut depth, &mut ids, Some((&mut color, options)));
+        self.pass(&draw, &mut depth, &mut ids, Some(&mut color), options);
         drop(draw);
         self.textures.sweep();
         let color = RgbaImage::from_raw(window.size.width, window.size.height, color)
@@ -94,7 +95,7 @@ impl Renderer {
         let draw = Draw::new(camera, instances, options.near, window, &self.textures);
         let n = window.size.pixels();
         let (mut depth, mut ids) = (vec![0.0; n], vec![0; n]);
-        self.pass(&draw, &mut depth, &mut ids, None);
+        self.pass(&draw, &mut depth, &mut ids, None, options);
         drop(draw);
         self.textures.sweep();
         DepthFrame { window, depth, ids }
@@ -103,20 +104,27 @@ impl Renderer {
     /// Assembles all triangles into bands of rows, then draws and shades each band by itself.
     ///
     /// `depth` and `ids` hold reciprocal depth and triangle number until their band is finished.
-    fn pass(&self, draw: &Draw, depth: &mut [f32], ids: &mut [u32], color: Option<(&mut Vec<u8>, &RenderOptions)>) {
+    fn pass(
+        &self,
+        draw: &Draw,
+        depth: &mut [f32],
+        ids: &mut [u32],
+        color: Option<&mut Vec<u8>>,
+        options: &RenderOptions,
+    ) {
         if draw.triangles == 0 || depth.is_empty() {
             return;
         }
         let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
-        let options = color.as_ref().map(|(_, o)| **o);
-        let multisample = options.is_some_and(|o| o.multisample);
+        let coloured = color.is_some();
+        let multisample = coloured && options.multisample;
         let layout = scratch.assemble(draw, multisample);
         let window = draw.view.window;
         let width = window.size.width as usize;
         let band_pixels = width << layout.band_shift;
         let mut empty = Vec::new();
-        let color = color.map_or(&mut empty, |(c, _)| c);
-        let colors: Vec<&mut [u8]> = if options.is_some() {
+        let color = color.unwrap_or(&mut empty);
+        let colors: Vec<&mut [u8]> = if coloured {
             color.chunks_mut(band_pixels * 4).collect()
         } else {
             (0..layout.bands).map(|_| Default::default()).collect()
@@ -129,12 +137,24 @@ impl Renderer {
                 let height = depth.len() / width;
                 let mut band = Band { x0, y0, width, height, offset: [0, 0], inverse_depth: depth, triangle: ids };
                 band.clear();
-                mine().for_each(|p| band.draw(draw, p));
-                if let Some(options) = &options {
-                    if multisample {
-                        resolve::multisampled(draw, options, x0, y0, width, &mine(), color);
+                mine().for_each(|p| band.draw(draw, &p[..opaque_pieces(draw, p)]));
+                let clear = draw.opaque < draw.triangles;
+                if coloured {
+                    let mut samples = if multisample {
+                        resolve::multisampled(draw, options, x0, y0, width, &mine(), color)
                     } else {
                         resolve::single(draw, options, &band, color);
+                        if clear { vec![([0, 0], band.inverse_depth.to_vec())] } else { Vec::new() }
+                    };
+                    if clear {
+                        glass::blend(draw, options, [x0, y0], width, &mut samples, &mine(), color);
+                    }
+                }
+                if clear {
+                    let rest = mine().map(|p| &p[opaque_pieces(draw, p)..]);
+                    match options.glass {
+                        Glass::Solid => rest.for_each(|p| band.draw(draw, p)),
+                        Glass::Clear { backdrop } => glass::claim(draw, &mut band, backdrop, &rest.collect::<Vec<_>>()),
                     }
                 }
                 resolve::finish(draw, &mut band);

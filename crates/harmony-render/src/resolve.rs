@@ -2,6 +2,7 @@
 
 use crate::RenderOptions;
 use crate::assemble::{Piece, STEPS};
+use crate::glass::opaque_pieces;
 use crate::prepare::{Draw, Vertices};
 use crate::raster::{Band, NOTHING};
 use crate::shade::Facet;
@@ -84,7 +85,8 @@ pub(crate) fn single(draw: &Draw, options: &RenderOptions, band: &Band, color: &
 
 /// Draws a band again at four samples a pixel and averages their colours in linear light.
 ///
-/// A triangle is shaded once a pixel, at the middle of the samples it covers.
+/// A triangle is shaded once a pixel, at the middle of the samples it covers. Returns the reciprocal depths of the samples
+/// when there are see-through surfaces to blend over them.
 pub(crate) fn multisampled<'p>(
     draw: &Draw,
     options: &RenderOptions,
@@ -93,10 +95,11 @@ pub(crate) fn multisampled<'p>(
     width: usize,
     pieces: &(impl Iterator<Item = &'p [Piece]> + Clone),
     color: &mut [u8],
-) {
+) -> Vec<([i32; 2], Vec<f32>)> {
     let n = color.len() / 4;
     let height = n / width;
     let mut depth = vec![0.0; n];
+    let mut depths = Vec::new();
     let layers: Vec<Vec<u32>> = SAMPLES
         .iter()
         .map(|offset| {
@@ -104,7 +107,10 @@ pub(crate) fn multisampled<'p>(
             let mut band =
                 Band { x0, y0, width, height, offset: *offset, inverse_depth: &mut depth, triangle: &mut triangle };
             band.clear();
-            pieces.clone().for_each(|p| band.draw(draw, p));
+            pieces.clone().for_each(|p| band.draw(draw, &p[..opaque_pieces(draw, p)]));
+            if draw.opaque < draw.triangles {
+                depths.push((*offset, depth.clone()));
+            }
             triangle
         })
         .collect();
@@ -132,6 +138,7 @@ pub(crate) fn multisampled<'p>(
         }
         out.copy_from_slice(&sum.pixel(tables));
     }
+    depths
 }
 
 /// Weighted colours, premultiplied by their alpha.

@@ -108,17 +108,32 @@ impl Facet {
                 color = [r * t[0], g * t[1], b * t[2]];
             }
             if lit {
-                let k = self.head_light(draw, run.placed, &meeting, x, y);
+                let k = head_light(self.cosine(draw, run.placed, &meeting, x, y));
                 color = color.map(|c| c * k);
             }
         }
-        let e = run.emissive;
-        [color[0] + e[0], color[1] + e[1], color[2] + e[2]]
+        glowing(color, run.emissive)
     }
 
-    /// Light that comes back from a matt surface lit from the camera, with some ambient light.
-    fn head_light(&self, draw: &Draw, placed: usize, meeting: &Meeting, x: f32, y: f32) -> f32 {
-        const AMBIENT: f32 = 0.15;
+    /// Material colour with alpha, light at the camera counted where asked for, and the cosine between normal and view,
+    /// at a raster position: what a see-through surface is made from.
+    pub(crate) fn film(&self, draw: &Draw, run: usize, options: &RenderOptions, x: f32, y: f32) -> ([f32; 4], f32) {
+        let run = &draw.runs[run];
+        let meeting = self.meet(x, y);
+        let mut color = run.base_color;
+        if let Some(texture) = &run.texture {
+            for (c, t) in color.iter_mut().zip(meeting.sample(texture, 1)) {
+                *c *= t;
+            }
+        }
+        let cosine = self.cosine(draw, run.placed, &meeting, x, y);
+        let [r, g, b, a] = color;
+        let k = if options.lighting == Lighting::HeadLight { head_light(cosine) } else { 1.0 };
+        ([r * k, g * k, b * k, a], cosine)
+    }
+
+    /// Cosine between normal and view, at least 0; 1 where there is no normal.
+    fn cosine(&self, draw: &Draw, placed: usize, meeting: &Meeting, x: f32, y: f32) -> f32 {
         let placed = &draw.placed[placed];
         let normals = &placed.mesh.normals;
         let smooth: Vec3 = self
@@ -130,9 +145,30 @@ impl Facet {
         let n = (placed.normal * smooth).try_normalize().or_else(|| self.c.try_normalize());
         let d = ((Vec2::new(x, y) - self.centre) * self.step).extend(1.0).normalize_or(Vec3::Z);
         // The absolute value lights back faces of double-sided materials, and bad normals, as their fronts.
-        let cosine = n.map_or(1.0, |n| n.dot(d).abs());
-        AMBIENT + (1.0 - AMBIENT) * cosine
+        n.map_or(1.0, |n| n.dot(d).abs())
     }
+}
+
+/// Light that comes back from a matt surface lit from the camera, with some ambient light.
+fn head_light(cosine: f32) -> f32 {
+    const AMBIENT: f32 = 0.15;
+    AMBIENT + (1.0 - AMBIENT) * cosine
+}
+
+/// A colour with emitted light added, held to what a picture can show: light that is too strong for it keeps half of its
+/// hue, as bulbs and shades do in photos.
+#[inline]
+pub(crate) fn glowing(color: [f32; 3], light: [f32; 3]) -> [f32; 3] {
+    if light == [0.0; 3] {
+        return color;
+    }
+    let sum: [f32; 3] = std::array::from_fn(|k| color[k] + light[k].max(0.0));
+    let most = sum[0].max(sum[1]).max(sum[2]);
+    if most <= 1.0 {
+        return sum;
+    }
+    let white = 0.5 * (1.0 - 1.0 / most);
+    sum.map(|c| c / most * (1.0 - white) + white)
 }
 
 impl Meeting {

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use harmony_render::{BakeOptions, bake_texture};
+use harmony_mesh::catalogue;
+use harmony_render::{BakeOptions, SOLID, bake_texture, opacity};
 use harmony_scene::{Level, ObjectId, WarningKind};
 
 use crate::ctx::{PhaseCtx, PhaseError};
@@ -58,7 +59,14 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
         if !prepared.is_modelled() {
             continue;
         }
-        let options = BakeOptions { plain_slots: prepared.plain_slots.clone(), ..BakeOptions::default() };
+        let at_wall = placed.item.level == Level::Wall;
+        // What is seen through glass is not its paint, but for the view out of a window.
+        let clear = prepared.mesh.materials.iter().filter(|m| !at_wall && opacity(m) < SOLID).map(|m| m.name.clone());
+        let options = BakeOptions {
+            plain_slots: prepared.plain_slots.iter().cloned().chain(clear).collect(),
+            trusted: at_wall && catalogue::is_planar(&placed.item.label),
+            ..BakeOptions::default()
+        };
         jobs.push((id, prepared.mesh.clone(), placed.pose, visible, options));
     }
     let photo = state.photo.clone();

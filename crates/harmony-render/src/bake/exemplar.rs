@@ -1,12 +1,13 @@
 //! Gaps of large patterned faces are filled from the face itself.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use harmony_imaging::tile::{TextureSettings, complete_surface};
 use harmony_scene::ImageSize;
 use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
+use super::base::Base;
 use super::lattice::Picture;
 use super::texels::Texel;
 
@@ -33,27 +34,37 @@ struct Face {
     size: ImageSize,
 }
 
-/// Replaces the made-up colours of large faces with a pattern.
-pub(super) fn improve(made_up: &mut [[f32; 3]], texels: &[Texel], side: usize) {
+/// Replaces the made-up colours of large faces with a pattern; returns their charts.
+pub(super) fn improve(
+    made_up: &mut [[f32; 3]],
+    texels: &[Texel],
+    bases: &[Base],
+    side: usize,
+) -> BTreeSet<u32> {
     let mut charts: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     for (i, texel) in texels.iter().enumerate() {
         charts.entry(texel.chart).or_default().push(i);
     }
-    let mut faces: Vec<Face> = charts.into_values().filter_map(|m| Face::new(m, texels, side)).collect();
-    faces.sort_by_key(|f| std::cmp::Reverse(f.members.len()));
+    let faces = charts.into_iter().filter_map(|(chart, m)| Some((chart, Face::new(m, texels, side)?)));
+    let mut faces: Vec<(u32, Face)> = faces.collect();
+    faces.sort_by_key(|(_, f)| std::cmp::Reverse(f.members.len()));
     faces.truncate(FACES);
-    let filled: Vec<RgbaImage> = faces.par_iter().map(|f| f.filled(texels, side)).collect();
-    for (face, image) in faces.iter().zip(&filled) {
+    let filled: Vec<Option<RgbaImage>> = faces.par_iter().map(|(_, f)| f.filled(texels, bases, side)).collect();
+    let mut done = BTreeSet::new();
+    for ((chart, face), image) in faces.iter().zip(&filled) {
+        let Some(image) = image else { continue };
+        done.insert(*chart);
         for i in &face.members {
             let (x, y) = face.place(texels[*i].at, side);
             let [r, g, b, _] = image.get_pixel(x, y).0.map(f32::from);
             made_up[*i] = [r, g, b];
         }
     }
+    done
 }
 
 fn known(texel: &Texel) -> bool {
-    texel.color.is_some() && texel.share >= SURE
+    texel.color.is_some() && texel.direct && texel.share >= SURE
 }
 
 impl Face {
@@ -84,7 +95,8 @@ impl Face {
         ((at % side - self.low[0]) as u32, (at / side - self.low[1]) as u32)
     }
 
-    fn filled(&self, texels: &[Texel], side: usize) -> RgbaImage {
+    /// The whole face; `None` where the slot's own tile continues it better than patches would.
+    fn filled(&self, texels: &[Texel], bases: &[Base], side: usize) -> Option<RgbaImage> {
         let (w, h) = (self.size.width as usize, self.size.height as usize);
         let mut picture = Picture { width: w, height: h, pixels: vec![None; w * h] };
         let mut image = RgbaImage::new(self.size.width, self.size.height);
@@ -92,13 +104,17 @@ impl Face {
             let (x, y) = self.place(texels[*i].at, side);
             picture.pixels[y as usize * w + x as usize] = texels[*i].color.filter(|_| known(&texels[*i]));
         }
-        picture.continue_pattern();
+        let repeats = picture.complete();
+        let tiled = self.members.first().is_some_and(|i| bases[texels[*i].slot].is_tiled());
+        if tiled && !repeats {
+            return None;
+        }
         for (pixel, color) in image.pixels_mut().zip(&picture.pixels) {
             if let Some(color) = color {
                 *pixel = rgba(*color);
             }
         }
-        complete_surface(&image, &TextureSettings { working_px: WORKING_PX, ..TextureSettings::default() })
+        Some(complete_surface(&image, &TextureSettings { working_px: WORKING_PX, ..TextureSettings::default() }))
     }
 }
 

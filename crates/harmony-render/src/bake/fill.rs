@@ -6,7 +6,7 @@ use glam::Vec3;
 use harmony_mesh::Mesh;
 use rayon::prelude::*;
 
-use super::SlotColour;
+use super::base::Base;
 use super::texels::Texel;
 
 /// Smallest cell of the means, as a share of the object's diagonal.
@@ -15,10 +15,18 @@ const FINEST: f32 = 1.0 / 28.0;
 const LEVELS: u8 = 5;
 /// Weight of observation at which a mean counts fully.
 const ENOUGH: f32 = 2.0;
+/// Finest level that is used for slots with a pattern of their own.
+const FINEST_OF_TILES: u8 = 2;
+/// Share of the other faces' deviation that a face without observations takes.
+const AROUND: f32 = 0.4;
+/// Largest deviation from the slot's material that light makes, sRGB steps.
+const FARTHEST_OFF: f32 = 90.0;
 /// Sides of patches of fine texture that are looked for, texels.
 const PATCHES: [usize; 5] = [64, 48, 32, 24, 16];
 /// Patches of one size that are looked at.
 const TRIES: usize = 6;
+/// Share from which a texel's fine texture is to be trusted.
+const WELL_SEEN: f32 = 0.6;
 /// Half width of the window that separates fine texture from shading, texels.
 const FINE: usize = 4;
 /// Share of the fine texture that is added where colours are made up.
@@ -30,23 +38,21 @@ const ROUGHEST: f32 = 14.0;
 /// A texture's quarters are about equally rough: largest ratio of their deviations.
 const UNEVEN: f32 = 1.8;
 
-/// A made-up colour for every texel that is not wholly the photo's.
-pub(super) fn made_up(texels: &[Texel], mesh: &Mesh, colors: &[SlotColour], side: usize) -> Vec<[f32; 3]> {
+/// A made-up colour for every texel that is not wholly the photo's: its slot's material, with the light that was observed
+/// nearby and the fine texture of what was seen well.
+pub(super) fn made_up(texels: &[Texel], mesh: &Mesh, bases: &[Base], side: usize) -> Vec<[f32; 3]> {
     let diagonal = mesh.bounds().map_or(1.0, |b| b.size().length().max(1e-6)) as f32;
-    let means = Means::new(texels, diagonal);
-    let patches: Vec<Option<Patch>> = (0..mesh.materials.len()).map(|slot| Patch::find(texels, slot, side)).collect();
+    let means = Means::new(texels, bases, diagonal);
+    let patches: Vec<Option<Patch>> = bases
+        .iter()
+        .enumerate()
+        .map(|(slot, base)| if base.is_tiled() { None } else { Patch::find(texels, slot, side) })
+        .collect();
     let color = |texel: &Texel| {
-        if texel.share >= 1.0 {
-            return texel.color.unwrap_or_default();
-        }
-        let mut color = means.at(texel, colors[texel.slot].rgb.map(f32::from));
-        if let Some(patch) = &patches[texel.slot] {
-            let detail = patch.at(texel.at % side, texel.at / side);
-            for (c, d) in color.iter_mut().zip(detail) {
-                *c = (*c + STRENGTH * d).clamp(0.0, 255.0);
-            }
-        }
-        color
+        let base = bases[texel.slot].at(texel);
+        let off = means.at(texel, bases[texel.slot].is_tiled());
+        let detail = patches[texel.slot].as_ref().map_or([0.0; 3], |p| p.at(texel.at % side, texel.at / side));
+        [0, 1, 2].map(|k| (base[k] + off[k] + STRENGTH * detail[k]).clamp(0.0, 255.0))
     };
     texels.par_iter().map(color).collect()
 }
@@ -75,49 +81,54 @@ const ANY: u8 = 6;
 /// Slot, facing, level, cell.
 type Key = (usize, u8, u8, [i32; 3]);
 
-/// Weighted means of observed colours in cells of several sizes.
+/// Weighted means, in cells of several sizes, of what observed colours differ by from the slot's material.
 struct Means {
     cells: HashMap<Key, ([f32; 3], f32)>,
     finest: f32,
 }
 
 impl Means {
-    fn new(texels: &[Texel], diagonal: f32) -> Self {
+    fn new(texels: &[Texel], bases: &[Base], diagonal: f32) -> Self {
         let mut cells: HashMap<Key, ([f32; 3], f32)> = HashMap::new();
         let finest = diagonal * FINEST;
         for texel in texels {
-            let Some(color) = texel.color else { continue };
+            let Some(color) = texel.color.filter(|_| texel.direct) else { continue };
+            let base = bases[texel.slot].at(texel);
+            let weight = texel.weight * texel.share;
             for level in 0..LEVELS {
                 let size = finest * f32::from(1_u16 << level);
                 let cell = (texel.point / size).floor().to_array().map(|v| v as i32);
                 for side in [facing(texel.normal), ANY] {
-                    let (sum, weight) = cells.entry((texel.slot, side, level, cell)).or_default();
-                    for (s, c) in sum.iter_mut().zip(color) {
-                        *s += c * texel.weight;
+                    let (sum, total) = cells.entry((texel.slot, side, level, cell)).or_default();
+                    for k in 0..3 {
+                        sum[k] += (color[k] - base[k]) * weight;
                     }
-                    *weight += texel.weight;
+                    *total += weight;
                 }
             }
         }
         Self { cells, finest }
     }
 
-    /// From coarse to fine, each level as far as there are observations near the point; first of all faces, then of
-    /// those that point the same way.
-    fn at(&self, texel: &Texel, own: [f32; 3]) -> [f32; 3] {
-        let mut color = own;
+    /// From coarse to fine, each level as far as there are observations near the point: a little of what all faces show,
+    /// then what those that point the same way do. Of a pattern only the light between its parts is wanted.
+    fn at(&self, texel: &Texel, tiled: bool) -> [f32; 3] {
+        let mut off = [0.0_f32; 3];
+        let finest = if tiled { FINEST_OF_TILES } else { 0 };
         for side in [ANY, facing(texel.normal)] {
-            for level in (0..LEVELS).rev() {
+            let levels = if side == ANY { LEVELS - 1..LEVELS } else { finest..LEVELS };
+            let most = if side == ANY { AROUND } else { 1.0 };
+            for level in levels.rev() {
                 let (sum, weight) = self.gather(texel.slot, side, level, texel.point);
                 if weight > 0.0 {
-                    let share = (weight / ENOUGH).min(1.0);
-                    for (c, s) in color.iter_mut().zip(sum) {
+                    let share = most * (weight / ENOUGH).min(1.0);
+                    for (c, s) in off.iter_mut().zip(sum) {
                         *c += (s / weight - *c) * share;
                     }
                 }
             }
         }
-        color
+        off.map(|c| c.clamp(-FARTHEST_OFF, FARTHEST_OFF))
     }
 
     /// Trilinear mixture of the eight cells around a point.
@@ -154,7 +165,7 @@ impl Patch {
         let width = side + 1;
         let mut sums = vec![(0_u32, 0.0_f64); width * width];
         let mut colors: Vec<Option<[f32; 3]>> = vec![None; side * side];
-        for texel in texels.iter().filter(|t| t.slot == slot && t.direct) {
+        for texel in texels.iter().filter(|t| t.slot == slot && t.direct && t.share > WELL_SEEN) {
             colors[texel.at] = texel.color;
             sums[(texel.at / side + 1) * width + texel.at % side + 1] = (1, f64::from(texel.weight));
         }

@@ -12,6 +12,16 @@ const OVERLAP: f64 = 0.3;
 const ALIKE: f64 = 0.12;
 /// Most shifts that are used.
 const SHIFTS: usize = 4;
+/// Rounds of continuation.
+const ROUNDS: usize = 16;
+/// Widest border, as a share of the face's shorter side.
+const WIDEST_BORDER: f64 = 0.2;
+/// Thinnest border, texels.
+const THINNEST_BORDER: usize = 3;
+/// Share of a line along the edge that must be seen.
+const SEEN_OF_LINE: f64 = 0.2;
+/// Largest standard deviation along a line of a border, relative to the face's.
+const UNIFORM: f64 = 0.5;
 /// Half width of the refinement at full size, in steps of the search.
 const REFINE: i32 = 1;
 
@@ -120,10 +130,32 @@ impl Picture {
         near.min_by(|a, b| score(a).total_cmp(&score(b))).unwrap_or(shift)
     }
 
-    /// Fills unknown texels from known ones one shift away, again and again; what no shift reaches stays unknown.
-    pub fn continue_pattern(&mut self) {
+    /// Continues border and lattice; returns whether a lattice was found.
+    pub fn complete(&mut self) -> bool {
+        let Some(border) = Border::find(self) else { return self.continue_pattern() };
+        let [left, top, right, bottom] = border.widths;
+        let (w, h) = (self.width, self.height);
+        let (iw, ih) = (w - left - right, h - top - bottom);
+        let at = |x: usize, y: usize| (y + top) * w + x + left;
+        let pixels = (0..iw * ih).map(|i| self.pixels[at(i % iw, i / iw)]).collect();
+        let mut inside = Self { width: iw, height: ih, pixels };
+        let repeats = inside.continue_pattern();
+        for (i, color) in inside.pixels.into_iter().enumerate() {
+            self.pixels[at(i % iw, i / iw)] = color;
+        }
+        for (i, pixel) in self.pixels.iter_mut().enumerate() {
+            if pixel.is_none() {
+                *pixel = border.color([i % w, i / w], [w, h]);
+            }
+        }
+        repeats
+    }
+
+    /// Fills unknown texels from known ones one shift away, again and again; what no shift reaches stays unknown. Returns
+    /// whether there are such shifts.
+    fn continue_pattern(&mut self) -> bool {
         let shifts = self.shifts();
-        for _ in 0..8 {
+        for _ in 0..ROUNDS {
             let mut filled = Vec::new();
             for i in 0..self.pixels.len() {
                 if self.pixels[i].is_some() {
@@ -140,7 +172,104 @@ impl Picture {
                 self.pixels[i] = Some(color);
             }
         }
+        !shifts.is_empty()
     }
+}
+
+/// A border of stripes around a face, as rugs have.
+#[derive(Debug)]
+struct Border {
+    /// Left, top, right, bottom, texels.
+    widths: [usize; 4],
+    /// Colours from the edge inwards.
+    profile: Vec<[f32; 3]>,
+}
+
+impl Border {
+    /// From the sides that are seen: the lines along the edge of which each has one colour, unlike the face as a whole.
+    fn find(picture: &Picture) -> Option<Self> {
+        let (w, h) = (picture.width, picture.height);
+        let widest = (w.min(h) as f64 * WIDEST_BORDER) as usize;
+        let spread = (picture.unrelated() / 2.0).sqrt();
+        let line = |side: usize, t: usize| -> Vec<[f32; 3]> {
+            let along = if side % 2 == 0 { h } else { w };
+            let at = |k: usize| match side {
+                0 => k * w + t,
+                1 => t * w + k,
+                2 => k * w + w - 1 - t,
+                _ => (h - 1 - t) * w + k,
+            };
+            // The corners belong to two sides.
+            (widest..along.saturating_sub(widest)).filter_map(|k| picture.pixels[at(k)]).collect()
+        };
+        let mut found: [Option<Vec<[f32; 3]>>; 4] = Default::default();
+        for (side, found) in found.iter_mut().enumerate() {
+            let along = if side % 2 == 0 { h } else { w }.saturating_sub(2 * widest);
+            let mut profile = Vec::new();
+            let mut started = false;
+            for t in 0..widest {
+                let colors = line(side, t);
+                let seen = colors.len() as f64 >= SEEN_OF_LINE * along as f64 && colors.len() > 8;
+                if !seen && !started {
+                    // The outermost texels are rarely seen well.
+                    profile.push(None);
+                    continue;
+                }
+                if !seen {
+                    break;
+                }
+                let (mean, deviation) = statistics(&colors);
+                if deviation > UNIFORM * spread {
+                    // The first lines may show what is beside the face.
+                    if started || t > widest / 4 {
+                        break;
+                    }
+                    profile.push(None);
+                    continue;
+                }
+                started = true;
+                profile.push(Some(mean));
+            }
+            if started && profile.iter().flatten().count() >= THINNEST_BORDER {
+                let first = profile.iter().flatten().next().copied()?;
+                *found = Some(profile.into_iter().map(|c| c.unwrap_or(first)).collect());
+            } else if (0..widest / 2).any(|t| line(side, t).len() as f64 >= SEEN_OF_LINE * along as f64) {
+                // Seen, and without a border.
+                *found = Some(Vec::new());
+            }
+        }
+        let mut widths: Vec<usize> = found.iter().flatten().map(Vec::len).filter(|n| *n > 0).collect();
+        widths.sort_unstable();
+        let width = *widths.get(widths.len() / 2)?;
+        // A run that never ended is no border, but the face.
+        if width + 1 >= widest {
+            return None;
+        }
+        let alike = |p: &&Vec<[f32; 3]>| p.len().abs_diff(width) <= 2 + width / 4 && !p.is_empty();
+        let profile = found.iter().flatten().find(alike)?.clone();
+        let has = |side: usize| match (&found[side], &found[(side + 2) % 4]) {
+            (Some(own), _) => alike(&own),
+            (None, Some(opposite)) => alike(&opposite),
+            (None, None) => found.iter().flatten().all(|p| alike(&p)),
+        };
+        let widths = std::array::from_fn(|side| if has(side) { width } else { 0 });
+        Some(Self { widths, profile })
+    }
+
+    /// The border's colour at a texel, if it is in it.
+    fn color(&self, [x, y]: [usize; 2], [w, h]: [usize; 2]) -> Option<[f32; 3]> {
+        let away = [x, y, w - 1 - x, h - 1 - y];
+        let inside = away.iter().zip(&self.widths).filter(|(a, width)| a < width).map(|(a, _)| *a).min()?;
+        self.profile.get(inside).or(self.profile.last()).copied()
+    }
+}
+
+/// Mean, and standard deviation over the channels.
+fn statistics(colors: &[[f32; 3]]) -> ([f32; 3], f64) {
+    let n = colors.len().max(1) as f32;
+    let mean: [f32; 3] = std::array::from_fn(|k| colors.iter().map(|c| c[k]).sum::<f32>() / n);
+    let sum: f32 = colors.iter().flat_map(|c| (0..3).map(move |k| (c[k] - mean[k]).powi(2))).sum();
+    (mean, f64::from(sum / (3.0 * n)).sqrt())
 }
 
 #[cfg(test)]
@@ -157,7 +286,7 @@ mod tests {
         let hole = |x: usize, y: usize| (60..190).contains(&x) && (50..200).contains(&y);
         let pixels = (0..w * h).map(|i| (!hole(i % w, i / w)).then(|| truth(i % w, i / w))).collect();
         let mut picture = Picture { width: w, height: h, pixels };
-        picture.continue_pattern();
+        assert!(picture.complete());
         let wrong = (0..w * h)
             .filter(|i| hole(i % w, i / w))
             .filter(|i| picture.pixels[*i].is_none_or(|c| (c[0] - truth(i % w, i / w)[0]).abs() > 40.0))
@@ -174,7 +303,32 @@ mod tests {
         };
         let pixels = (0..6400).map(|i| (i % 80 < 50).then(|| [next(), next(), next()])).collect();
         let mut picture = Picture { width: 80, height: 80, pixels };
-        picture.continue_pattern();
+        assert!(!picture.complete());
         assert_eq!(picture.known(), 50 * 80);
+    }
+
+    #[test]
+    fn a_border_goes_round_corners_that_are_not_seen_and_the_pattern_stays_inside_it() {
+        let (w, h, border) = (240, 180, 12);
+        let truth = |x: usize, y: usize| {
+            let edge = [x, y, w - 1 - x, h - 1 - y].into_iter().min().unwrap_or(0);
+            if edge < border {
+                return [170.0, 90.0, 60.0];
+            }
+            let light = ((x - border) / 18 + (y - border) / 18).is_multiple_of(2);
+            if light { [230.0, 225.0, 215.0] } else { [40.0, 70.0, 50.0] }
+        };
+        // The far corner is out of view: half of two sides.
+        let hole = |x: usize, y: usize| x + y > 250;
+        let pixels = (0..w * h).map(|i| (!hole(i % w, i / w)).then(|| truth(i % w, i / w))).collect();
+        let mut picture = Picture { width: w, height: h, pixels };
+        assert!(picture.complete());
+        let (mut wrong, mut all) = (0, 0);
+        for i in (0..w * h).filter(|i| hole(i % w, i / w)) {
+            all += 1;
+            let want = truth(i % w, i / w);
+            wrong += usize::from(picture.pixels[i].is_none_or(|c| (0..3).any(|k| (c[k] - want[k]).abs() > 40.0)));
+        }
+        assert!(wrong * 16 < all, "{wrong} of {all} wrong");
     }
 }

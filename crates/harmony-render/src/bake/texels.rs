@@ -1,6 +1,6 @@
 //! The texels of an unwrap and the surface points under them.
 
-use glam::{DVec2, Vec3};
+use glam::{DVec2, Vec2, Vec3};
 use harmony_mesh::Mesh;
 
 /// A texel of the unwrap that lies on the surface.
@@ -16,6 +16,10 @@ pub(super) struct Texel {
     pub normal: Vec3,
     /// Steps on the surface from one texel to the next, along the texture's x and y.
     pub steps: [Vec3; 2],
+    /// Metric texture coordinates, metres; 0 where the mesh has none.
+    pub metric: Vec2,
+    /// Their change from one texel to the next.
+    pub metric_steps: [Vec2; 2],
     /// Which connected piece of the unwrap: its smallest vertex index.
     pub chart: u32,
     /// sRGB, 0 to 255.
@@ -85,6 +89,8 @@ struct Flat {
     uv: [DVec2; 3],
     area: f64,
     steps: [Vec3; 2],
+    metric: [Vec2; 3],
+    metric_steps: [Vec2; 2],
 }
 
 impl Flat {
@@ -99,7 +105,10 @@ impl Flat {
         let p = corners.map(|i| mesh.positions[i].as_dvec3());
         let (dp, dq) = (p[1] - p[0], p[2] - p[0]);
         let steps = [(dp * f.y - dq * e.y) / area, (dq * e.x - dp * f.x) / area].map(glam::DVec3::as_vec3);
-        Some(Self { corners, uv, area, steps })
+        let metric = corners.map(|i| mesh.metric_uvs.get(i).copied().unwrap_or(Vec2::ZERO));
+        let (dm, dn) = ((metric[1] - metric[0]).as_dvec2(), (metric[2] - metric[0]).as_dvec2());
+        let metric_steps = [(dm * f.y - dn * e.y) / area, (dn * e.x - dm * f.x) / area].map(DVec2::as_vec2);
+        Some(Self { corners, uv, area, steps, metric, metric_steps })
     }
 
     fn weights(&self, p: DVec2) -> [f64; 3] {
@@ -142,6 +151,8 @@ impl Flat {
             point: mix(&mesh.positions),
             normal: mix(&mesh.normals).normalize_or(Vec3::Y),
             steps: self.steps,
+            metric: self.metric[0] * w[0] + self.metric[1] * w[1] + self.metric[2] * w[2],
+            metric_steps: self.metric_steps,
             chart: charts[self.corners[0]],
             color: None,
             weight: 0.0,

@@ -6,6 +6,7 @@ use harmony_scene::{Camera, Mask, Pose};
 use image::RgbImage;
 
 use super::BakeOptions;
+use super::plausible::{Seen, edge_distances, smooth, weights};
 use super::texels::Texel;
 use crate::{Instance, RenderOptions, render_depth_ids};
 
@@ -14,8 +15,17 @@ const MAX_SAMPLES: f64 = 4.0;
 
 /// Width of the zone along the mask's border in which made-up colours are mixed in, pixels.
 const INNER: i32 = 3;
-/// Cosines above the smallest one over which the photo's share grows to 1.
-const GRAZING: f64 = 0.2;
+/// Cosine from which the photo counts fully.
+const SQUARELY: f64 = 0.35;
+/// Photo pixels a texel, across the direction in which the photo is coarsest: nothing is taken below the first, and all
+/// above the second.
+const SHARP: [f32; 2] = [0.06, 0.22];
+/// Pixels from an edge of the model's own within which the photo counts less, for the model is never exact.
+const EDGE: f32 = 2.0;
+/// Share that is left right at such an edge.
+const AT_EDGE: f32 = 0.4;
+/// Weight of a pixel below which its colour is not the slot's.
+const PLAUSIBLE: f32 = 0.05;
 
 /// A colour found in the photo.
 pub(super) struct Sight {
@@ -43,6 +53,8 @@ pub(super) struct View<'a> {
     depth: Vec<f32>,
     /// Material index plus one.
     slots: Vec<u32>,
+    /// Weight of each pixel by its colour and by how near the model's own edges are, 0 to 1.
+    trust: Vec<f32>,
     min_cosine: f64,
 }
 
@@ -55,6 +67,7 @@ impl<'a> View<'a> {
         photo: &'a RgbImage,
         visible: &Mask,
         options: &BakeOptions,
+        named: &[[f32; 3]],
     ) -> Option<Self> {
         let size = camera.size;
         let linear = pose.linear();
@@ -78,6 +91,8 @@ impl<'a> View<'a> {
             return None;
         }
         let safe = shrunk(visible, options.erode_px.clamp(0, 64));
+        let seen = Seen { photo, visible, slots: &frame.ids, depth: &frame.depth, named };
+        let trust = if options.trusted { vec![1.0; size.pixels()] } else { trust(&seen) };
         Some(Self {
             inner: (1..=INNER).map(|r| safe.dilated(-r)).collect(),
             safe,
@@ -89,6 +104,7 @@ impl<'a> View<'a> {
             eye: camera.centre(),
             depth: frame.depth,
             slots: frame.ids,
+            trust,
             min_cosine: options.min_cosine,
         })
     }
@@ -119,10 +135,13 @@ impl<'a> View<'a> {
             self.camera.project(next).map_or(DVec2::ZERO, |p| p - pixel)
         });
         let color = self.filtered(pixel, steps)?;
-        let frontal = ((cosine - self.min_cosine) / GRAZING).clamp(0.0, 1.0) as f32;
+        let frontal = smooth([self.min_cosine as f32, SQUARELY.max(self.min_cosine + 0.01) as f32], cosine as f32);
+        let sharp = smooth(SHARP, coarsest(steps) as f32);
         let inner = self.inner.iter().filter(|m| m.get(pixel.x as i64, pixel.y as i64)).count();
-        let share = frontal * (inner as f32 + 1.0) / (INNER as f32 + 1.0);
-        Some(Sight { color, cosine, share })
+        let inner = (inner as f32 + 1.0) / (INNER as f32 + 1.0);
+        let trust = self.trust[pixel.y as usize * self.camera.size.width as usize + pixel.x as usize];
+        let share = frontal * sharp * inner * trust;
+        (share > PLAUSIBLE).then_some(Sight { color, cosine, share })
     }
 
     /// Depth of the slot at a pixel: there, or at the neighbour that comes nearest to `depth`.
@@ -170,7 +189,7 @@ impl<'a> View<'a> {
         let width = self.camera.size.width as usize;
         for (i, slot) in self.slots.iter().enumerate() {
             let Some(own) = (*slot as usize).checked_sub(1).and_then(|s| channels.get_mut(s)) else { continue };
-            if self.safe.bits()[i] {
+            if self.safe.bits()[i] && self.trust[i] > 0.5 {
                 let pixel = self.photo.get_pixel((i % width) as u32, (i / width) as u32).0;
                 for (channel, value) in own.iter_mut().zip(pixel) {
                     channel.push(value);
@@ -178,6 +197,24 @@ impl<'a> View<'a> {
             }
         }
     }
+}
+
+/// Plausible colours, less near the model's own edges.
+fn trust(seen: &Seen) -> Vec<f32> {
+    let away = edge_distances(seen);
+    let mut out = weights(seen);
+    for (w, d) in out.iter_mut().zip(away) {
+        *w *= AT_EDGE + (1.0 - AT_EDGE) * (f32::from(d) / EDGE).min(1.0);
+    }
+    out
+}
+
+/// Length of the shorter axis of a texel's footprint in the image, pixels.
+fn coarsest([a, b]: [DVec2; 2]) -> f64 {
+    // The smaller singular value of the matrix with these columns.
+    let (sum, det) = (a.length_squared() + b.length_squared(), a.perp_dot(b));
+    let root = (sum * sum - 4.0 * det * det).max(0.0).sqrt();
+    ((sum - root) / 2.0).max(0.0).sqrt()
 }
 
 /// The mask shrunk; a thin object keeps what it has.
