@@ -237,6 +237,19 @@ impl PhaseCtx<'_> {
         Ok(harmony_io::write_json(&self.file(relative)?, value)?)
     }
 
+    /// Writes JSON into another phase's folder.
+    ///
+    /// # Errors
+    /// Unwritable files.
+    pub fn write_json_in<T: Serialize + ?Sized>(
+        &self,
+        phase: &str,
+        relative: &str,
+        value: &T,
+    ) -> Result<(), PhaseError> {
+        Ok(harmony_io::write_json(&self.file_in(phase, relative)?, value)?)
+    }
+
     /// Writes a PNG into the phase's folder.
     ///
     /// # Errors

@@ -17,8 +17,9 @@ mod review;
 
 pub use inspect::{InspectAnswer, InspectVars, InspectedMaterial, InspectedObject, InspectedSize, Occlusion, inspect};
 pub use layout::{
-    BackWallSide, FloorTexture, LayoutAnswer, LayoutCamera, LayoutOpening, LayoutPin, LayoutRoom, LayoutVars,
-    LayoutWall, PinKind, WallTexture, layout,
+    BackWallSide, FloorTexture, LayoutAnswer, LayoutCamera, LayoutOpening, LayoutPart, LayoutPartKind, LayoutPattern,
+    LayoutPatternKind, LayoutPin, LayoutRoom, LayoutSurface, LayoutTrim, LayoutTrims, LayoutVars, LayoutWall, PinKind,
+    SurfaceName, WallTexture, layout,
 };
 pub use lighting::{LightingReviewVars, LightsVars, lighting_review, lights};
 pub use list::{ListAnswer, ListVars, ListedInstance, ListedItem, list};

@@ -78,6 +78,12 @@ impl Look {
         Self { color, ..self.clone() }
     }
 
+    /// The same material without its pattern.
+    #[must_use]
+    pub fn unpatterned(&self) -> Self {
+        Self { pattern: None, ..self.clone() }
+    }
+
     /// The periods of its pattern, texels, when it has one.
     pub fn periods(&self) -> Option<[DVec2; 2]> {
         self.pattern.as_ref().map(Lattice::periods)
@@ -192,25 +198,31 @@ impl Survey {
 
     /// The whole surface: the photo where it was seen, and, with a soft border, the material elsewhere; opaque.
     pub fn complete(&self) -> RgbaImage {
-        self.complete_towards(self.look.color)
+        self.completed(|x, y, _| self.look.times(x, y, self.field.at(x, y)))
     }
 
-    /// [`Survey::complete`], with the field shifted towards another typical colour where nothing was seen near.
-    pub fn complete_towards(&self, color: [f32; 3]) -> RgbaImage {
+    /// What was seen, in another material: for a surface of which too little was seen to tell its own.
+    pub fn complete_in(&self, look: &Look) -> RgbaImage {
+        let reach = (SETTLING * self.px_per_m) as f32;
+        self.completed(|x, y, away| {
+            // Towards the little that was seen the light is the one seen there.
+            let near = 1.0 - smoothstep(away / reach);
+            let field = self.field.at(x, y);
+            look.times(x, y, std::array::from_fn(|c| look.color[c] + near * (field[c] - look.color[c])))
+        })
+    }
+
+    /// The photo over a material that is given texel by texel, with the distance to what was seen.
+    fn completed(&self, material: impl Fn(u32, u32, f32) -> Color) -> RgbaImage {
         let (width, height) = (self.texture.width() as usize, self.texture.height() as usize);
         let unseen: Vec<bool> = self.texture.pixels().map(|p| p.0[3] < 128).collect();
         let seen: Vec<bool> = unseen.iter().map(|b| !b).collect();
         let depth = distance_to(&unseen, width, height);
         let away = distance_to(&seen, width, height);
         let feather = (FEATHER * self.px_per_m).max(2.0) as f32;
-        let settling = (2.0 * SETTLING * self.px_per_m) as f32;
-        let shift: Color = std::array::from_fn(|c| color[c] / self.look.color[c].max(1.0));
         RgbaImage::from_fn(width as u32, height as u32, |x, y| {
             let i = y as usize * width + x as usize;
-            let field = self.field.at(x, y);
-            let far = smoothstep(away[i] / settling);
-            let light = std::array::from_fn(|c| field[c] * (1.0 + (shift[c] - 1.0) * far));
-            let material = self.look.times(x, y, light);
+            let material = material(x, y, away[i]);
             let photo = self.texture.get_pixel(x, y).0;
             let weight = if unseen[i] { 0.0 } else { smoothstep((depth[i] - 0.5) / feather) };
             opaque(std::array::from_fn(|c| material[c] + weight * (f32::from(photo[c]) - material[c])))
