@@ -266,6 +266,14 @@ impl PhaseCtx<'_> {
         Ok(picture::write_rgb_png(&self.file_in(phase, relative)?, image)?)
     }
 
+    /// Writes a PNG with alpha into another phase's folder.
+    ///
+    /// # Errors
+    /// Unwritable files.
+    pub fn write_picture_rgba_in(&self, phase: &str, relative: &str, image: &RgbaImage) -> Result<(), PhaseError> {
+        Ok(picture::write_rgba_png(&self.file_in(phase, relative)?, image)?)
+    }
+
     /// Writes a PNG with alpha into the phase's folder.
     ///
     /// # Errors

@@ -11,11 +11,6 @@ const CELLS: usize = 40;
 const BLUR_CELLS: f32 = 2.0;
 /// Cells over which the colour goes back to the median, away from what was observed.
 const SETTLING_CELLS: f32 = 6.0;
-/// A cell darker than the robust field by this share is taken for a shadow of something near.
-const SHADOW: f32 = 0.93;
-/// What is left of a shadow's weight.
-const SHADOW_WEIGHT: f32 = 0.08;
-
 /// How a field follows what was observed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Smoothing {
@@ -25,8 +20,6 @@ pub(super) struct Smoothing {
     pub blur: f32,
     /// Cells over which the field goes back to the median.
     pub settling: f32,
-    /// Whether local shadows count little, so that they don't spread under what casts them.
-    pub lit: bool,
 }
 
 impl Smoothing {
@@ -36,7 +29,6 @@ impl Smoothing {
             cell: width.max(height).div_ceil(CELLS).max(1),
             blur: BLUR_CELLS,
             settling: SETTLING_CELLS,
-            lit: false,
         }
     }
 }
@@ -77,22 +69,9 @@ impl Base {
         // Few texels in a cell say little about it.
         let full = (cell * cell) as f32;
         let observed: Vec<bool> = sums.iter().map(|(_, n)| *n > 0.12 * full).collect();
-        let mut weighted: Vec<(Color, f32)> =
+        let weighted: Vec<(Color, f32)> =
             sums.iter().map(|(sum, n)| if *n > 0.0 { (sum.map(|s| s / n), n / full) } else { (median, 0.0) }).collect();
-        let mut blurred = blur(&weighted, width, height, smoothing.blur);
-        if smoothing.lit {
-            let luma = |c: &Color| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
-            for _ in 0..2 {
-                // Wider than the field itself, so that a shadow is measured against what surrounds it.
-                let around = blur(&weighted, width, height, smoothing.blur * 2.5);
-                for ((color, weight), around) in weighted.iter_mut().zip(&around) {
-                    if luma(color) < SHADOW * luma(around) {
-                        *weight *= SHADOW_WEIGHT;
-                    }
-                }
-            }
-            blurred = blur(&weighted, width, height, smoothing.blur);
-        }
+        let blurred = blur(&weighted, width, height, smoothing.blur);
         let mut cells: Vec<Color> =
             blurred.iter().zip(&observed).map(|(b, seen)| if *seen { *b } else { median }).collect();
         settle(&mut cells, &observed, (width, height), median, smoothing.settling);

@@ -2,9 +2,9 @@
 //! one, and a tile of what is left.
 //!
 //! A texel is field x pattern x tile. The field is the smooth part: paint under the light of the photo. It is kept, for
-//! a flat render is compared with photos at the same exposure; away from what was seen it settles at the typical colour,
-//! neither darker nor lighter because the photo ends there, and small shadows don't run on under what cast them. The
-//! tile has an even brightness, so that it can be laid anywhere, on other surfaces as well.
+//! a flat render is compared with photos at the same exposure: a floor is darker under a bed and a wall behind a
+//! cupboard. Away from what was seen it settles at the typical colour, neither darker nor lighter because the photo ends
+//! there. The tile has an even brightness, so that it can be laid anywhere, on other surfaces as well.
 
 use glam::DVec2;
 use image::{Rgba, RgbaImage};
@@ -24,10 +24,14 @@ const BLUR: f64 = 0.16;
 /// Distance in which the field settles, metres.
 const SETTLING: f64 = 0.5;
 /// Soft border between photo and material, metres.
-const FEATHER: f64 = 0.05;
-/// Side of the tile, metres and texels at most.
-const TILE: f64 = 2.0;
-const TILE_PX: usize = 320;
+const FEATHER: f64 = 0.03;
+/// Alpha from which a texel is kept; less than that, and 128 or more, tells the light only.
+const KEPT: u8 = 224;
+/// Sides of the tile that are tried, texels: little that was seen makes a small one.
+const TILE_PX: [usize; 4] = [320, 208, 128, 80];
+/// Ratios this many robust standard deviations from 1 are lines and edges of something else.
+const FINE_OUTLIER: f32 = 3.5;
+const COARSE_OUTLIER: f32 = 9.0;
 /// Ratios are quilted as if they were 8-bit levels.
 const QUILT_SCALE: f32 = 128.0;
 /// Ratios outside this range are no grain.
@@ -38,6 +42,15 @@ const DARKEST: f32 = 6.0;
 const USUAL_GRAIN: f32 = 0.006;
 /// An island in another colour than predicted by this much is not the surface, 8-bit levels.
 const ODD: f32 = 28.0;
+
+/// What the grain of a material is like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Grain {
+    /// Paint, plaster, paper: fine; a line on it is something else.
+    Fine,
+    /// Boards, tiles, carpet, panels: lines belong to it.
+    Coarse,
+}
 
 /// A material that was seen somewhere: what other surfaces can be painted with.
 #[derive(Debug, Clone)]
@@ -114,26 +127,47 @@ impl Tile {
     }
 
     /// Quilted from the ratios that are left, of sharp places when there are enough.
-    fn quilted(rest: &[Option<Color>], sharp: &[bool], width: usize, px_per_m: f64, seed: u64) -> Self {
+    fn quilted(rest: &[Option<Color>], sharp: &[bool], width: usize, grain: Grain, seed: u64) -> Self {
         let height = rest.len() / width.max(1);
-        let side = ((TILE * px_per_m) as usize).clamp(32, TILE_PX);
         let colors: Vec<Color> = rest.iter().map(|c| c.unwrap_or([1.0; 3]).map(|v| v * QUILT_SCALE)).collect();
-        let known: Vec<bool> = rest.iter().map(Option::is_some).collect();
+        let known = without_outliers(rest, width, grain);
         let best: Vec<bool> = known.iter().zip(sharp).map(|(k, s)| *k && *s).collect();
-        for observed in [&best, &known] {
-            let sample = quilt::Sample { width, height, colors: &colors, observed };
-            if let Some(tile) = quilt::quilt(&sample, side, seed) {
-                return Self { side, ratios: even(&tile, side) };
+        for side in TILE_PX {
+            for observed in [&best, &known] {
+                let sample = quilt::Sample { width, height, colors: &colors, observed };
+                if let Some(tile) = quilt::quilt(&sample, side, seed) {
+                    return Self { side, ratios: even(&tile, side, grain) };
+                }
             }
         }
         Self::grain(seed)
     }
 }
 
+/// Which ratios are grain: not far from what is usual, nor beside one that is.
+fn without_outliers(rest: &[Option<Color>], width: usize, grain: Grain) -> Vec<bool> {
+    let luma = |c: &Color| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
+    let mut away: Vec<f32> = rest.iter().flatten().map(|c| (luma(c) - 1.0).abs()).collect();
+    if away.is_empty() {
+        return vec![false; rest.len()];
+    }
+    let middle = away.len() / 2;
+    // 1.48 times the median deviation is the standard deviation of a normal distribution.
+    let sigma = (1.48 * *away.select_nth_unstable_by(middle, f32::total_cmp).1).max(0.004);
+    let (most, margin) = match grain {
+        Grain::Fine => (FINE_OUTLIER * sigma, 2_usize),
+        Grain::Coarse => (COARSE_OUTLIER * sigma, 0),
+    };
+    let far: Vec<bool> = rest.iter().map(|c| c.is_some_and(|c| (luma(&c) - 1.0).abs() > most)).collect();
+    let near = distance_to(&far, width, rest.len() / width.max(1));
+    rest.iter().zip(near).map(|(c, d)| c.is_some() && d > margin as f32).collect()
+}
+
 /// A quilted tile as ratios with mean 1, without differences over large distances: they would show as a repetition.
-fn even(tile: &[Color], side: usize) -> Vec<Color> {
+fn even(tile: &[Color], side: usize, grain: Grain) -> Vec<Color> {
     let image = RgbaImage::from_fn(side as u32, side as u32, |x, y| opaque(tile[y as usize * side + x as usize]));
-    let smoothing = Smoothing { cell: side.div_ceil(8), blur: 1.0, settling: 4.0, lit: false };
+    let cells = if grain == Grain::Fine { 20 } else { 8 };
+    let smoothing = Smoothing { cell: side.div_ceil(cells), blur: 1.0, settling: 4.0 };
     let field = Base::smooth(&image, &smoothing);
     let mut ratios: Vec<Color> = tile
         .iter()
@@ -153,8 +187,10 @@ fn even(tile: &[Color], side: usize) -> Vec<Color> {
 impl Survey {
     /// Takes apart what was seen (alpha 128 or more); `None` when that is hardly anything.
     ///
+    /// Texels with alpha 224 or more are kept as they are. The others that were seen, next to objects and in nooks
+    /// between them, tell the light and the colour, but their shapes would be left as ghosts.
     /// `sharp` tells which texels the photo shows at least as finely as the texture has them; grain is taken from there.
-    pub fn of(texture: &RgbaImage, sharp: &[bool], px_per_m: f64, seed: u64) -> Option<Self> {
+    pub fn of(texture: &RgbaImage, sharp: &[bool], px_per_m: f64, grain: Grain, seed: u64) -> Option<Self> {
         let width = texture.width() as usize;
         if sharp.len() != width * texture.height() as usize || !(px_per_m.is_finite() && px_per_m > 0.0) {
             return None;
@@ -190,7 +226,7 @@ impl Survey {
             .into_iter()
             .map(|c| c.filter(|c| c.iter().all(|v| (GRAIN_RANGE[0]..=GRAIN_RANGE[1]).contains(v))))
             .collect();
-        let tile = Tile::quilted(&rest, sharp, width, px_per_m, seed);
+        let tile = Tile::quilted(&rest, sharp, width, grain, seed);
         let texture = believed(texture, &look, &field);
         let seen_area = texture.pixels().filter(|p| p.0[3] >= 128).count() as f64 / (px_per_m * px_per_m);
         Some(Self { look: Look { tile, ..look }, seen_area, texture, field, px_per_m })
@@ -215,7 +251,7 @@ impl Survey {
     /// The photo over a material that is given texel by texel, with the distance to what was seen.
     fn completed(&self, material: impl Fn(u32, u32, f32) -> Color) -> RgbaImage {
         let (width, height) = (self.texture.width() as usize, self.texture.height() as usize);
-        let unseen: Vec<bool> = self.texture.pixels().map(|p| p.0[3] < 128).collect();
+        let unseen: Vec<bool> = self.texture.pixels().map(|p| p.0[3] < KEPT).collect();
         let seen: Vec<bool> = unseen.iter().map(|b| !b).collect();
         let depth = distance_to(&unseen, width, height);
         let away = distance_to(&seen, width, height);
@@ -239,7 +275,7 @@ fn smoothing(texture: &RgbaImage, px_per_m: f64) -> Smoothing {
     let longest = texture.width().max(texture.height()) as usize;
     let cell = ((CELL * px_per_m).round() as usize).max(longest.div_ceil(MOST_CELLS)).max(1);
     let in_cells = |metres: f64| (metres * px_per_m / cell as f64) as f32;
-    Smoothing { cell, blur: in_cells(BLUR).max(1.2), settling: in_cells(SETTLING).max(2.0), lit: true }
+    Smoothing { cell, blur: in_cells(BLUR).max(1.2), settling: in_cells(SETTLING).max(2.0) }
 }
 
 /// Observed texels over a light; clear of what is too dark to tell.

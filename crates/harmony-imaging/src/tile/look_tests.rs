@@ -25,7 +25,7 @@ fn difference(a: &RgbaImage, b: &RgbaImage, inside: impl Fn(u32, u32) -> bool) -
 
 fn survey(texture: &RgbaImage) -> Survey {
     let sharp = vec![true; (texture.width() * texture.height()) as usize];
-    Survey::of(texture, &sharp, 100.0, 7).unwrap()
+    Survey::of(texture, &sharp, 100.0, Grain::Fine, 7).unwrap()
 }
 
 #[test]
@@ -76,15 +76,30 @@ fn carpet_goes_on_with_its_grain_and_gets_no_pattern() {
 }
 
 #[test]
-fn a_shadow_does_not_run_on_under_what_casts_it() {
-    // A wall at 180; something hides a block, and its shadow of 110 is left as a ring around it.
+fn a_nook_beside_something_tells_the_light_and_leaves_no_shape() {
+    // A wall at 180; something hides a block, and a sharp shadow of 110 beside it is seen but not to be kept.
     let texture = RgbaImage::from_fn(300, 300, |x, y| {
         let d = x.abs_diff(150).max(y.abs_diff(150));
-        if d < 40 { Rgba([0; 4]) } else { opaque([if d < 48 { 110.0 } else { 180.0 }; 3]) }
+        let [r, g, b, _] = opaque([if d < 56 { 110.0 } else { 180.0 }; 3]).0;
+        Rgba([r, g, b, if d < 40 { 0 } else if d < 60 { 160 } else { 255 }])
     });
     let whole = survey(&texture).complete();
-    let middle = whole.get_pixel(150, 150).0[0];
-    assert!(middle > 168, "{middle}");
+    let row: Vec<f64> = (80..150).map(|x| f64::from(whole.get_pixel(x, 150).0[0])).collect();
+    let steepest = row.windows(4).map(|w| (w[3] - w[0]).abs()).fold(0.0, f64::max);
+    assert!(steepest < 25.0, "the edge of 70 is gone: {steepest}");
+    assert!(row[69] < 165.0, "it stays darker there: {}", row[69]);
+    assert!((row[0] - 180.0).abs() < 3.0);
+}
+
+#[test]
+fn a_line_on_a_wall_is_not_repeated_on_others() {
+    let line = |y: u32| (140..144).contains(&y);
+    let texture = RgbaImage::from_fn(420, 300, |x, y| {
+        let grain = (hash(u64::from(x) * 977 + u64::from(y)) % 5) as f32;
+        opaque([if line(y) { 250.0 } else { 150.0 + grain }; 3])
+    });
+    let painted = survey(&texture).look.paint(400, 400);
+    assert!(painted.pixels().all(|p| p.0[0] < 175));
 }
 
 #[test]
@@ -94,5 +109,5 @@ fn other_surfaces_are_painted_in_the_same_colour() {
     assert_eq!(painted.dimensions(), (64, 48));
     let mean = painted.pixels().map(|p| f64::from(p.0[0])).sum::<f64>() / (64.0 * 48.0);
     assert!((mean - 172.0).abs() < 2.0, "{mean}");
-    assert!(Survey::of(&RgbaImage::new(50, 50), &[true; 2500], 100.0, 7).is_none());
+    assert!(Survey::of(&RgbaImage::new(50, 50), &[true; 2500], 100.0, Grain::Fine, 7).is_none());
 }

@@ -21,7 +21,7 @@ use crate::noise::Random;
 use crate::resample::resize_rgba;
 use base::{Base, Color};
 
-pub use look::{Look, Survey};
+pub use look::{Grain, Look, Survey};
 
 /// Parameters of completion and tiles.
 #[derive(Debug, Clone, PartialEq)]

@@ -11,8 +11,10 @@ use crate::views;
 
 /// Margin around what was found, as a share of the photo's width: masks end short, and edges mix colours.
 const MARGIN: f64 = 1.0 / 170.0;
-/// Strips between objects that are narrower than twice this share of the width show shadows and edges only.
-const SLIVER: f64 = 1.0 / 250.0;
+/// Strips between objects that are narrower than twice this share of the width show edges only.
+const SLIVER: f64 = 1.0 / 300.0;
+/// Those narrower than twice this share are nooks: they show the light, and shadows whose shapes are not the face's.
+const NOOK: f64 = 1.0 / 90.0;
 /// A point that far before a face, metres or as a share of its depth, is not on it.
 const OFF_FACE: f64 = 0.08;
 const OFF_FACE_SHARE: f64 = 0.03;
@@ -21,8 +23,8 @@ const MOST_OFFSET: f64 = 0.25;
 /// Points of a face that are needed to judge the others.
 const LEAST_POINTS: usize = 200;
 /// How far the line between two faces may be off, pixels and metres.
-const SEAM_PX: f64 = 2.5;
-const SEAM: f64 = 0.012;
+const SEAM_PX: f64 = 1.5;
+const SEAM: f64 = 0.01;
 /// Finest part of a texel, in photo pixels, that counts as sharp.
 const SHARP_PX: f64 = 0.6;
 /// Sharpness is looked up once a block of this many texels.
@@ -30,7 +32,7 @@ const BLOCK: usize = 8;
 
 /// Pixels that show neither an object (found, left out or drawn) nor what is next to one, nor the photo's empty frame,
 /// nor anything that the point map has before the room's faces.
-pub fn bare_pixels(state: &SceneState) -> Mask {
+pub fn bare_pixels(state: &SceneState) -> Bare {
     let size = state.partial.camera.size;
     let px = |share: f64| (share * f64::from(size.width)).round() as i32;
     let margin = px(MARGIN).max(3);
@@ -42,13 +44,23 @@ pub fn bare_pixels(state: &SceneState) -> Mask {
         .or(&drawn.dilated(margin / 2))
         .or(&state.photo_frame.dilated(margin));
     let bare = without_slivers(&Mask::from_fn(size, |_, _| true).minus(&taken), px(SLIVER).max(2));
-    match &state.partial.points {
+    let bare = match &state.partial.points {
         Some(points) if points.is_dense() => {
             let off = off_faces(points, &state.partial.camera, &state.partial.room.extents, &bare);
             without_slivers(&bare.minus(&off.dilated(1)), px(SLIVER).max(2))
         }
         _ => bare,
-    }
+    };
+    let open = without_slivers(&bare, px(NOOK).max(4));
+    Bare { bare, open }
+}
+
+/// Pixels that show bare faces.
+pub struct Bare {
+    /// All of them.
+    pub bare: Mask,
+    /// Those of them that are not in nooks between objects.
+    pub open: Mask,
 }
 
 /// A mask without what is nowhere wider than twice the radius.
@@ -115,11 +127,14 @@ fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
+/// Alpha of texels that tell the light only.
+pub const NOOK_ALPHA: u8 = 160;
+
 /// A face of the room as the photo shows it.
 pub struct Face {
     /// Which.
     pub surface: Surface,
-    /// Opaque where the bare face was seen.
+    /// Opaque where the bare face was seen, half opaque in nooks ([`NOOK_ALPHA`]).
     pub texture: RgbaImage,
     /// Texels that the photo has at least as fine.
     pub sharp: Vec<bool>,
@@ -135,10 +150,16 @@ impl Face {
         extents: &Extents,
         surface: Surface,
         px_per_m: f64,
-        bare: &Mask,
+        Bare { bare, open }: &Bare,
     ) -> Self {
         let rect = SurfaceRect::whole(surface, extents);
-        let texture = surface_texture(source, camera, extents, &rect, px_per_m, bare);
+        let mut texture = surface_texture(source, camera, extents, &rect, px_per_m, bare);
+        let kept = surface_texture(source, camera, extents, &rect, px_per_m, open);
+        for (p, k) in texture.pixels_mut().zip(kept.pixels()) {
+            if p.0[3] > 0 && k.0[3] == 0 {
+                p.0[3] = NOOK_ALPHA;
+            }
+        }
         let size = ImageSize::new(texture.width(), texture.height());
         let sharp = sharp(camera, extents, surface, size);
         Self { surface, texture, sharp, px_per_m }
@@ -264,14 +285,18 @@ mod tests {
         let camera = camera();
         let all = Mask::from_fn(camera.size, |_, _| true);
         let photo = RgbImage::from_pixel(160, 120, image::Rgb([100; 3]));
-        let mut face = Face::seen(&photo, &camera, &extents, Surface::Back, 100.0, &all);
+        let open = Mask::from_fn(camera.size, |x, _| x < 140);
+        let bare = Bare { bare: all, open };
+        let mut face = Face::seen(&photo, &camera, &extents, Surface::Back, 100.0, &bare);
+        let alphas: std::collections::BTreeSet<u8> = face.texture.pixels().map(|p| p.0[3]).collect();
+        assert_eq!(alphas.into_iter().collect::<Vec<_>>(), [0, NOOK_ALPHA, 255]);
         let bottom = face.texture.height() - 1;
         assert_eq!(face.texture.get_pixel(200, bottom).0[3], 255);
         face.without_seams(&camera, &extents);
         face.without_heights(&extents, 1.0, 1.2);
-        // 2.5 pixels of 117 px focal length at 4.5 m are 10 cm.
+        // 1.5 pixels of 117 px focal length at 4.5 m are 6 cm.
         assert_eq!(face.texture.get_pixel(200, bottom).0[3], 0);
-        assert_eq!(face.texture.get_pixel(200, bottom - 8).0[3], 0);
+        assert_eq!(face.texture.get_pixel(200, bottom - 4).0[3], 0);
         assert_eq!(face.texture.get_pixel(200, bottom - 20).0[3], 255);
         assert_eq!(face.texture.get_pixel(200, bottom - 110).0[3], 0);
     }

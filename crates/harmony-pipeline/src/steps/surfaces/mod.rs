@@ -13,7 +13,7 @@ use image::{DynamicImage, RgbImage};
 use rayon::prelude::*;
 use serde_json::json;
 
-use evidence::Face;
+use evidence::{Bare, Face};
 use paint::Painted;
 
 use crate::ctx::{PhaseCtx, PhaseError};
@@ -103,10 +103,14 @@ fn with_margin(state: &SceneState, objects: &Mask) -> Mask {
 pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<RgbImage>>) -> Result<(), PhaseError> {
     let seen = state.clone();
     let finest = ctx.settings.surface_px_per_m;
-    let (painted, trims) = tokio::task::spawn_blocking(move || painted(&seen, bare.as_deref(), finest))
+    let (painted, trims, faces) = tokio::task::spawn_blocking(move || painted(&seen, bare.as_deref(), finest))
         .await
         .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
     state.trims = trims;
+    for face in &faces {
+        let name = format!("textures/seen/{}.png", face.surface.name());
+        ctx.write_picture_rgba_in("1_layout", &name, &face.texture)?;
+    }
     for (surface, image) in painted.textures {
         let opaque = DynamicImage::ImageRgba8(image.clone()).to_rgb8();
         ctx.write_picture_in("1_layout", &format!("textures/{}.png", surface.name()), &opaque)?;
@@ -128,10 +132,13 @@ pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<Rg
 }
 
 /// All faces in their materials, and the boards along the walls.
-fn painted(state: &SceneState, bare: Option<&RgbImage>, finest: f64) -> (Painted, Trims) {
+fn painted(state: &SceneState, bare: Option<&RgbImage>, finest: f64) -> (Painted, Trims, Vec<Face>) {
     let (camera, extents) = (state.partial.camera, state.partial.room.extents);
     let visible = match bare {
-        Some(_) => Mask::from_fn(camera.size, |_, _| true).minus(&state.photo_frame),
+        Some(_) => {
+            let all = Mask::from_fn(camera.size, |_, _| true).minus(&state.photo_frame);
+            Bare { open: all.clone(), bare: all }
+        }
         None => evidence::bare_pixels(state),
     };
     let source = bare.unwrap_or(&state.photo);
@@ -156,5 +163,5 @@ fn painted(state: &SceneState, bare: Option<&RgbImage>, finest: f64) -> (Painted
             }
         }
     });
-    (paint::paint(&faces, &answer.surfaces, &extents), trims)
+    (paint::paint(&faces, &answer.surfaces, &state.partial.room), trims, faces)
 }

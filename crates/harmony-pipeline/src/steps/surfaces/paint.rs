@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use harmony_imaging::color::lab_from_rgb8;
-use harmony_imaging::tile::{Look, Survey};
+use harmony_imaging::tile::{Grain, Look, Survey};
 use harmony_prompts::{LayoutPart, LayoutPartKind, LayoutSurface};
-use harmony_scene::{Extents, Surface};
+use harmony_scene::{Extents, OpeningKind, Room, Surface};
 use image::{RgbaImage, imageops};
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -15,9 +15,15 @@ use super::evidence::Face;
 /// A face of which less is seen takes its neighbours' material, square metres.
 const LEAST_SEEN: f64 = 0.12;
 /// Seen area beyond which more of it says no more about what is usual in the room, square metres.
-const ENOUGH: f64 = 3.0;
+const ENOUGH: f64 = 0.8;
 /// Chroma (Lab) that outweighs one such area: an accent wall is the most colourful one.
-const COLOURFUL: f64 = 18.0;
+const COLOURFUL: f64 = 10.0;
+/// Lightness (Lab) that is worth one such area.
+const LIGHT: f64 = 200.0;
+/// Chroma up to which a ceiling is taken for white under coloured light.
+const WHITE: f32 = 15.0;
+/// How much lighter a wall is that faces a window than the window's own, which has the light behind it.
+const FACING: f32 = 1.12;
 const SEED: u64 = 0x5eed;
 
 /// A level stretch of a face: the whole of it, but on walls with parts.
@@ -48,15 +54,16 @@ pub struct Painted {
 }
 
 /// Paints all faces.
-pub fn paint(faces: &[Face], answer: &[LayoutSurface], extents: &Extents) -> Painted {
+pub fn paint(faces: &[Face], answer: &[LayoutSurface], room: &Room) -> Painted {
+    let extents = &room.extents;
     let strips = all_strips(answer, extents);
     let jobs: Vec<(&Face, Strip)> =
         faces.iter().flat_map(|f| strips[&f.surface].iter().map(move |s| (f, *s))).collect();
     let pieces: Vec<Piece> = jobs.into_par_iter().map(|(face, strip)| Piece::of(face, strip, extents)).collect();
     let light = Light::of(&pieces, answer);
-    let plain = plainest(&pieces);
+    let plain = Plain::of(&pieces, room);
     let painted: Vec<(RgbaImage, Value)> =
-        pieces.par_iter().map(|piece| piece.painted(&pieces, plain, &light, answer)).collect();
+        pieces.par_iter().map(|piece| piece.painted(&pieces, &plain, &light, answer)).collect();
     let mut textures = BTreeMap::new();
     let mut notes = Vec::new();
     for face in faces {
@@ -124,8 +131,10 @@ impl Piece {
         let tall = rows[1].saturating_sub(rows[0]);
         let texture = imageops::crop_imm(&face.texture, 0, rows[0], width, tall).to_image();
         let start = rows[0] as usize * width as usize;
+        let coarse = face.surface == Surface::Floor || strip.kind.is_some_and(|k| k != LayoutPartKind::Accent);
+        let grain = if coarse { Grain::Coarse } else { Grain::Fine };
         let sharp = &face.sharp[start..start + tall as usize * width as usize];
-        let survey = Survey::of(&texture, sharp, face.px_per_m, SEED ^ face.surface as u64);
+        let survey = Survey::of(&texture, sharp, face.px_per_m, grain, SEED ^ face.surface as u64);
         Self { surface: face.surface, strip, rows, size: [width, tall], survey }
     }
 
@@ -134,7 +143,7 @@ impl Piece {
     }
 
     /// The strip's texture.
-    fn painted(&self, all: &[Self], plain: Option<&Survey>, light: &Light, answer: &[LayoutSurface]) -> (RgbaImage, Value) {
+    fn painted(&self, all: &[Self], plain: &Plain, light: &Light, answer: &[LayoutSurface]) -> (RgbaImage, Value) {
         let (image, from) = if let Some(own) = self.seen() {
             (own.complete(), "what was seen of it")
         } else {
@@ -159,7 +168,7 @@ impl Piece {
     fn borrowed(
         &self,
         all: &[Self],
-        plain: Option<&Survey>,
+        plain: &Plain,
         light: &Light,
         answer: &[LayoutSurface],
     ) -> (Look, &'static str) {
@@ -174,7 +183,7 @@ impl Piece {
                 return (other.look.clone(), "the same part of another wall");
             }
         }
-        let base = plain.map_or_else(|| Look::plain([168.0, 164.0, 158.0], SEED), |s| s.look.clone());
+        let base = &plain.look;
         match (self.surface, named) {
             (Surface::Floor, Some(color)) => (Look::plain(light.on(color), SEED), "the layout answer"),
             (Surface::Floor, None) => (Look::plain(base.color.map(|c| c * 0.6), SEED), "a guess"),
@@ -183,22 +192,53 @@ impl Piece {
                 (base.unpatterned().tinted(base.color.map(|c| c + (255.0 - c) / 2.0)), "the plainest wall, whiter")
             }
             (_, Some(color)) => (base.tinted(light.on(color)), "the layout answer's colour, the plainest wall's grain"),
-            (_, None) => (base, "the plainest wall"),
+            (_, None) => (plain.on(self.surface), "the plainest wall"),
         }
     }
 }
 
-/// The seen wall whose look is most likely that of the unseen ones: much of it seen, and not colourful.
-fn plainest(pieces: &[Piece]) -> Option<&Survey> {
-    let score = |survey: &Survey| {
-        let [_, a, b] = lab_from_rgb8(survey.look.color.map(|c| c.round().clamp(0.0, 255.0) as u8));
-        (survey.seen_area / ENOUGH).min(1.0) - f64::from(a.hypot(b)) / COLOURFUL
-    };
-    pieces
-        .iter()
-        .filter(|p| p.surface.wall().is_some() && p.strip.kind.is_none())
-        .filter_map(Piece::seen)
-        .max_by(|a, b| score(a).total_cmp(&score(b)))
+/// The material of walls that are not seen: that of the seen wall which is most likely the usual one.
+struct Plain {
+    look: Look,
+    /// The walls with windows, when the seen one is among them.
+    windows: Vec<Surface>,
+}
+
+impl Plain {
+    /// Much of it is seen, it is light, and not colourful; colours are judged against a seen ceiling, taken for white.
+    fn of(pieces: &[Piece], room: &Room) -> Self {
+        let lab = |survey: &Survey| lab_from_rgb8(survey.look.color.map(|c| c.round().clamp(0.0, 255.0) as u8));
+        let ceiling = pieces.iter().filter(|p| p.surface == Surface::Ceiling).find_map(Piece::seen).map(lab);
+        let white = ceiling.filter(|c| c[1].hypot(c[2]) < WHITE).unwrap_or([0.0; 3]);
+        let score = |survey: &Survey| {
+            let [l, a, b] = lab(survey);
+            let chroma = (a - white[1]).hypot(b - white[2]);
+            (survey.seen_area / ENOUGH).min(1.0) - f64::from(chroma) / COLOURFUL + f64::from(l) / LIGHT
+        };
+        let usual = pieces
+            .iter()
+            .filter(|p| p.surface.wall().is_some() && p.strip.kind.is_none())
+            .filter_map(|p| Some((p.surface, p.seen()?)))
+            .max_by(|a, b| score(a.1).total_cmp(&score(b.1)));
+        let with_windows: Vec<Surface> =
+            room.openings.iter().filter(|o| o.kind == OpeningKind::Window).map(|o| o.wall.surface()).collect();
+        match usual {
+            Some((surface, survey)) => {
+                let windows = if with_windows.contains(&surface) { with_windows } else { Vec::new() };
+                Self { look: survey.look.clone(), windows }
+            }
+            None => Self { look: Look::plain([168.0, 164.0, 158.0], SEED), windows: Vec::new() },
+        }
+    }
+
+    /// The material on a wall that is not seen.
+    fn on(&self, surface: Surface) -> Look {
+        if self.windows.is_empty() || self.windows.contains(&surface) {
+            self.look.clone()
+        } else {
+            self.look.tinted(self.look.color.map(|c| (c * FACING).min(250.0)))
+        }
+    }
 }
 
 /// What the photo's light makes of colours that the answer gives.
@@ -230,11 +270,24 @@ impl Light {
 #[cfg(test)]
 mod tests {
     use harmony_prompts::SurfaceName;
+    use harmony_scene::{Opening, Wall};
     use image::Rgba;
 
     use super::*;
 
     const ROOM: Extents = Extents { width: 3.0, height: 2.5, depth: 4.0 };
+
+    fn room(windows: &[Wall]) -> Room {
+        let window = |wall| Opening { kind: OpeningKind::Window, wall, u: [1.0, 2.0], y: [0.9, 2.0], object: None };
+        Room {
+            room_type: "bedroom".into(),
+            extents: ROOM,
+            seen: vec![],
+            openings: windows.iter().map(|w| window(*w)).collect(),
+            floor_texture: None,
+            wall_texture: None,
+        }
+    }
 
     fn face(surface: Surface, color: Option<[u8; 3]>) -> Face {
         let size = surface.size(&ROOM);
@@ -259,7 +312,7 @@ mod tests {
     #[test]
     fn an_unseen_wall_takes_the_plain_neighbours_colour_not_the_accent_walls() {
         let (blue, grey) = ([40, 80, 140], [190, 186, 178]);
-        let painted = paint(&faces([Some([90, 80, 70]), None, Some(blue), Some(grey), None, None]), &[], &ROOM);
+        let painted = paint(&faces([Some([90, 80, 70]), None, Some(blue), Some(grey), None, None]), &[], &room(&[]));
         for surface in [Surface::Right, Surface::Front] {
             let color = mean(&painted.textures[&surface]);
             assert!(color.iter().zip(grey).all(|(a, b)| (a - f64::from(b)).abs() < 5.0), "{surface:?}: {color:?}");
@@ -272,6 +325,13 @@ mod tests {
     }
 
     #[test]
+    fn a_wall_that_faces_the_window_is_lighter_than_the_windows_own() {
+        let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &[], &room(&[Wall::Back]));
+        let right = mean(&painted.textures[&Surface::Right]);
+        assert!((right[0] - 150.0 * f64::from(FACING)).abs() < 4.0, "{right:?}");
+    }
+
+    #[test]
     fn a_named_colour_is_seen_under_the_rooms_light() {
         let named = |surface, hex: &str| LayoutSurface {
             surface,
@@ -281,7 +341,7 @@ mod tests {
         };
         // The back wall is named at 200 and seen at 150: three quarters of the light.
         let answer = [named(SurfaceName::WallBack, "#c8c8c8"), named(SurfaceName::WallRight, "#50a0a0")];
-        let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &answer, &ROOM);
+        let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &answer, &room(&[]));
         let right = mean(&painted.textures[&Surface::Right]);
         assert!((right[0] - 60.0).abs() < 5.0 && (right[1] - 120.0).abs() < 5.0, "{right:?}");
     }
@@ -303,7 +363,7 @@ mod tests {
                 *p = Rgba([70, 110, 80, 255]);
             }
         }
-        let painted = paint(&all, &answer, &ROOM);
+        let painted = paint(&all, &answer, &room(&[]));
         let front = &painted.textures[&Surface::Front];
         assert!(front.get_pixel(60, 60).0[0] > 185 && front.get_pixel(60, 90).0[0] < 90);
         // The edge is sharp where nothing was seen, too.

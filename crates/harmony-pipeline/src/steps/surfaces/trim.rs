@@ -14,9 +14,12 @@ const HEIGHTS: [f64; 2] = [0.035, 0.2];
 const ABOVE: f64 = 0.16;
 /// Length of wall that must be seen down to the floor, metres.
 const LENGTH: f64 = 0.25;
-/// Colour difference that makes a board, Lab units; and that from the floor, so that a line of floor is none.
+/// Step in colour that makes the edge of a board, Lab units; and difference from the floor, so that a line of floor is
+/// none.
 const DIFFERENT: f32 = 4.0;
 const NOT_FLOOR: f32 = 7.0;
+/// Colours that differ by less can be one board under uneven light.
+const ONE_BOARD: f32 = 12.0;
 /// Depth of a board that is only seen, metres.
 const DEPTH: f64 = 0.014;
 
@@ -78,23 +81,27 @@ fn on_wall(face: &Face, extents: &Extents, floor: Option<[f32; 3]>) -> Option<(T
         (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt()
     };
     let at = |metres: f64| ((metres * per_m) as usize).min(profile.len() - 1);
-    let wall = mean(&profile[at(HEIGHTS[1])..]);
-    let differs: Vec<bool> = profile.iter().map(|c| apart(*c, wall) > DIFFERENT).collect();
-    // The board ends at the last row that differs, and all above is wall.
-    let top = differs.iter().rposition(|d| *d)?;
-    if top < at(HEIGHTS[0]) || top >= at(HEIGHTS[1]) {
+    // The board's upper edge is the sharpest step, for walls darken smoothly towards the floor.
+    let step = |k: usize| apart(mean(&profile[k - 3..k - 1]), mean(&profile[k + 1..k + 3]));
+    let (low, high) = (at(HEIGHTS[0]).max(3), at(HEIGHTS[1]).min(profile.len() - 3));
+    let top = (low..high).max_by(|a, b| step(*a).total_cmp(&step(*b)))?;
+    let sharpest = step(top);
+    let others = (top + 4..profile.len() - 3).map(step).fold(0.0, f32::max);
+    if sharpest < DIFFERENT || others > sharpest / 2.0 {
         return None;
     }
-    // What looks like the floor at its foot is floor: the line between both is a little off.
+    // Down to the floor: the line between both may be a little off.
     let like_floor = |c: [f32; 3]| floor.is_some_and(|f| apart(c, f) < NOT_FLOOR);
-    let foot = (0..=top).rev().find(|k| like_floor(profile[*k]) || !differs[*k]).map_or(0, |k| k + 1);
-    let tall = (top + 1 - foot) as f64 / per_m;
-    if tall < HEIGHTS[0] * 0.7 || foot as f64 / per_m > 0.08 {
+    let upper = mean(&profile[top - 3..top - 1]);
+    let foot = (0..top - 1).rev().find(|k| like_floor(profile[*k]) || apart(profile[*k], upper) > ONE_BOARD);
+    let foot = foot.map_or(0, |k| k + 1);
+    let tall = (top - foot) as f64 / per_m;
+    if like_floor(upper) || tall < HEIGHTS[0] * 0.7 || foot as f64 / per_m > 0.08 {
         return None;
     }
-    let span = top + 1 - foot;
-    let color = mean(&profile[foot + span / 4..=top - span / 5]);
-    (apart(color, wall) > DIFFERENT).then(|| (Trim { height: tall, depth: DEPTH, color: linear(color) }, length))
+    let span = top - foot;
+    let color = mean(&profile[foot + span / 4..=top - 1 - span / 5]);
+    Some((Trim { height: tall, depth: DEPTH, color: linear(color) }, length))
 }
 
 fn mean(colors: &[[f32; 3]]) -> [f32; 3] {
