@@ -6,7 +6,11 @@ use glam::{DVec2, DVec3, Vec2};
 use harmony_scene::{Extents, Room, Surface};
 use image::RgbaImage;
 
+pub use trim::{Trim, Trims};
+
 use crate::{Group, Material, Mesh};
+
+mod trim;
 
 /// What to leave out of the shell, and how deep its openings are.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,11 +21,13 @@ pub struct ShellOptions {
     pub reveal: f64,
     /// Linear colour of faces without a texture.
     pub plain: [f32; 3],
+    /// Skirting, cornice and casings, with groups and materials of their own after those of the faces.
+    pub trims: Trims,
 }
 
 impl Default for ShellOptions {
     fn default() -> Self {
-        Self { omit: Vec::new(), reveal: 0.1, plain: [0.6, 0.58, 0.55] }
+        Self { omit: Vec::new(), reveal: 0.1, plain: [0.6, 0.58, 0.55], trims: Trims::default() }
     }
 }
 
@@ -67,6 +73,7 @@ pub fn room_shell_with(
         mesh.groups.push(Group { material: mesh.materials.len(), triangles });
         mesh.materials.push(material);
     }
+    trim::add(&mut mesh, room, &options.trims, &options.omit);
     mesh
 }
 

@@ -245,6 +245,19 @@ impl PhaseCtx<'_> {
         Ok(harmony_io::write_atomic(&self.file(relative)?, text.as_bytes())?)
     }
 
+    /// Writes JSON into another phase's folder.
+    ///
+    /// # Errors
+    /// Unwritable files.
+    pub fn write_json_in<T: Serialize + ?Sized>(
+        &self,
+        phase: &str,
+        relative: &str,
+        value: &T,
+    ) -> Result<(), PhaseError> {
+        Ok(harmony_io::write_json(&self.file_in(phase, relative)?, value)?)
+    }
+
     /// Writes a PNG into the phase's folder.
     ///
     /// # Errors
@@ -259,6 +272,14 @@ impl PhaseCtx<'_> {
     /// Unwritable files.
     pub fn write_picture_in(&self, phase: &str, relative: &str, image: &RgbImage) -> Result<(), PhaseError> {
         Ok(picture::write_rgb_png(&self.file_in(phase, relative)?, image)?)
+    }
+
+    /// Writes a PNG with alpha into another phase's folder.
+    ///
+    /// # Errors
+    /// Unwritable files.
+    pub fn write_picture_rgba_in(&self, phase: &str, relative: &str, image: &RgbaImage) -> Result<(), PhaseError> {
+        Ok(picture::write_rgba_png(&self.file_in(phase, relative)?, image)?)
     }
 
     /// Writes a PNG with alpha into the phase's folder.

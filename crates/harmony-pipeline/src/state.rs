@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use harmony_mesh::{Mesh, PartModel};
+use harmony_mesh::{Mesh, PartModel, Trims};
 use harmony_placement::{PartialScene, Shape};
 use harmony_prompts::{InspectedObject, LayoutAnswer};
 use harmony_roles::Detection;
@@ -100,6 +100,10 @@ pub struct SceneState {
     pub textured: BTreeMap<ObjectId, Arc<Mesh>>,
     /// Textures of the room's faces.
     pub surfaces: BTreeMap<Surface, Arc<RgbaImage>>,
+    /// Boards along the walls.
+    pub trims: Trims,
+    /// Pixels of what was found and then left out, by label: not in the scene, and no bare room either.
+    pub rejected: Vec<(String, Arc<Mask>)>,
     /// Candidates that are not in the scene: label, phase, reason.
     pub dropped: Vec<(String, String, String)>,
     /// Sentences about the scene, one a level.
@@ -152,13 +156,14 @@ impl SceneState {
         self.textured.get(id).or_else(|| self.prepared.get(id).map(|p| &p.mesh))
     }
 
-    /// Union of all objects' masks, placed or dropped: everything that is not bare room.
+    /// Union of all masks of what was found, prepared or left out: everything that is not bare room.
+    ///
+    /// What was left out because it *is* the room (a wall, a skirting board) stays bare.
     pub fn all_objects(&self) -> Mask {
-        let mut all = Mask::empty(self.partial.camera.size);
-        for prepared in self.prepared.values() {
-            all = all.or(&prepared.candidate.mask);
-        }
-        all
+        let size = self.partial.camera.size;
+        let prepared = self.prepared.values().map(|p| &p.candidate.mask);
+        let rejected = self.rejected.iter().filter(|(label, _)| !is_of_the_room(label)).map(|(_, mask)| &**mask);
+        prepared.chain(rejected).filter(|m| m.size() == size).fold(Mask::empty(size), |all, mask| all.or(mask))
     }
 
     /// A crop of a candidate for sheets and files: transparent where it is not the object.
@@ -166,6 +171,17 @@ impl SceneState {
         let prepared = self.prepared.get(id)?;
         harmony_imaging::sheet::crop_rgba(&self.photo, &prepared.candidate.mask, 0.08).map(|(image, _)| image)
     }
+}
+
+/// Whether a label names a part of the room itself: its last word counts, a wall clock hangs on the wall.
+pub fn is_of_the_room(label: &str) -> bool {
+    const PARTS: [&str; 16] = [
+        "wall", "walls", "floor", "flooring", "ceiling", "room", "corner", "skirting", "baseboard", "baseboards",
+        "moulding", "molding", "cornice", "panelling", "paneling", "wainscot",
+    ];
+    let words = label.to_lowercase();
+    let last = words.split(|c: char| !c.is_alphabetic()).filter(|w| !w.is_empty()).next_back();
+    last.is_some_and(|w| PARTS.contains(&w)) || words.contains("skirting board")
 }
 
 /// Rugs and mats: they lie under everything.

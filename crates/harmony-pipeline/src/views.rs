@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec3;
 use harmony_imaging::sheet::{LabelledBox, LineEnds, draw_boxes, draw_polyline, palette};
-use harmony_mesh::{Bounds, Mesh, ShellOptions, room_shell_with};
+use harmony_mesh::{Bounds, Mesh, ShellOptions, Trims, room_shell_with};
 use harmony_placement::{Placed, may_be_seen};
 use harmony_render::{Glass, Instance, Lighting, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window};
 use harmony_scene::{Camera, ImageSize, PixelBox, Pose, Room, Size, Support, Surface};
@@ -19,7 +19,8 @@ const OUTSIDE: [u8; 4] = [235, 238, 242, 255];
 /// The room shell with the textures made so far.
 pub fn shell(state: &SceneState, omit: Vec<Surface>) -> Mesh {
     let textures = |surface: Surface| state.surfaces.get(&surface).cloned();
-    room_shell_with(&state.partial.room, &textures, &ShellOptions { omit, ..ShellOptions::default() })
+    let options = ShellOptions { omit, trims: state.trims, ..ShellOptions::default() };
+    room_shell_with(&state.partial.room, &textures, &options)
 }
 
 /// What the scene draws, the shell first.
@@ -69,6 +70,7 @@ struct Shown {
     camera: Camera,
     room: Room,
     surfaces: Vec<(Surface, Arc<RgbaImage>)>,
+    trims: Trims,
     objects: Vec<(u32, Pose, Arc<Mesh>)>,
 }
 
@@ -81,6 +83,7 @@ impl Shown {
         Self {
             camera: state.partial.camera,
             room: state.partial.room.clone(),
+            trims: state.trims,
             surfaces: state.surfaces.iter().map(|(surface, texture)| (*surface, Arc::clone(texture))).collect(),
             objects: objects.collect(),
         }
@@ -90,6 +93,7 @@ impl Shown {
     fn is(&self, other: &Self) -> bool {
         self.camera == other.camera
             && self.room == other.room
+            && self.trims == other.trims
             && self.surfaces.len() == other.surfaces.len()
             && self.surfaces.iter().zip(&other.surfaces).all(|(a, b)| a.0 == b.0 && Arc::ptr_eq(&a.1, &b.1))
             && self.objects.len() == other.objects.len()

@@ -30,6 +30,12 @@ pub struct LayoutAnswer {
     pub floor_texture: FloorTexture,
     /// STEP 4.
     pub wall_texture: WallTexture,
+    /// STEP 4: what floor, ceiling and walls are made of, in figures (beyond the paper).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub surfaces: Vec<LayoutSurface>,
+    /// STEP 4: boards that go round the room (beyond the paper).
+    #[serde(default, skip_serializing_if = "LayoutTrims::is_empty")]
+    pub trims: LayoutTrims,
     /// Room corners that furniture hides, in words.
     #[serde(default)]
     pub blocked_corners: Vec<String>,
@@ -180,6 +186,12 @@ pub struct LayoutPin {
     pub points: Vec<[f64; 2]>,
 }
 
+mod surfaces;
+
+pub use surfaces::{
+    LayoutPart, LayoutPartKind, LayoutPattern, LayoutPatternKind, LayoutSurface, LayoutTrim, LayoutTrims, SurfaceName,
+};
+
 /// The question.
 pub fn layout(vars: &LayoutVars) -> Question {
     let measured = if vars.measured.is_empty() { "Nothing is measured yet.".to_owned() } else { vars.measured.clone() };
@@ -240,6 +252,12 @@ impl LayoutAnswer {
                 tile_size_m: 1.0,
                 synthesis_prompt: "seamless matt off-white plaster".into(),
             },
+            surfaces: surfaces::example(),
+            trims: LayoutTrims {
+                skirting: Some(LayoutTrim { height_m: 0.08, depth_m: 0.015, color_hex: "#f2f0ea".into() }),
+                cornice: None,
+                casing: None,
+            },
             blocked_corners: vec![],
             pins: vec![
                 LayoutPin { edge: PinKind::FloorBack, points: vec![[310.0, 640.0], [980.0, 690.0]] },
@@ -260,6 +278,7 @@ impl LayoutAnswer {
         in_range("camera.tilt_deg", self.camera.tilt_deg, -80.0, 80.0)?;
         in_range("camera.yaw_deg", self.camera.yaw_deg, -90.0, 90.0)?;
         in_range("camera.dist_to_back_m", self.camera.dist_to_back_m, 0.2, 40.0)?;
+        surfaces::check(&self.surfaces, &self.trims)?;
         for pin in &self.pins {
             if pin.points.len() < 2 {
                 return Err(format!("pin {:?} has {} point(s); two or more are needed", pin.edge, pin.points.len()));

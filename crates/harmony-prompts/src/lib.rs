@@ -22,8 +22,9 @@ pub use last_look::{
     Difference, DifferenceKind, LastAction, LastActionKind, LastLookAnswer, LastLookVars, MOST_LAST_ACTIONS, last_look,
 };
 pub use layout::{
-    BackWallSide, FloorTexture, LayoutAnswer, LayoutCamera, LayoutOpening, LayoutPin, LayoutRoom, LayoutVars,
-    LayoutWall, PinKind, WallTexture, layout,
+    BackWallSide, FloorTexture, LayoutAnswer, LayoutCamera, LayoutOpening, LayoutPart, LayoutPartKind, LayoutPattern,
+    LayoutPatternKind, LayoutPin, LayoutRoom, LayoutSurface, LayoutTrim, LayoutTrims, LayoutVars, LayoutWall, PinKind,
+    SurfaceName, WallTexture, layout,
 };
 pub use lighting::{LightingReviewVars, LightsVars, lighting_review, lights};
 pub use list::{ListAnswer, ListVars, ListedInstance, ListedItem, list};

@@ -79,6 +79,9 @@ impl Oracle {
         answer.room.floor_width_m = room.extents.width * self.factor("width", noise.extent);
         answer.room.floor_depth_m = room.extents.depth * self.factor("depth", noise.extent);
         answer.walls.clear();
+        // The example's materials are another room's.
+        answer.surfaces.clear();
+        answer.trims = harmony_prompts::LayoutTrims::default();
         answer.blocked_corners.clear();
         let (forward, centre) = (camera.forward(), camera.centre());
         let degrees = |purpose: &str| 50.0 * noise.hints * self.draws.normal(purpose).clamp(-2.5, 2.5);

@@ -11,6 +11,27 @@ const CELLS: usize = 40;
 const BLUR_CELLS: f32 = 2.0;
 /// Cells over which the colour goes back to the median, away from what was observed.
 const SETTLING_CELLS: f32 = 6.0;
+/// How a field follows what was observed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Smoothing {
+    /// Side of a cell, texels.
+    pub cell: usize,
+    /// Blur, cells.
+    pub blur: f32,
+    /// Cells over which the field goes back to the median.
+    pub settling: f32,
+}
+
+impl Smoothing {
+    /// What suits any texture of that size.
+    fn usual(width: usize, height: usize) -> Self {
+        Self {
+            cell: width.max(height).div_ceil(CELLS).max(1),
+            blur: BLUR_CELLS,
+            settling: SETTLING_CELLS,
+        }
+    }
+}
 
 /// A smooth colour field over a texture.
 #[derive(Debug, Clone)]
@@ -26,9 +47,14 @@ pub(super) struct Base {
 impl Base {
     /// The field of a texture's observed texels; `None` without any.
     pub(super) fn of(texture: &RgbaImage) -> Option<Self> {
+        Self::smooth(texture, &Smoothing::usual(texture.width() as usize, texture.height() as usize))
+    }
+
+    /// [`Base::of`], as smooth as wanted.
+    pub(super) fn smooth(texture: &RgbaImage, smoothing: &Smoothing) -> Option<Self> {
         let median = median(texture)?;
         let (tw, th) = (texture.width() as usize, texture.height() as usize);
-        let cell = tw.max(th).div_ceil(CELLS).max(1);
+        let cell = smoothing.cell.max(1);
         let (width, height) = (tw.div_ceil(cell), th.div_ceil(cell));
         let mut sums = vec![([0.0_f32; 3], 0.0_f32); width * height];
         for (x, y, p) in texture.enumerate_pixels() {
@@ -45,10 +71,10 @@ impl Base {
         let observed: Vec<bool> = sums.iter().map(|(_, n)| *n > 0.12 * full).collect();
         let weighted: Vec<(Color, f32)> =
             sums.iter().map(|(sum, n)| if *n > 0.0 { (sum.map(|s| s / n), n / full) } else { (median, 0.0) }).collect();
-        let blurred = blur(&weighted, width, height);
+        let blurred = blur(&weighted, width, height, smoothing.blur);
         let mut cells: Vec<Color> =
             blurred.iter().zip(&observed).map(|(b, seen)| if *seen { *b } else { median }).collect();
-        settle(&mut cells, &observed, width, height, median);
+        settle(&mut cells, &observed, (width, height), median, smoothing.settling);
         Some(Self { width, height, scale: (1.0 / cell as f32, 1.0 / cell as f32), cells, median })
     }
 
@@ -94,8 +120,8 @@ pub(super) fn median(texture: &RgbaImage) -> Option<Color> {
 }
 
 /// Gaussian mean of the weighted cells around each cell.
-fn blur(cells: &[(Color, f32)], width: usize, height: usize) -> Vec<Color> {
-    let reach = (BLUR_CELLS * 2.5).ceil() as i32;
+fn blur(cells: &[(Color, f32)], width: usize, height: usize, sigma: f32) -> Vec<Color> {
+    let reach = (sigma * 2.5).ceil() as i32;
     (0..width * height)
         .map(|i| {
             let (x, y) = ((i % width) as i32, (i / width) as i32);
@@ -107,7 +133,7 @@ fn blur(cells: &[(Color, f32)], width: usize, height: usize) -> Vec<Color> {
                         continue;
                     }
                     let (color, n) = cells[ny as usize * width + nx as usize];
-                    let weight = n * (-((dx * dx + dy * dy) as f32) / (2.0 * BLUR_CELLS * BLUR_CELLS)).exp();
+                    let weight = n * (-((dx * dx + dy * dy) as f32) / (2.0 * sigma * sigma)).exp();
                     for (s, c) in sum.iter_mut().zip(color) {
                         *s += weight * c;
                     }
@@ -121,8 +147,8 @@ fn blur(cells: &[(Color, f32)], width: usize, height: usize) -> Vec<Color> {
 
 /// Fills the unobserved cells with the smooth field that leaves the observed ones and decays to the median (the
 /// screened Laplace equation).
-fn settle(cells: &mut [Color], observed: &[bool], width: usize, height: usize, median: Color) {
-    let pull = 1.0 / (SETTLING_CELLS * SETTLING_CELLS);
+fn settle(cells: &mut [Color], observed: &[bool], (width, height): (usize, usize), median: Color, settling: f32) {
+    let pull = 1.0 / (settling * settling);
     for _ in 0..300 {
         let mut most = 0.0_f32;
         for i in 0..cells.len() {

@@ -2,10 +2,14 @@
 //!
 //! A surface is taken as a smooth field (paint, light, vignetting) plus detail. The field goes on from the observed
 //! part and settles at the median far away; the detail is copied by the exemplar fill of [`crate::inpaint`]. Known weak
-//! regime: patterns larger than what was observed.
+//! regime: patterns larger than what was observed. The faces of a room are taken apart further ([`Survey`]): there the
+//! detail is a repeating pattern and a tile, which other faces can take over ([`Look`]).
 
 mod base;
+mod lattice;
+mod look;
 mod quilt;
+
 
 use harmony_scene::ImageSize;
 use image::{Rgba, RgbaImage};
@@ -16,6 +20,8 @@ use crate::inpaint::complete;
 use crate::noise::Random;
 use crate::resample::resize_rgba;
 use base::{Base, Color};
+
+pub use look::{Grain, Look, Survey};
 
 /// Parameters of completion and tiles.
 #[derive(Debug, Clone, PartialEq)]

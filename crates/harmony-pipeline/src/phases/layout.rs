@@ -127,6 +127,8 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         prepared: BTreeMap::new(),
         textured: BTreeMap::new(),
         surfaces: BTreeMap::new(),
+        trims: harmony_mesh::Trims::default(),
+        rejected: Vec::new(),
         dropped: Vec::new(),
         summaries: Vec::new(),
         lighting: None,

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use harmony_scene::Level;
+use harmony_scene::{Level, Mask};
 use image::RgbImage;
 use serde_json::json;
 
@@ -24,6 +24,8 @@ pub struct PreparedLevel {
     ready: Vec<Prepared>,
     /// Left out: label or id, and reason, in the order in which it was found out.
     dropped: Vec<(String, String)>,
+    /// Labels and pixels of what was found and is not made ready.
+    rejected: Vec<(String, Arc<Mask>)>,
     /// What was said about the level.
     inspection: Inspection,
 }
@@ -32,6 +34,7 @@ pub struct PreparedLevel {
 pub struct Inspected {
     candidates: Vec<crate::state::Candidate>,
     dropped: Vec<(String, String)>,
+    rejected: Vec<(String, Arc<Mask>)>,
     inspection: Inspection,
 }
 
@@ -59,13 +62,14 @@ pub async fn inspect(
     before: &Before,
 ) -> Result<Inspected, PhaseError> {
     let dropped = found.dropped.iter().map(|d| (d.label.clone(), d.reason.clone())).collect();
+    let rejected = found.rejected.clone();
     let candidates = detect::name(ctx, level, found, before)?;
     let mut inspection = Inspection::default();
     if !candidates.is_empty() {
         ctx.step(&format!("inspecting {} candidates", candidates.len()));
         inspection = inspect::all(ctx, level, before, &candidates).await?;
     }
-    Ok(Inspected { candidates, dropped, inspection })
+    Ok(Inspected { candidates, dropped, rejected, inspection })
 }
 
 /// Completes and meshes the kept objects.
@@ -78,16 +82,19 @@ pub async fn prepare(
     state: &Arc<SceneState>,
     inspected: Inspected,
 ) -> Result<PreparedLevel, PhaseError> {
-    let Inspected { candidates, mut dropped, inspection } = inspected;
+    let Inspected { candidates, mut dropped, mut rejected, inspection } = inspected;
     let count = candidates.len();
+    let masks: Vec<_> = candidates.iter().map(|c| (c.id.clone(), c.detection.label.clone(), c.mask.clone())).collect();
     let mut ready = Vec::new();
     if count > 0 {
         ctx.step("completing and meshing");
         let objects = prepare::all(ctx, level, state, candidates, &inspection).await?;
         dropped.extend(objects.dropped.into_iter().map(|(id, reason)| (id.to_string(), reason)));
         ready = objects.ready;
+        let left_out = masks.into_iter().filter(|(id, _, _)| ready.iter().all(|r| r.candidate.id != *id));
+        rejected.extend(left_out.map(|(_, label, mask)| (label, Arc::new(mask))));
     }
-    Ok(PreparedLevel { candidates: count, ready, dropped, inspection })
+    Ok(PreparedLevel { candidates: count, ready, dropped, rejected, inspection })
 }
 
 /// Places a prepared level and reviews it. `bare` is the picture of the empty room that an image editor drew, for the
@@ -106,6 +113,7 @@ pub async fn place(
     for (label, reason) in prepared.dropped {
         state.dropped.push((label, ctx.phase.to_owned(), reason));
     }
+    state.rejected.extend(prepared.rejected);
     if prepared.candidates > 0 {
         let mut ids = Vec::new();
         for mut object in prepared.ready {

@@ -27,6 +27,8 @@ pub struct Found {
     kept: Vec<((Detection, Mask), Option<f64>)>,
     /// What a filter took out.
     pub dropped: Vec<Dropped>,
+    /// Labels and pixels of what a filter took out after it had a mask.
+    pub rejected: Vec<(String, Arc<Mask>)>,
     /// Hosts that the list named, by box.
     hosts: BTreeMap<[i64; 4], String>,
 }
@@ -94,10 +96,14 @@ pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> 
     }
 
     let mut kept: Vec<((Detection, Mask), Option<f64>)> = Vec::new();
+    let mut rejected = Vec::new();
     for ((pair, score), verdict) in pairs.into_iter().zip(verdicts) {
         match verdict {
             None => kept.push((pair, score)),
-            Some(reason) => dropped.push(Dropped { label: pair.0.label, bounds: pair.0.bounds, reason }),
+            Some(reason) => {
+                rejected.push((pair.0.label.clone(), Arc::new(pair.1)));
+                dropped.push(Dropped { label: pair.0.label, bounds: pair.0.bounds, reason });
+            }
         }
     }
     // Ids count from left to right, so that they are the same whatever order the detector gives.
@@ -105,7 +111,7 @@ pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> 
         let key = |d: &Detection| (d.bounds.x0, d.bounds.y0);
         key(&a.0.0).partial_cmp(&key(&b.0.0)).unwrap_or(std::cmp::Ordering::Equal)
     });
-    Ok(Found { kept, dropped, hosts })
+    Ok(Found { kept, dropped, rejected, hosts })
 }
 
 /// Names what was found, with numbers that earlier levels have not taken, and writes the level's files.

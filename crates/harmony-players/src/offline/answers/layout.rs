@@ -1,7 +1,9 @@
 //! `layout`: the room as the lines of the photo and usual proportions give it.
 
 use harmony_imaging::color::median_color;
-use harmony_prompts::{BackWallSide, FloorTexture, LayoutAnswer, LayoutCamera, LayoutRoom, LayoutWall, WallTexture};
+use harmony_prompts::{
+    BackWallSide, FloorTexture, LayoutAnswer, LayoutCamera, LayoutRoom, LayoutTrims, LayoutWall, WallTexture,
+};
 use harmony_roles::VlmRequest;
 use harmony_scene::{ImageSize, Mask, Wall};
 use image::RgbImage;
@@ -74,6 +76,8 @@ pub fn layout(facts: &Value, request: &VlmRequest) -> LayoutAnswer {
             tile_size_m: 1.0,
             synthesis_prompt: format!("seamless matt {wall} wall paint"),
         },
+        surfaces: vec![],
+        trims: LayoutTrims::default(),
         blocked_corners: vec![],
         pins: vec![],
     }

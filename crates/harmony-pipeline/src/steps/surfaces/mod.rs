@@ -1,17 +1,29 @@
 //! The room's own surfaces: openings, textures of floor, ceiling and walls, the empty-room picture.
 
+mod evidence;
+mod paint;
+mod trim;
+
 use std::sync::Arc;
 
-use harmony_imaging::rectify::{SurfaceRect, surface_texture};
-use harmony_imaging::tile::{TextureSettings, complete_surface};
-use harmony_mesh::template_name;
+use harmony_mesh::{Trims, template_name};
 use harmony_roles::{EditKind, EditRequest, Role};
 use harmony_scene::{Level, Mask, Opening, OpeningKind, Support, Surface};
-use image::{DynamicImage, RgbImage, RgbaImage};
+use image::{DynamicImage, RgbImage};
+use rayon::prelude::*;
+use serde_json::json;
+
+use evidence::{Bare, Face};
+use paint::Painted;
 
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::SceneState;
 use crate::views;
+
+/// Longest side of a face's texture, texels.
+const LONGEST_PX: f64 = 1536.0;
+/// Photo pixels this far from a board may show it, metres.
+const BOARD_MARGIN: f64 = 0.025;
 
 /// Holes that the placed windows and doors cut into the walls.
 pub fn openings(state: &SceneState) -> Vec<Opening> {
@@ -81,75 +93,75 @@ fn with_margin(state: &SceneState, objects: &Mask) -> Mask {
     objects.dilated((state.photo.width() / 200).max(2) as i32).or(&state.photo_frame)
 }
 
-/// Makes the textures of all faces and the empty-room picture.
+/// Makes the textures of all faces, the boards along the walls and the empty-room picture.
 ///
-/// With an image editor that draws, the paper's way: its empty room (`bare`) is projected onto the faces. Otherwise
-/// the photo's bare pixels are, and each face is completed in its own plane, where the texture has no perspective.
+/// With an image editor that draws, its empty room (`bare`) is projected onto the faces, as in the paper; otherwise the
+/// photo's bare pixels are. Either way each face becomes a material that goes on where nothing was seen.
 ///
 /// # Errors
 /// Fatal role errors and unwritable files.
 pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<RgbImage>>) -> Result<(), PhaseError> {
-    let size = state.partial.camera.size;
-    let (source, visible) = if let Some(bare) = bare {
-        (bare, Mask::from_fn(size, |_, _| true))
-    } else {
-        let objects = with_margin(state, &state.all_objects());
-        (state.photo.clone(), Mask::from_fn(size, |_, _| true).minus(&objects))
-    };
-    let camera = state.partial.camera;
-    let extents = state.partial.room.extents;
-    let px_per_m = ctx.settings.surface_px_per_m;
-    let textures = tokio::task::spawn_blocking(move || {
-        use rayon::prelude::*;
-        let complete = |surface: &Surface| {
-            let surface = *surface;
-            let longest = surface.size(&extents).max_element();
-            let px_per_m = px_per_m.min(1536.0 / longest.max(0.1));
-            let rect = SurfaceRect::whole(surface, &extents);
-            let seen = surface_texture(&source, &camera, &extents, &rect, px_per_m, &visible);
-            let observed = seen.pixels().filter(|p| p.0[3] > 127).count();
-            (surface, observed, complete_surface(&seen, &TextureSettings::default()))
-        };
-        Surface::ALL.par_iter().map(complete).collect::<Vec<_>>()
-    })
-    .await
-    .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
-    // A wall that is not seen at all takes the look of a seen one; a ceiling without pixels is plain.
-    let donor = textures
-        .iter()
-        .filter(|(s, _, _)| s.wall().is_some())
-        .max_by_key(|(_, observed, _)| *observed)
-        .map(|(_, _, image)| mean_color(image));
-    for (surface, observed, image) in textures {
-        let image = match (observed, surface.wall(), donor) {
-            (0..64, Some(_), Some(color)) => plain(color),
-            (0..64, None, Some(color)) if surface == Surface::Ceiling => {
-                plain(color.map(|c| c.saturating_add((255 - c) / 2)))
-            }
-            _ => image,
-        };
-        let folder = format!("textures/{}.png", surface.name());
+    let seen = state.clone();
+    let finest = ctx.settings.surface_px_per_m;
+    let (painted, trims, faces) = tokio::task::spawn_blocking(move || painted(&seen, bare.as_deref(), finest))
+        .await
+        .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
+    state.trims = trims;
+    for face in &faces {
+        let name = format!("textures/seen/{}.png", face.surface.name());
+        ctx.write_picture_rgba_in("1_layout", &name, &face.texture)?;
+    }
+    for (surface, image) in painted.textures {
         let opaque = DynamicImage::ImageRgba8(image.clone()).to_rgb8();
-        ctx.write_picture_in("1_layout", &folder, &opaque)?;
+        ctx.write_picture_in("1_layout", &format!("textures/{}.png", surface.name()), &opaque)?;
         state.surfaces.insert(surface, Arc::new(image));
     }
+    let board = |t: harmony_mesh::Trim| json!({ "height_m": t.height, "depth_m": t.depth, "linear_color": t.color });
+    ctx.write_json_in(
+        "1_layout",
+        "surfaces.json",
+        &json!({
+            "surfaces": painted.notes,
+            "skirting": trims.skirting.map(board), "cornice": trims.cornice.map(board), "casing": trims.casing.map(board),
+        }),
+    )?;
     let empty = views::empty_room(state);
     ctx.write_picture_in("1_layout", "empty_room.png", &empty)?;
     debug_assert!(state.partial.placed.iter().all(|p| p.item.level <= Level::Decoration));
     Ok(())
 }
 
-fn plain(color: [u8; 3]) -> RgbaImage {
-    RgbaImage::from_pixel(16, 16, image::Rgba([color[0], color[1], color[2], 255]))
-}
-
-fn mean_color(image: &RgbaImage) -> [u8; 3] {
-    let n = f64::from(image.width()) * f64::from(image.height());
-    let mut sum = [0.0; 3];
-    for p in image.pixels() {
-        for (s, v) in sum.iter_mut().zip(p.0) {
-            *s += f64::from(v);
+/// All faces in their materials, and the boards along the walls.
+fn painted(state: &SceneState, bare: Option<&RgbImage>, finest: f64) -> (Painted, Trims, Vec<Face>) {
+    let (camera, extents) = (state.partial.camera, state.partial.room.extents);
+    let visible = match bare {
+        Some(_) => {
+            let all = Mask::from_fn(camera.size, |_, _| true).minus(&state.photo_frame);
+            Bare { open: all.clone(), bare: all }
         }
-    }
-    sum.map(|s| (s / n.max(1.0)).round() as u8)
+        None => evidence::bare_pixels(state),
+    };
+    let source = bare.unwrap_or(&state.photo);
+    // One texel size for all faces: they lend each other their materials.
+    let longest = extents.as_vec().max_element().max(0.1);
+    let px_per_m = finest.min(LONGEST_PX / longest);
+    let mut faces: Vec<Face> = Surface::ALL
+        .par_iter()
+        .map(|surface| Face::seen(source, &camera, &extents, *surface, px_per_m, &visible))
+        .collect();
+    let answer = &state.layout.answer;
+    let trims = trim::trims(&answer.trims, &faces, &extents);
+    faces.par_iter_mut().for_each(|face| {
+        face.without_seams(&camera, &extents);
+        if face.surface.wall().is_some() {
+            // What the boards cover, and their shadow.
+            if let Some(board) = trims.skirting {
+                face.without_heights(&extents, -1.0, board.height + BOARD_MARGIN);
+            }
+            if let Some(board) = trims.cornice {
+                face.without_heights(&extents, extents.height - board.height - BOARD_MARGIN, f64::INFINITY);
+            }
+        }
+    });
+    (paint::paint(&faces, &answer.surfaces, &state.partial.room), trims, faces)
 }

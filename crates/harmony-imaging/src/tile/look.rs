@@ -1,0 +1,419 @@
+//! What a surface is made of, from the part of it that was seen: a lit colour field, a repeating pattern when there is
+//! one, and a tile of what is left.
+//!
+//! A texel is field x pattern x tile. The field is the smooth part: paint under the light of the photo. It is kept, for
+//! a flat render is compared with photos at the same exposure: a floor is darker under a bed and a wall behind a
+//! cupboard. Away from what was seen it settles at the typical colour, neither darker nor lighter because the photo ends
+//! there. The tile has an even brightness, so that it can be laid anywhere, on other surfaces as well.
+
+use glam::DVec2;
+use image::{Rgba, RgbaImage};
+
+use super::base::{self, Base, Color, Smoothing};
+use super::lattice::{Lattice, Ratios};
+use super::{LEAST_OBSERVED, opaque, quilt, without_odd_islands};
+use crate::distance::distance_to;
+use crate::noise::Random;
+
+/// Side of a cell of the field, metres.
+const CELL: f64 = 0.07;
+/// Most cells along a side.
+const MOST_CELLS: usize = 72;
+/// Blur of the field, metres; at least the pattern's period.
+const BLUR: f64 = 0.16;
+/// Distance in which the field settles, metres.
+const SETTLING: f64 = 0.5;
+/// Soft border between photo and material, metres.
+const FEATHER: f64 = 0.03;
+/// Alpha from which a texel is kept; less than that, and 128 or more, tells the light only.
+const KEPT: u8 = 224;
+/// Sides of the tile that are tried, texels: little that was seen makes a small one.
+const TILE_PX: [usize; 4] = [320, 208, 128, 80];
+/// Ratios this many robust standard deviations from 1 are lines and edges of something else.
+const FINE_OUTLIER: f32 = 3.5;
+const COARSE_OUTLIER: f32 = 9.0;
+/// Ratios are quilted as if they were 8-bit levels.
+const QUILT_SCALE: f32 = 128.0;
+/// Ratios outside this range are no grain.
+const GRAIN_RANGE: [f32; 2] = [0.6, 1.5];
+/// Colour below which a ratio says nothing, 8-bit levels.
+const DARKEST: f32 = 6.0;
+/// Standard deviation of the grain where none was seen, as a ratio.
+const USUAL_GRAIN: f32 = 0.006;
+/// An island in another colour than predicted by this much is not the surface, 8-bit levels.
+const ODD: f32 = 28.0;
+
+/// What the grain of a material is like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Grain {
+    /// Paint, plaster, paper: fine; a line on it is something else.
+    Fine,
+    /// Boards, tiles, carpet, panels: lines belong to it.
+    Coarse,
+}
+
+/// A material that was seen somewhere: what other surfaces can be painted with.
+#[derive(Debug, Clone)]
+pub struct Look {
+    /// Typical colour under the photo's light, sRGB levels 0 to 255.
+    pub color: [f32; 3],
+    pattern: Option<Lattice>,
+    tile: Tile,
+}
+
+#[derive(Debug, Clone)]
+struct Tile {
+    side: usize,
+    ratios: Vec<Color>,
+}
+
+/// A partly seen surface taken apart.
+#[derive(Debug, Clone)]
+pub struct Survey {
+    /// Its material.
+    pub look: Look,
+    /// Texels that were seen, metres squared of them with the pixels a metre given.
+    pub seen_area: f64,
+    texture: RgbaImage,
+    field: Base,
+    px_per_m: f64,
+}
+
+impl Look {
+    /// A plain colour with the grain of paint.
+    pub fn plain(color: [f32; 3], seed: u64) -> Self {
+        Self { color, pattern: None, tile: Tile::grain(seed) }
+    }
+
+    /// The same material in another colour.
+    #[must_use]
+    pub fn tinted(&self, color: [f32; 3]) -> Self {
+        Self { color, ..self.clone() }
+    }
+
+    /// The same material without its pattern.
+    #[must_use]
+    pub fn unpatterned(&self) -> Self {
+        Self { pattern: None, ..self.clone() }
+    }
+
+    /// The periods of its pattern, texels, when it has one.
+    pub fn periods(&self) -> Option<[DVec2; 2]> {
+        self.pattern.as_ref().map(Lattice::periods)
+    }
+
+    /// A surface of that material under even light; `width` x `height` texels of the size that it was seen at.
+    pub fn paint(&self, width: u32, height: u32) -> RgbaImage {
+        RgbaImage::from_fn(width, height, |x, y| opaque(self.times(x, y, self.color)))
+    }
+
+    fn times(&self, x: u32, y: u32, light: Color) -> Color {
+        let grain = self.tile.at(x, y);
+        let pattern = self.pattern.as_ref().map_or([1.0; 3], |p| p.at(f64::from(x) + 0.5, f64::from(y) + 0.5));
+        std::array::from_fn(|c| light[c] * grain[c] * pattern[c])
+    }
+}
+
+impl Tile {
+    fn at(&self, x: u32, y: u32) -> Color {
+        self.ratios[y as usize % self.side * self.side + x as usize % self.side]
+    }
+
+    fn grain(seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let side = 128;
+        let ratios = (0..side * side).map(|_| [1.0 + (random.unit() + random.unit() - 1.0) * 2.4 * USUAL_GRAIN; 3]);
+        Self { side, ratios: ratios.collect() }
+    }
+
+    /// Quilted from the ratios that are left, of sharp places when there are enough.
+    fn quilted(rest: &[Option<Color>], sharp: &[bool], width: usize, grain: Grain, seed: u64) -> Self {
+        let height = rest.len() / width.max(1);
+        let colors: Vec<Color> = rest.iter().map(|c| c.unwrap_or([1.0; 3]).map(|v| v * QUILT_SCALE)).collect();
+        let known = without_outliers(rest, width, grain);
+        let best: Vec<bool> = known.iter().zip(sharp).map(|(k, s)| *k && *s).collect();
+        for side in TILE_PX {
+            for observed in [&best, &known] {
+                let sample = quilt::Sample { width, height, colors: &colors, observed };
+                if let Some(tile) = quilt::quilt(&sample, side, seed) {
+                    return Self { side, ratios: even(&tile, side, grain) };
+                }
+            }
+        }
+        Self::grain(seed)
+    }
+}
+
+/// Which ratios are grain: not far from what is usual, nor beside one that is.
+fn without_outliers(rest: &[Option<Color>], width: usize, grain: Grain) -> Vec<bool> {
+    let luma = |c: &Color| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
+    let mut away: Vec<f32> = rest.iter().flatten().map(|c| (luma(c) - 1.0).abs()).collect();
+    if away.is_empty() {
+        return vec![false; rest.len()];
+    }
+    let middle = away.len() / 2;
+    // 1.48 times the median deviation is the standard deviation of a normal distribution.
+    let sigma = (1.48 * *away.select_nth_unstable_by(middle, f32::total_cmp).1).max(0.004);
+    let (most, margin) = match grain {
+        Grain::Fine => (FINE_OUTLIER * sigma, 2_usize),
+        Grain::Coarse => (COARSE_OUTLIER * sigma, 0),
+    };
+    let far: Vec<bool> = rest.iter().map(|c| c.is_some_and(|c| (luma(&c) - 1.0).abs() > most)).collect();
+    let near = distance_to(&far, width, rest.len() / width.max(1));
+    rest.iter().zip(near).map(|(c, d)| c.is_some() && d > margin as f32).collect()
+}
+
+/// A quilted tile as ratios with mean 1, without differences over large distances: they would show as a repetition.
+fn even(tile: &[Color], side: usize, grain: Grain) -> Vec<Color> {
+    let image = RgbaImage::from_fn(side as u32, side as u32, |x, y| opaque(tile[y as usize * side + x as usize]));
+    let cells = if grain == Grain::Fine { 20 } else { 8 };
+    let smoothing = Smoothing { cell: side.div_ceil(cells), blur: 1.0, settling: 4.0 };
+    let field = Base::smooth(&image, &smoothing);
+    let mut ratios: Vec<Color> = tile
+        .iter()
+        .enumerate()
+        .map(|(i, c)| {
+            let light = field.as_ref().map_or([QUILT_SCALE; 3], |f| f.at((i % side) as u32, (i / side) as u32));
+            std::array::from_fn(|k| c[k] / light[k].max(1.0))
+        })
+        .collect();
+    for k in 0..3 {
+        let mean = ratios.iter().map(|r| r[k]).sum::<f32>() / ratios.len().max(1) as f32;
+        ratios.iter_mut().for_each(|r| r[k] /= mean.max(0.01));
+    }
+    ratios
+}
+
+impl Survey {
+    /// Takes apart what was seen (alpha 128 or more); `None` when that is hardly anything.
+    ///
+    /// Texels with alpha 224 or more are kept as they are. The others that were seen, next to objects and in nooks
+    /// between them, tell the light and the colour, but their shapes would be left as ghosts.
+    /// `sharp` tells which texels the photo shows at least as finely as the texture has them; grain is taken from there.
+    pub fn of(texture: &RgbaImage, sharp: &[bool], px_per_m: f64, grain: Grain, seed: u64) -> Option<Self> {
+        let width = texture.width() as usize;
+        if sharp.len() != width * texture.height() as usize || !(px_per_m.is_finite() && px_per_m > 0.0) {
+            return None;
+        }
+        let known = without_odd_islands(texture);
+        let count = known.pixels().filter(|p| p.0[3] >= 128).count();
+        if count < LEAST_OBSERVED {
+            return None;
+        }
+        // Against a light that is far smoother than any pattern.
+        let trend = Trend::of(&known)?;
+        let pattern = Lattice::find(&Ratios {
+            width,
+            height: texture.height() as usize,
+            values: &ratios(&known, |x, y| trend.at(x, y)),
+        });
+        let mut smoothing = smoothing(texture, px_per_m);
+        let mut pattern = pattern;
+        if let Some(lattice) = &pattern {
+            let period = lattice.periods().into_iter().map(DVec2::length).fold(0.0, f64::max);
+            smoothing.blur = smoothing.blur.max((0.7 * period / smoothing.cell as f64) as f32);
+        }
+        let mut field = Base::smooth(&without_pattern(&known, pattern.as_ref()), &smoothing)?;
+        if let Some(lattice) = pattern.take() {
+            let values = ratios(&known, |x, y| field.at(x, y));
+            let again =
+                lattice.averaged_again(&Ratios { width, height: texture.height() as usize, values: &values });
+            pattern = Some(again.unwrap_or(lattice));
+            field = Base::smooth(&without_pattern(&known, pattern.as_ref()), &smoothing)?;
+        }
+        let look = Look { color: field.median, pattern, tile: Tile { side: 1, ratios: vec![[1.0; 3]] } };
+        let rest: Vec<Option<Color>> = ratios(&known, |x, y| look.times(x, y, field.at(x, y)))
+            .into_iter()
+            .map(|c| c.filter(|c| c.iter().all(|v| (GRAIN_RANGE[0]..=GRAIN_RANGE[1]).contains(v))))
+            .collect();
+        let tile = Tile::quilted(&rest, sharp, width, grain, seed);
+        let texture = believed(texture, &look, &field);
+        let seen_area = texture.pixels().filter(|p| p.0[3] >= 128).count() as f64 / (px_per_m * px_per_m);
+        Some(Self { look: Look { tile, ..look }, seen_area, texture, field, px_per_m })
+    }
+
+    /// The whole surface: the photo where it was seen, and, with a soft border, the material elsewhere; opaque.
+    pub fn complete(&self) -> RgbaImage {
+        self.completed(|x, y, _| self.look.times(x, y, self.field.at(x, y)))
+    }
+
+    /// What was seen, in another material: for a surface of which too little was seen to tell its own.
+    pub fn complete_in(&self, look: &Look) -> RgbaImage {
+        let reach = (SETTLING * self.px_per_m) as f32;
+        self.completed(|x, y, away| {
+            // Towards the little that was seen the light is the one seen there.
+            let near = 1.0 - smoothstep(away / reach);
+            let field = self.field.at(x, y);
+            look.times(x, y, std::array::from_fn(|c| look.color[c] + near * (field[c] - look.color[c])))
+        })
+    }
+
+    /// The photo over a material that is given texel by texel, with the distance to what was seen.
+    fn completed(&self, material: impl Fn(u32, u32, f32) -> Color) -> RgbaImage {
+        let (width, height) = (self.texture.width() as usize, self.texture.height() as usize);
+        let unseen: Vec<bool> = self.texture.pixels().map(|p| p.0[3] < KEPT).collect();
+        let seen: Vec<bool> = unseen.iter().map(|b| !b).collect();
+        let depth = distance_to(&unseen, width, height);
+        let away = distance_to(&seen, width, height);
+        let feather = (FEATHER * self.px_per_m).max(2.0) as f32;
+        RgbaImage::from_fn(width as u32, height as u32, |x, y| {
+            let i = y as usize * width + x as usize;
+            let material = material(x, y, away[i]);
+            let photo = self.texture.get_pixel(x, y).0;
+            let weight = if unseen[i] { 0.0 } else { smoothstep((depth[i] - 0.5) / feather) };
+            opaque(std::array::from_fn(|c| material[c] + weight * (f32::from(photo[c]) - material[c])))
+        })
+    }
+}
+
+fn smoothstep(t: f32) -> f32 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+fn smoothing(texture: &RgbaImage, px_per_m: f64) -> Smoothing {
+    let longest = texture.width().max(texture.height()) as usize;
+    let cell = ((CELL * px_per_m).round() as usize).max(longest.div_ceil(MOST_CELLS)).max(1);
+    let in_cells = |metres: f64| (metres * px_per_m / cell as f64) as f32;
+    Smoothing { cell, blur: in_cells(BLUR).max(1.2), settling: in_cells(SETTLING).max(2.0) }
+}
+
+/// Observed texels over a light; clear of what is too dark to tell.
+fn ratios(texture: &RgbaImage, light: impl Fn(u32, u32) -> Color) -> Vec<Option<Color>> {
+    texture
+        .enumerate_pixels()
+        .map(|(x, y, p)| {
+            (p.0[3] >= 128).then(|| {
+                let light = light(x, y);
+                std::array::from_fn(|c| (f32::from(p.0[c]) + DARKEST) / (light[c].max(0.0) + DARKEST))
+            })
+        })
+        .collect()
+}
+
+/// The texture with its pattern divided out.
+fn without_pattern(texture: &RgbaImage, pattern: Option<&Lattice>) -> RgbaImage {
+    let Some(pattern) = pattern else { return texture.clone() };
+    let mut plain = texture.clone();
+    for (x, y, p) in plain.enumerate_pixels_mut() {
+        let here = pattern.at(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        for (v, h) in p.0.iter_mut().zip(here) {
+            *v = (f32::from(*v) / h.max(0.05)).round().clamp(0.0, 255.0) as u8;
+        }
+    }
+    plain
+}
+
+/// The texture without islands whose mean is not what the material predicts there.
+fn believed(texture: &RgbaImage, look: &Look, field: &Base) -> RgbaImage {
+    let (width, height) = (texture.width() as usize, texture.height() as usize);
+    let observed: Vec<bool> = texture.pixels().map(|p| p.0[3] >= 128).collect();
+    let total = observed.iter().filter(|b| **b).count();
+    let (labels, counts) = harmony_scene::components(&observed, width, height);
+    let mut sums = vec![[0.0_f32; 3]; counts.len()];
+    for ((x, y, p), label) in texture.enumerate_pixels().zip(&labels).filter(|(_, l)| **l > 0) {
+        let predicted = look.times(x, y, field.at(x, y));
+        for ((s, v), m) in sums[*label as usize].iter_mut().zip(p.0).zip(predicted) {
+            *s += f32::from(v) - m;
+        }
+    }
+    let odd: Vec<bool> = sums
+        .iter()
+        .zip(&counts)
+        .map(|(sum, n)| (*n as usize) * 20 < total && sum.iter().any(|s| (s / (*n).max(1) as f32).abs() > ODD))
+        .collect();
+    let mut kept = texture.clone();
+    for (p, label) in kept.pixels_mut().zip(&labels) {
+        if odd[*label as usize] {
+            *p = Rgba([0; 4]);
+        }
+    }
+    kept
+}
+
+/// A quadratic surface through each channel of what was seen.
+struct Trend {
+    scale: [f64; 2],
+    factors: [[f64; 6]; 3],
+    range: [[f32; 2]; 3],
+}
+
+impl Trend {
+    fn of(texture: &RgbaImage) -> Option<Self> {
+        let middle = base::median(texture)?;
+        let scale = [2.0 / f64::from(texture.width().max(1)), 2.0 / f64::from(texture.height().max(1))];
+        let stride = (texture.width() * texture.height() / 40_000).max(1).isqrt() as usize;
+        let mut factors = [[0.0; 6]; 3];
+        let mut normal = [[0.0; 6]; 6];
+        let mut right = [[0.0; 6]; 3];
+        for y in (0..texture.height()).step_by(stride) {
+            for x in (0..texture.width()).step_by(stride) {
+                let p = texture.get_pixel(x, y).0;
+                if p[3] < 128 {
+                    continue;
+                }
+                let terms = Self::terms(scale, x, y);
+                for i in 0..6 {
+                    for j in 0..6 {
+                        normal[i][j] += terms[i] * terms[j];
+                    }
+                    for (r, v) in right.iter_mut().zip(p) {
+                        r[i] += terms[i] * f64::from(v);
+                    }
+                }
+            }
+        }
+        // Held to a plain colour where little was seen.
+        let weight = normal[0][0].max(1.0);
+        for (i, row) in normal.iter_mut().enumerate().skip(1) {
+            row[i] += 1e-3 * weight;
+        }
+        for (f, r) in factors.iter_mut().zip(right) {
+            *f = solved(normal, r)?;
+        }
+        let range = middle.map(|m| [0.35 * m, 2.5 * m + 10.0]);
+        Some(Self { scale, factors, range })
+    }
+
+    fn terms(scale: [f64; 2], x: u32, y: u32) -> [f64; 6] {
+        let (u, v) = (f64::from(x) * scale[0] - 1.0, f64::from(y) * scale[1] - 1.0);
+        [1.0, u, v, u * u, u * v, v * v]
+    }
+
+    fn at(&self, x: u32, y: u32) -> Color {
+        let terms = Self::terms(self.scale, x, y);
+        std::array::from_fn(|c| {
+            let value: f64 = terms.iter().zip(self.factors[c]).map(|(t, f)| t * f).sum();
+            (value as f32).clamp(self.range[c][0], self.range[c][1])
+        })
+    }
+}
+
+/// Gaussian elimination with pivots; `None` when there is no solution.
+fn solved(mut m: [[f64; 6]; 6], mut r: [f64; 6]) -> Option<[f64; 6]> {
+    for k in 0..6 {
+        let pivot = (k..6).max_by(|a, b| m[*a][k].abs().total_cmp(&m[*b][k].abs()))?;
+        if m[pivot][k].abs() < 1e-12 {
+            return None;
+        }
+        m.swap(k, pivot);
+        r.swap(k, pivot);
+        for i in k + 1..6 {
+            let f = m[i][k] / m[k][k];
+            let row = m[k];
+            for (v, above) in m[i].iter_mut().zip(row).skip(k) {
+                *v -= f * above;
+            }
+            r[i] -= f * r[k];
+        }
+    }
+    for k in (0..6).rev() {
+        let rest: f64 = (k + 1..6).map(|j| m[k][j] * r[j]).sum();
+        r[k] = (r[k] - rest) / m[k][k];
+    }
+    Some(r)
+}
+
+#[cfg(test)]
+#[path = "look_tests.rs"]
+mod tests;

@@ -1,0 +1,113 @@
+use super::*;
+use crate::noise::hash;
+
+/// A tiled floor: squares of 33.4 x 33.4 texels in two tones with dark joints, under light that falls off to the right.
+fn tiles(width: u32, height: u32) -> RgbaImage {
+    RgbaImage::from_fn(width, height, |x, y| {
+        let (u, v) = (f64::from(x) / 33.4, f64::from(y) / 33.4);
+        let joint = u.fract() < 0.09 || v.fract() < 0.09;
+        let odd = (u.floor() + v.floor()).rem_euclid(2.0) > 0.5;
+        let tone = if joint { 60.0 } else if odd { 205.0 } else { 150.0 };
+        let light = 1.0 - 0.06 * x as f32 / width as f32;
+        let grain = (hash(u64::from(y) << 32 | u64::from(x)) % 7) as f32 - 3.0;
+        opaque([tone * light + grain, tone * light * 0.95 + grain, tone * light * 0.9 + grain])
+    })
+}
+
+fn difference(a: &RgbaImage, b: &RgbaImage, inside: impl Fn(u32, u32) -> bool) -> f64 {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for (x, y, p) in a.enumerate_pixels().filter(|(x, y, _)| inside(*x, *y)) {
+        sum += p.0[..3].iter().zip(b.get_pixel(x, y).0).map(|(a, b)| f64::from(a.abs_diff(b))).sum::<f64>() / 3.0;
+        n += 1.0;
+    }
+    sum / n
+}
+
+fn survey(texture: &RgbaImage) -> Survey {
+    let sharp = vec![true; (texture.width() * texture.height()) as usize];
+    Survey::of(texture, &sharp, 100.0, Grain::Fine, 7).unwrap()
+}
+
+#[test]
+fn a_tiled_floor_goes_on_in_step_where_the_photo_ends() {
+    let truth = tiles(600, 400);
+    // Seen is a wedge at the left with furniture in it, as from a camera.
+    let hidden = |x: u32, y: u32| x > 180 + y / 2 || ((90..150).contains(&x) && (100..180).contains(&y));
+    let mut texture = truth.clone();
+    for (_, _, p) in texture.enumerate_pixels_mut().filter(|(x, y, _)| hidden(*x, *y)) {
+        *p = Rgba([255, 0, 255, 0]);
+    }
+    let survey = survey(&texture);
+    let lengths = survey.look.periods().expect("a lattice").map(DVec2::length);
+    // The checks repeat along their diagonals or every two tiles.
+    for length in lengths {
+        let diagonal = 33.4 * 2.0_f64.sqrt();
+        assert!((length - diagonal).abs() < 0.6 || (length - 66.8).abs() < 0.6, "{lengths:?}");
+    }
+    let whole = survey.complete();
+    assert!(whole.pixels().all(|p| p.0[3] == 255));
+    // 150 against 205 is 55 levels: half of the tiles wrong would be 27 on their own.
+    let near = difference(&whole, &truth, |x, y| hidden(x, y) && x < 420);
+    let far = difference(&whole, &truth, |x, y| hidden(x, y) && x > 500);
+    assert!(near < 12.0 && far < 26.0, "near {near}, far {far}");
+    // Where it was seen, the photo stays.
+    let seen = difference(&whole, &truth, |x, y| x < 60 && (20..380).contains(&y));
+    assert!(seen < 1.0, "{seen}");
+}
+
+#[test]
+fn carpet_goes_on_with_its_grain_and_gets_no_pattern() {
+    let texture = RgbaImage::from_fn(400, 300, |x, y| {
+        let n = hash(u64::from(x / 2) * 7919 + u64::from(y / 2)) % 40;
+        if x > 220 { Rgba([0; 4]) } else { opaque([90.0 + n as f32, 100.0 + n as f32, 120.0 + n as f32]) }
+    });
+    let survey = survey(&texture);
+    assert!(survey.look.periods().is_none());
+    let whole = survey.complete();
+    let spread = |x0: u32, x1: u32| {
+        let values: Vec<f64> =
+            whole.enumerate_pixels().filter(|(x, _, _)| (x0..x1).contains(x)).map(|(_, _, p)| f64::from(p.0[1])).collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt())
+    };
+    let (seen, unseen) = (spread(0, 180), spread(260, 400));
+    assert!((seen.0 - unseen.0).abs() < 4.0, "{seen:?} {unseen:?}");
+    assert!(unseen.1 > 0.6 * seen.1 && unseen.1 < 1.4 * seen.1, "{seen:?} {unseen:?}");
+}
+
+#[test]
+fn a_nook_beside_something_tells_the_light_and_leaves_no_shape() {
+    // A wall at 180; something hides a block, and a sharp shadow of 110 beside it is seen but not to be kept.
+    let texture = RgbaImage::from_fn(300, 300, |x, y| {
+        let d = x.abs_diff(150).max(y.abs_diff(150));
+        let [r, g, b, _] = opaque([if d < 56 { 110.0 } else { 180.0 }; 3]).0;
+        Rgba([r, g, b, if d < 40 { 0 } else if d < 60 { 160 } else { 255 }])
+    });
+    let whole = survey(&texture).complete();
+    let row: Vec<f64> = (80..150).map(|x| f64::from(whole.get_pixel(x, 150).0[0])).collect();
+    let steepest = row.windows(4).map(|w| (w[3] - w[0]).abs()).fold(0.0, f64::max);
+    assert!(steepest < 25.0, "the edge of 70 is gone: {steepest}");
+    assert!(row[69] < 165.0, "it stays darker there: {}", row[69]);
+    assert!((row[0] - 180.0).abs() < 3.0);
+}
+
+#[test]
+fn a_line_on_a_wall_is_not_repeated_on_others() {
+    let line = |y: u32| (140..144).contains(&y);
+    let texture = RgbaImage::from_fn(420, 300, |x, y| {
+        let grain = (hash(u64::from(x) * 977 + u64::from(y)) % 5) as f32;
+        opaque([if line(y) { 250.0 } else { 150.0 + grain }; 3])
+    });
+    let painted = survey(&texture).look.paint(400, 400);
+    assert!(painted.pixels().all(|p| p.0[0] < 175));
+}
+
+#[test]
+fn other_surfaces_are_painted_in_the_same_colour() {
+    let texture = RgbaImage::from_fn(200, 200, |x, y| opaque([170.0 + ((x * 13 + y * 7) % 5) as f32, 160.0, 140.0]));
+    let painted = survey(&texture).look.paint(64, 48);
+    assert_eq!(painted.dimensions(), (64, 48));
+    let mean = painted.pixels().map(|p| f64::from(p.0[0])).sum::<f64>() / (64.0 * 48.0);
+    assert!((mean - 172.0).abs() < 2.0, "{mean}");
+    assert!(Survey::of(&RgbaImage::new(50, 50), &[true; 2500], 100.0, Grain::Fine, 7).is_none());
+}

@@ -1,0 +1,233 @@
+//! Boards along the walls: skirting, cornice, casings of doors.
+
+use glam::{DVec2, DVec3, Vec2};
+use harmony_scene::{Extents, OpeningKind, Room, Surface};
+
+use super::Rect;
+use crate::{Group, Material, Mesh};
+
+/// A board.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Trim {
+    /// Its face's height (a casing's width), metres.
+    pub height: f64,
+    /// How far it stands out of the wall, metres.
+    pub depth: f64,
+    /// Linear colour.
+    pub color: [f32; 3],
+}
+
+/// The boards that a room has; they go round it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Trims {
+    /// Along the floor.
+    pub skirting: Option<Trim>,
+    /// Under the ceiling.
+    pub cornice: Option<Trim>,
+    /// Around doors.
+    pub casing: Option<Trim>,
+}
+
+/// Material and group names.
+const NAMES: [&str; 3] = ["skirting", "cornice", "casing"];
+/// Shortest piece that is made, metres.
+const SHORTEST: f64 = 0.02;
+/// Bevel of the free edge as a share of the depth.
+const BEVEL: f64 = 0.4;
+
+/// A box on a wall: a range along it, a range of heights, and which of its edges is free and bevelled.
+struct Board {
+    u: [f64; 2],
+    y: [f64; 2],
+    edge: Edge,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Edge {
+    Top,
+    Bottom,
+    Sharp,
+}
+
+/// Adds the boards to a shell, one group and material a kind.
+pub(super) fn add(mesh: &mut Mesh, room: &Room, trims: &Trims, omit: &[Surface]) {
+    for (name, trim) in NAMES.into_iter().zip([trims.skirting, trims.cornice, trims.casing]) {
+        let Some(trim) = trim.filter(|t| t.height > 0.005 && t.depth > 0.001) else { continue };
+        let mut triangles = Vec::new();
+        for wall in Surface::ALL.into_iter().filter(|s| s.wall().is_some() && !omit.contains(s)) {
+            for board in boards(name, &trim, room, wall) {
+                board.add(mesh, &mut triangles, wall, &room.extents, &trim);
+            }
+        }
+        if !triangles.is_empty() {
+            mesh.groups.push(Group { material: mesh.materials.len(), triangles });
+            mesh.materials.push(Material::plain(name, trim.color));
+        }
+    }
+}
+
+/// The boards of one kind on a wall.
+fn boards(name: &str, trim: &Trim, room: &Room, wall: Surface) -> Vec<Board> {
+    let size = wall.size(&room.extents);
+    let doors: Vec<Rect> = room
+        .openings
+        .iter()
+        .filter(|o| Some(o.wall) == wall.wall() && o.kind == OpeningKind::Door)
+        .map(|o| Rect { min: DVec2::new(o.u[0], o.y[0]), max: DVec2::new(o.u[1], o.y[1]) })
+        .filter(|r| r.min.is_finite() && r.max.is_finite())
+        .collect();
+    // What stands at the opening's edge is the door's own frame, or its casing.
+    match name {
+        "skirting" => {
+            let y = [0.0, trim.height.min(size.y)];
+            gaps(size.x, doors.iter().filter(|d| d.min.y < y[1]))
+                .into_iter()
+                .map(|u| Board { u, y, edge: Edge::Top })
+                .collect()
+        }
+        "cornice" => {
+            let y = [(size.y - trim.height).max(0.0), size.y];
+            gaps(size.x, doors.iter().filter(|d| d.max.y > y[0]))
+                .into_iter()
+                .map(|u| Board { u, y, edge: Edge::Bottom })
+                .collect()
+        }
+        _ => doors
+            .iter()
+            .flat_map(|d| {
+                let top = (d.max.y + trim.height).min(size.y);
+                let low = d.min.y.max(0.0);
+                [
+                    ([(d.min.x - trim.height).max(0.0), d.min.x], [low, top]),
+                    ([d.max.x, (d.max.x + trim.height).min(size.x)], [low, top]),
+                    ([d.min.x, d.max.x], [d.max.y, top]),
+                ]
+            })
+            .filter(|(u, y)| u[1] - u[0] > 0.005 && y[1] - y[0] > 0.005)
+            .map(|(u, y)| Board { u, y, edge: Edge::Sharp })
+            .collect(),
+    }
+}
+
+/// What the doors leave of a wall's length.
+fn gaps<'a>(length: f64, doors: impl Iterator<Item = &'a Rect>) -> Vec<[f64; 2]> {
+    let mut taken: Vec<[f64; 2]> = doors.map(|d| [d.min.x, d.max.x]).collect();
+    taken.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut from = 0.0_f64;
+    let mut out = Vec::new();
+    for [a, b] in taken.into_iter().chain([[length, length]]) {
+        if a.min(length) - from > SHORTEST {
+            out.push([from, a.min(length)]);
+        }
+        from = from.max(b);
+    }
+    out
+}
+
+impl Board {
+    fn add(&self, mesh: &mut Mesh, triangles: &mut Vec<[u32; 3]>, wall: Surface, e: &Extents, trim: &Trim) {
+        let bevel = (trim.depth * BEVEL).min((self.y[1] - self.y[0]) * 0.5);
+        let [low, high] = self.y;
+        // Outline across the board, from the wall under it to the wall over it: depth and height.
+        let outline = match self.edge {
+            Edge::Top => vec![[0.0, low], [trim.depth, low], [trim.depth, high - bevel], [trim.depth - bevel, high], [0.0, high]],
+            Edge::Bottom => {
+                vec![[0.0, low], [trim.depth - bevel, low], [trim.depth, low + bevel], [trim.depth, high], [0.0, high]]
+            }
+            Edge::Sharp => vec![[0.0, low], [trim.depth, low], [trim.depth, high], [0.0, high]],
+        };
+        let at = |u: f64, p: [f64; 2]| wall.point(e, DVec2::new(u, p[1])) + wall.normal() * p[0];
+        let along = at(1.0, [0.0; 2]) - at(0.0, [0.0; 2]);
+        for pair in outline.windows(2) {
+            let [a, b] = [pair[0], pair[1]];
+            let normal = wall.normal() * (b[1] - a[1]) - DVec3::Y * (b[0] - a[0]);
+            let corners = [at(self.u[0], a), at(self.u[1], a), at(self.u[1], b), at(self.u[0], b)];
+            polygon(mesh, triangles, &corners, normal);
+        }
+        for (u, normal) in [(self.u[0], -along), (self.u[1], along)] {
+            let corners: Vec<DVec3> = outline.iter().map(|p| at(u, *p)).collect();
+            polygon(mesh, triangles, &corners, normal);
+        }
+    }
+}
+
+/// A flat convex polygon whose front is where the normal points.
+fn polygon(mesh: &mut Mesh, triangles: &mut Vec<[u32; 3]>, corners: &[DVec3], normal: DVec3) {
+    let normal = normal.normalize_or(DVec3::Y);
+    let first = mesh.positions.len() as u32;
+    for corner in corners {
+        mesh.positions.push(corner.as_vec3());
+        mesh.normals.push(normal.as_vec3());
+        mesh.uvs.push(Vec2::ZERO);
+    }
+    let agrees = (corners[1] - corners[0]).cross(corners[2] - corners[0]).dot(normal) >= 0.0;
+    for k in 1..corners.len() as u32 - 1 {
+        let (b, c) = if agrees { (k, k + 1) } else { (k + 1, k) };
+        triangles.push([first, first + b, first + c]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::{Opening, Wall};
+
+    use super::*;
+    use crate::{Bvh, ShellOptions, room_shell_with};
+
+    fn room() -> Room {
+        let door = Opening { kind: OpeningKind::Door, wall: Wall::Left, u: [3.0, 3.9], y: [0.0, 2.0], object: None };
+        let window = Opening { kind: OpeningKind::Window, wall: Wall::Back, u: [1.0, 2.0], y: [0.9, 2.0], object: None };
+        Room {
+            room_type: "bedroom".into(),
+            extents: Extents { width: 4.0, height: 2.5, depth: 5.0 },
+            seen: vec![],
+            openings: vec![door, window],
+            floor_texture: None,
+            wall_texture: None,
+        }
+    }
+
+    fn board(height: f64) -> Option<Trim> {
+        Some(Trim { height, depth: 0.015, color: [0.8; 3] })
+    }
+
+    #[test]
+    fn boards_go_round_the_room_and_leave_the_door_out() {
+        let trims = Trims { skirting: board(0.1), cornice: board(0.06), casing: board(0.07) };
+        let shell = room_shell_with(&room(), &|_| None, &ShellOptions { trims, ..ShellOptions::default() });
+        shell.check().unwrap();
+        let names: Vec<&str> = shell.materials.iter().skip(6).map(|m| m.name.as_str()).collect();
+        assert_eq!(names, ["skirting", "cornice", "casing"]);
+        let bvh = Bvh::new(&shell);
+        let eye = DVec3::new(2.0, 1.4, 2.5);
+        let reach = |target: DVec3| bvh.raycast(eye, target - eye, 100.0).map(|h| h.point);
+        // On each wall the ray to a point 5 cm above the floor meets the board 15 mm before the wall.
+        for (target, axis) in [
+            (DVec3::new(1.5, 0.05, 0.0), DVec3::Z),
+            (DVec3::new(0.0, 0.05, 1.0), DVec3::X),
+            (DVec3::new(4.0, 0.05, 1.0), DVec3::NEG_X),
+            (DVec3::new(1.0, 0.05, 5.0), DVec3::NEG_Z),
+        ] {
+            let hit = reach(target).expect("the board");
+            assert!(((hit - target).dot(axis) - 0.015).abs() < 1e-6, "{target}: {hit}");
+            assert!(bvh.raycast(eye, target - eye, 100.0).unwrap().normal.dot(axis) > 0.99);
+        }
+        assert!(reach(DVec3::new(0.0, 0.05, 3.4)).is_none(), "through the door");
+        // The door's casing, beside and above it, and no board over the window's sill.
+        for target in [DVec3::new(0.0, 1.0, 2.97), DVec3::new(0.0, 2.03, 3.4)] {
+            assert!((reach(target).unwrap().x - 0.015).abs() < 1e-6);
+        }
+        assert!(reach(DVec3::new(1.5, 0.5, 0.0)).unwrap().z.abs() < 1e-6);
+        assert!((reach(DVec3::new(1.5, 2.48, 0.0)).unwrap().z - 0.015).abs() < 1e-6, "the cornice");
+    }
+
+    #[test]
+    fn walls_that_are_left_out_have_no_boards() {
+        let trims = Trims { skirting: board(0.1), ..Trims::default() };
+        let omit = vec![Surface::Front, Surface::Right];
+        let shell = room_shell_with(&room(), &|_| None, &ShellOptions { trims, omit, ..ShellOptions::default() });
+        let boards = shell.groups.last().unwrap();
+        let inside = |p: glam::Vec3| p.x < 0.02 || p.z < 0.02;
+        assert!(boards.triangles.iter().flatten().all(|i| inside(shell.positions[*i as usize])));
+    }
+}

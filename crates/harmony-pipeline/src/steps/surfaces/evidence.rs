@@ -1,0 +1,303 @@
+//! Which pixels of the photo show a bare face of the room.
+
+use glam::DVec2;
+use harmony_imaging::rectify::{SurfaceRect, surface_texture};
+use harmony_placement::RoomPoints;
+use harmony_scene::{Camera, Extents, ImageSize, Mask, Surface};
+use image::{RgbImage, Rgba, RgbaImage};
+
+use crate::state::SceneState;
+use crate::views;
+
+/// Margin around what was found, as a share of the photo's width: masks end short, and edges mix colours.
+const MARGIN: f64 = 1.0 / 170.0;
+/// Strips between objects that are narrower than twice this share of the width show edges only.
+const SLIVER: f64 = 1.0 / 300.0;
+/// Those narrower than twice this share are nooks: they show the light, and shadows whose shapes are not the face's.
+const NOOK: f64 = 1.0 / 90.0;
+/// A point that far before a face, metres or as a share of its depth, is not on it.
+const OFF_FACE: f64 = 0.08;
+const OFF_FACE_SHARE: f64 = 0.03;
+/// Where the points of a face lie further from it than this in the middle, they say nothing about it, metres.
+const MOST_OFFSET: f64 = 0.25;
+/// Points of a face that are needed to judge the others.
+const LEAST_POINTS: usize = 200;
+/// How far the line between two faces may be off, pixels and metres.
+const SEAM_PX: f64 = 1.5;
+const SEAM: f64 = 0.01;
+/// Finest part of a texel, in photo pixels, that counts as sharp.
+const SHARP_PX: f64 = 0.6;
+/// Sharpness is looked up once a block of this many texels.
+const BLOCK: usize = 8;
+
+/// Pixels that show neither an object (found, left out or drawn) nor what is next to one, nor the photo's empty frame,
+/// nor anything that the point map has before the room's faces.
+pub fn bare_pixels(state: &SceneState) -> Bare {
+    let size = state.partial.camera.size;
+    let px = |share: f64| (share * f64::from(size.width)).round() as i32;
+    let margin = px(MARGIN).max(3);
+    let ids = views::ids(state);
+    let drawn = Mask::from_fn(size, |x, y| ids[(y * size.width + x) as usize] != 0);
+    let taken = state
+        .all_objects()
+        .dilated(margin)
+        .or(&drawn.dilated(margin / 2))
+        .or(&state.photo_frame.dilated(margin));
+    let bare = without_slivers(&Mask::from_fn(size, |_, _| true).minus(&taken), px(SLIVER).max(2));
+    let bare = match &state.partial.points {
+        Some(points) if points.is_dense() => {
+            let off = off_faces(points, &state.partial.camera, &state.partial.room.extents, &bare);
+            without_slivers(&bare.minus(&off.dilated(1)), px(SLIVER).max(2))
+        }
+        _ => bare,
+    };
+    let open = without_slivers(&bare, px(NOOK).max(4));
+    Bare { bare, open }
+}
+
+/// Pixels that show bare faces.
+pub struct Bare {
+    /// All of them.
+    pub bare: Mask,
+    /// Those of them that are not in nooks between objects.
+    pub open: Mask,
+}
+
+/// A mask without what is nowhere wider than twice the radius.
+fn without_slivers(mask: &Mask, radius: i32) -> Mask {
+    mask.dilated(-radius).dilated(radius).and(mask)
+}
+
+/// Distance of a room point to a face, positive inside.
+fn inward(surface: Surface, extents: &Extents, p: glam::DVec3) -> f64 {
+    match surface {
+        Surface::Floor => p.y,
+        Surface::Ceiling => extents.height - p.y,
+        other => other.wall().map_or(0.0, |wall| wall.distance(extents, p)),
+    }
+}
+
+/// Pixels whose points lie before the face that the room has there. Each face is judged against the middle of its own
+/// points: a face that is a little off has none of its pixels taken away.
+fn off_faces(points: &RoomPoints, camera: &Camera, extents: &Extents, bare: &Mask) -> Mask {
+    let grid = points.size;
+    let photo = camera.size;
+    let place = |i: usize| {
+        let (x, y) = (i % grid.width as usize, i / grid.width as usize);
+        DVec2::new(
+            (x as f64 + 0.5) * f64::from(photo.width) / f64::from(grid.width),
+            (y as f64 + 0.5) * f64::from(photo.height) / f64::from(grid.height),
+        )
+    };
+    let measured: Vec<Option<(Surface, f64, f64)>> = (0..points.xyz.len().min(grid.pixels()))
+        .map(|i| {
+            let at = place(i);
+            let p = points.xyz[i];
+            let known = points.confidence.get(i).is_some_and(|c| *c > 0.0) && p.is_finite();
+            if !known || !bare.get(at.x as i64, at.y as i64) {
+                return None;
+            }
+            let (surface, _) = extents.exit(&camera.ray(at))?;
+            Some((surface, inward(surface, extents, p), camera.depth(p).max(0.0)))
+        })
+        .collect();
+    let mut off = vec![false; grid.pixels()];
+    for surface in Surface::ALL {
+        let mut distances: Vec<f64> = measured.iter().flatten().filter(|m| m.0 == surface).map(|m| m.1).collect();
+        if distances.len() < LEAST_POINTS {
+            continue;
+        }
+        let middle = median(&mut distances);
+        if middle.abs() > MOST_OFFSET {
+            continue;
+        }
+        let mut spread: Vec<f64> = distances.iter().map(|d| (d - middle).abs()).collect();
+        let spread = median(&mut spread);
+        for (flag, m) in off.iter_mut().zip(&measured) {
+            if let Some((_, distance, depth)) = m.filter(|m| m.0 == surface) {
+                *flag |= distance - middle > OFF_FACE.max(OFF_FACE_SHARE * depth).max(4.0 * spread);
+            }
+        }
+    }
+    Mask::from_fn(grid, |x, y| off[(y * grid.width + x) as usize]).resized(photo)
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
+}
+
+/// Alpha of texels that tell the light only.
+pub const NOOK_ALPHA: u8 = 160;
+
+/// A face of the room as the photo shows it.
+pub struct Face {
+    /// Which.
+    pub surface: Surface,
+    /// Opaque where the bare face was seen, half opaque in nooks ([`NOOK_ALPHA`]).
+    pub texture: RgbaImage,
+    /// Texels that the photo has at least as fine.
+    pub sharp: Vec<bool>,
+    /// Texels a metre.
+    pub px_per_m: f64,
+}
+
+impl Face {
+    /// The face in the photo.
+    pub fn seen(
+        source: &RgbImage,
+        camera: &Camera,
+        extents: &Extents,
+        surface: Surface,
+        px_per_m: f64,
+        Bare { bare, open }: &Bare,
+    ) -> Self {
+        let rect = SurfaceRect::whole(surface, extents);
+        let mut texture = surface_texture(source, camera, extents, &rect, px_per_m, bare);
+        let kept = surface_texture(source, camera, extents, &rect, px_per_m, open);
+        for (p, k) in texture.pixels_mut().zip(kept.pixels()) {
+            if p.0[3] > 0 && k.0[3] == 0 {
+                p.0[3] = NOOK_ALPHA;
+            }
+        }
+        let size = ImageSize::new(texture.width(), texture.height());
+        let sharp = sharp(camera, extents, surface, size);
+        Self { surface, texture, sharp, px_per_m }
+    }
+
+    /// Face coordinates of a texel's centre, metres.
+    fn uv(&self, extents: &Extents, x: f64, y: f64) -> DVec2 {
+        face_point(self.surface, extents, ImageSize::new(self.texture.width(), self.texture.height()), x, y)
+    }
+
+    /// Forgets the texels along the face's edges, where the line between two faces may be a little off.
+    pub fn without_seams(&mut self, camera: &Camera, extents: &Extents) {
+        let face = self.surface.size(extents);
+        let focal = camera.intrinsics.fx.max(1.0);
+        let centre = camera.centre();
+        let (width, height) = self.texture.dimensions();
+        for y in 0..height {
+            for x in 0..width {
+                if self.texture.get_pixel(x, y).0[3] == 0 {
+                    continue;
+                }
+                let uv = self.uv(extents, f64::from(x), f64::from(y));
+                let edge = uv.min_element().min((face - uv).min_element());
+                if edge > 0.15 {
+                    continue;
+                }
+                let p = self.surface.point(extents, uv);
+                let slant = (p - centre).normalize_or_zero().dot(self.surface.normal()).abs().max(0.15);
+                let limit = SEAM.max(SEAM_PX * camera.depth(p).max(0.0) / focal / slant).min(0.12);
+                if edge < limit {
+                    self.texture.put_pixel(x, y, Rgba([0; 4]));
+                }
+            }
+        }
+    }
+
+    /// Forgets the texels of a wall between two heights, metres.
+    pub fn without_heights(&mut self, extents: &Extents, low: f64, high: f64) {
+        let (width, height) = self.texture.dimensions();
+        for y in 0..height {
+            let v = self.uv(extents, 0.0, f64::from(y)).y;
+            if v > low && v < high {
+                (0..width).for_each(|x| self.texture.put_pixel(x, y, Rgba([0; 4])));
+            }
+        }
+    }
+}
+
+/// Face coordinates of a texel's centre.
+fn face_point(surface: Surface, extents: &Extents, size: ImageSize, x: f64, y: f64) -> DVec2 {
+    let face = surface.size(extents);
+    let (s, t) = ((x + 0.5) / f64::from(size.width), (y + 0.5) / f64::from(size.height));
+    let v = if surface.wall().is_some() { 1.0 - t } else { t };
+    DVec2::new(s * face.x, v * face.y)
+}
+
+/// Which texels the photo shows at least about as finely as the texture has them.
+fn sharp(camera: &Camera, extents: &Extents, surface: Surface, size: ImageSize) -> Vec<bool> {
+    let (width, height) = (size.width as usize, size.height as usize);
+    let across = width.div_ceil(BLOCK);
+    let at = |x: f64, y: f64| camera.project(surface.point(extents, face_point(surface, extents, size, x, y)));
+    let blocks: Vec<bool> = (0..across * height.div_ceil(BLOCK))
+        .map(|i| {
+            let (x, y) = (((i % across) * BLOCK + BLOCK / 2) as f64, ((i / across) * BLOCK + BLOCK / 2) as f64);
+            let Some([a, b, c]) = at(x, y).zip(at(x + 1.0, y)).zip(at(x, y + 1.0)).map(|((a, b), c)| [a, b, c]) else {
+                return false;
+            };
+            (b - a).length().min((c - a).length()) >= SHARP_PX
+        })
+        .collect();
+    (0..width * height).map(|i| blocks[i / width / BLOCK * across + i % width / BLOCK]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use harmony_scene::{Intrinsics, PointMapKind};
+
+    use super::*;
+
+    fn camera() -> Camera {
+        let size = ImageSize::new(160, 120);
+        let lens = Intrinsics::from_horizontal_fov(size, 1.2);
+        Camera::looking(size, lens, DVec3::new(2.0, 1.4, 4.5), DVec3::new(0.0, -0.1, -1.0))
+    }
+
+    #[test]
+    fn what_stands_before_a_wall_is_not_on_it_and_a_wall_that_is_off_loses_nothing() {
+        let extents = Extents { width: 4.0, height: 2.5, depth: 5.0 };
+        let camera = camera();
+        let all = Mask::from_fn(camera.size, |_, _| true);
+        // The walls lie 6 cm nearer than the room has them; a chest of 40 cm stands before the back wall.
+        let chest = |x: u32, y: u32| (60..90).contains(&x) && (40..60).contains(&y);
+        let xyz = (0..camera.size.pixels())
+            .map(|i| {
+                let (x, y) = (i as u32 % 160, i as u32 / 160);
+                let ray = camera.ray(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
+                let (surface, p) = extents.exit(&ray).unwrap();
+                let before = if chest(x, y) { 0.4 } else { 0.06 };
+                p + surface.normal() * before
+            })
+            .collect();
+        let points = RoomPoints {
+            kind: PointMapKind::Metric,
+            size: camera.size,
+            xyz,
+            confidence: vec![1.0; camera.size.pixels()],
+        };
+        let off = off_faces(&points, &camera, &extents, &all);
+        for (i, flag) in off.bits().iter().enumerate() {
+            assert_eq!(*flag, chest(i as u32 % 160, i as u32 / 160), "{i}");
+        }
+    }
+
+    #[test]
+    fn slivers_and_seams_are_no_evidence() {
+        let size = ImageSize::new(100, 60);
+        let mask = Mask::from_fn(size, |x, _| x < 40 || (60..63).contains(&x));
+        let kept = without_slivers(&mask, 3);
+        assert!(kept.get(10, 10) && kept.get(39, 10) && !kept.get(61, 10));
+
+        let extents = Extents { width: 4.0, height: 2.5, depth: 5.0 };
+        let camera = camera();
+        let all = Mask::from_fn(camera.size, |_, _| true);
+        let photo = RgbImage::from_pixel(160, 120, image::Rgb([100; 3]));
+        let open = Mask::from_fn(camera.size, |x, _| x < 140);
+        let bare = Bare { bare: all, open };
+        let mut face = Face::seen(&photo, &camera, &extents, Surface::Back, 100.0, &bare);
+        let alphas: std::collections::BTreeSet<u8> = face.texture.pixels().map(|p| p.0[3]).collect();
+        assert_eq!(alphas.into_iter().collect::<Vec<_>>(), [0, NOOK_ALPHA, 255]);
+        let bottom = face.texture.height() - 1;
+        assert_eq!(face.texture.get_pixel(200, bottom).0[3], 255);
+        face.without_seams(&camera, &extents);
+        face.without_heights(&extents, 1.0, 1.2);
+        // 1.5 pixels of 117 px focal length at 4.5 m are 6 cm.
+        assert_eq!(face.texture.get_pixel(200, bottom).0[3], 0);
+        assert_eq!(face.texture.get_pixel(200, bottom - 4).0[3], 0);
+        assert_eq!(face.texture.get_pixel(200, bottom - 20).0[3], 255);
+        assert_eq!(face.texture.get_pixel(200, bottom - 110).0[3], 0);
+    }
+}

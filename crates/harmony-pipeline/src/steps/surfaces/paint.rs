@@ -1,0 +1,373 @@
+//! Faces as materials: what was seen of each, continued; and what was not seen, in its neighbours' material.
+
+use std::collections::BTreeMap;
+
+use harmony_imaging::color::lab_from_rgb8;
+use harmony_imaging::tile::{Grain, Look, Survey};
+use harmony_prompts::{LayoutPart, LayoutPartKind, LayoutSurface};
+use harmony_scene::{Extents, OpeningKind, Room, Surface};
+use image::{RgbaImage, imageops};
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use super::evidence::Face;
+
+/// A face of which less is seen takes its neighbours' material, square metres.
+const LEAST_SEEN: f64 = 0.12;
+/// Seen area beyond which more of it says no more about what is usual in the room, square metres.
+const ENOUGH: f64 = 0.8;
+/// Chroma (Lab) that outweighs one such area: an accent wall is the most colourful one.
+const COLOURFUL: f64 = 10.0;
+/// Lightness (Lab) that is worth one such area.
+const LIGHT: f64 = 200.0;
+/// Chroma up to which a ceiling is taken for white under coloured light.
+const WHITE: f32 = 15.0;
+/// How much lighter a wall is that faces a window than the window's own, which has the light behind it.
+const FACING: f32 = 1.12;
+const SEED: u64 = 0x5eed;
+
+/// A level stretch of a face: the whole of it, but on walls with parts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Strip {
+    /// Heights, metres; the whole face when it is no wall.
+    from: f64,
+    to: f64,
+    kind: Option<LayoutPartKind>,
+    color: Option<[u8; 3]>,
+}
+
+/// A strip with what was seen of it.
+struct Piece {
+    surface: Surface,
+    strip: Strip,
+    rows: [u32; 2],
+    size: [u32; 2],
+    survey: Option<Survey>,
+}
+
+/// The faces' textures and a line about each.
+pub struct Painted {
+    /// Opaque.
+    pub textures: BTreeMap<Surface, RgbaImage>,
+    /// What each was made from.
+    pub notes: Vec<Value>,
+}
+
+/// Paints all faces.
+pub fn paint(faces: &[Face], answer: &[LayoutSurface], room: &Room) -> Painted {
+    let extents = &room.extents;
+    let strips = all_strips(answer, extents);
+    let jobs: Vec<(&Face, Strip)> =
+        faces.iter().flat_map(|f| strips[&f.surface].iter().map(move |s| (f, *s))).collect();
+    let pieces: Vec<Piece> = jobs.into_par_iter().map(|(face, strip)| Piece::of(face, strip, extents)).collect();
+    let light = Light::of(&pieces, answer);
+    let plain = Plain::of(&pieces, room);
+    let painted: Vec<(RgbaImage, Value)> =
+        pieces.par_iter().map(|piece| piece.painted(&pieces, &plain, &light, answer)).collect();
+    let mut textures = BTreeMap::new();
+    let mut notes = Vec::new();
+    for face in faces {
+        let mut whole = RgbaImage::new(face.texture.width(), face.texture.height());
+        for (piece, (image, note)) in pieces.iter().zip(&painted).filter(|(p, _)| p.surface == face.surface) {
+            imageops::replace(&mut whole, image, 0, i64::from(piece.rows[0]));
+            notes.push(note.clone());
+        }
+        textures.insert(face.surface, whole);
+    }
+    Painted { textures, notes }
+}
+
+/// The strips of every face. A wainscot goes round the room, whichever wall it was named on.
+fn all_strips(answer: &[LayoutSurface], extents: &Extents) -> BTreeMap<Surface, Vec<Strip>> {
+    let goes_round: Vec<&LayoutPart> = answer
+        .iter()
+        .flat_map(|s| &s.parts)
+        .filter(|p| p.kind == LayoutPartKind::Wainscot)
+        .take(1)
+        .collect();
+    let strips = |surface: Surface| {
+        let mut whole = vec![Strip { from: 0.0, to: surface.size(extents).y, kind: None, color: None }];
+        if surface.wall().is_none() {
+            return whole;
+        }
+        let named = answer.iter().find(|s| s.surface.surface() == surface);
+        let own = named.map_or(&[][..], |s| &s.parts);
+        let has_own = own.iter().any(|p| p.kind == LayoutPartKind::Wainscot);
+        for part in own.iter().chain(goes_round.iter().copied().filter(|_| !has_own)) {
+            whole = cut(&whole, part);
+        }
+        whole
+    };
+    Surface::ALL.into_iter().map(|s| (s, strips(s))).collect()
+}
+
+/// The strips with a part laid over them.
+fn cut(strips: &[Strip], part: &LayoutPart) -> Vec<Strip> {
+    let top = strips.last().map_or(0.0, |s| s.to);
+    let (from, to) = (part.from_m.max(0.0), part.to_m.min(top));
+    // A part that is hardly there, or leaves hardly anything, is no part.
+    if to - from < 0.04 {
+        return strips.to_vec();
+    }
+    let from = if from < 0.04 { 0.0 } else { from };
+    let to = if top - to < 0.04 { top } else { to };
+    let mut out = Vec::new();
+    for s in strips {
+        let below = Strip { to: s.to.min(from), ..*s };
+        let above = Strip { from: s.from.max(to), ..*s };
+        out.extend([below, above].into_iter().filter(|k| k.to - k.from > 1e-6));
+    }
+    out.push(Strip { from, to, kind: Some(part.kind), color: part.rgb() });
+    out.sort_by(|a, b| a.from.total_cmp(&b.from));
+    out
+}
+
+impl Piece {
+    fn of(face: &Face, strip: Strip, extents: &Extents) -> Self {
+        let (width, height) = face.texture.dimensions();
+        let is_wall = face.surface.wall().is_some();
+        let row = |v: f64| (f64::from(height) * (1.0 - v / extents.height.max(0.1))).round().clamp(0.0, f64::from(height)) as u32;
+        let rows = if is_wall { [row(strip.to), row(strip.from)] } else { [0, height] };
+        let tall = rows[1].saturating_sub(rows[0]);
+        let texture = imageops::crop_imm(&face.texture, 0, rows[0], width, tall).to_image();
+        let start = rows[0] as usize * width as usize;
+        let coarse = face.surface == Surface::Floor || strip.kind.is_some_and(|k| k != LayoutPartKind::Accent);
+        let grain = if coarse { Grain::Coarse } else { Grain::Fine };
+        let sharp = &face.sharp[start..start + tall as usize * width as usize];
+        let survey = Survey::of(&texture, sharp, face.px_per_m, grain, SEED ^ face.surface as u64);
+        Self { surface: face.surface, strip, rows, size: [width, tall], survey }
+    }
+
+    fn seen(&self) -> Option<&Survey> {
+        self.survey.as_ref().filter(|s| s.seen_area >= LEAST_SEEN)
+    }
+
+    /// The strip's texture.
+    fn painted(&self, all: &[Self], plain: &Plain, light: &Light, answer: &[LayoutSurface]) -> (RgbaImage, Value) {
+        let (image, from) = if let Some(own) = self.seen() {
+            (own.complete(), "what was seen of it")
+        } else {
+            let (look, from) = self.borrowed(all, plain, light, answer);
+            match &self.survey {
+                // The little that was seen stays.
+                Some(survey) => (survey.complete_in(&look), from),
+                None => (look.paint(self.size[0], self.size[1]), from),
+            }
+        };
+        let look = self.survey.as_ref().map(|s| &s.look);
+        let note = json!({
+            "surface": self.surface, "heights_m": [self.strip.from, self.strip.to], "part": self.strip.kind,
+            "seen_m2": self.survey.as_ref().map_or(0.0, |s| (s.seen_area * 1000.0).round() / 1000.0),
+            "from": from, "color": look.map(|l| l.color.map(|c| c.round() as u8)),
+            "periods_px": look.and_then(Look::periods).map(|p| p.map(|v| [v.x, v.y])),
+        });
+        (image, note)
+    }
+
+    /// The material of a strip of which nothing, or hardly anything, was seen.
+    fn borrowed(
+        &self,
+        all: &[Self],
+        plain: &Plain,
+        light: &Light,
+        answer: &[LayoutSurface],
+    ) -> (Look, &'static str) {
+        let named = match self.strip.kind {
+            Some(_) => self.strip.color,
+            None => answer.iter().find(|s| s.surface.surface() == self.surface).and_then(LayoutSurface::rgb),
+        };
+        // The same part elsewhere.
+        if let Some(kind) = self.strip.kind {
+            let same = all.iter().filter(|p| p.strip.kind == Some(kind)).filter_map(Self::seen);
+            if let Some(other) = same.max_by(|a, b| a.seen_area.total_cmp(&b.seen_area)) {
+                return (other.look.clone(), "the same part of another wall");
+            }
+        }
+        let base = &plain.look;
+        match (self.surface, named) {
+            (Surface::Floor, Some(color)) => (Look::plain(light.on(color), SEED), "the layout answer"),
+            (Surface::Floor, None) => (Look::plain(base.color.map(|c| c * 0.6), SEED), "a guess"),
+            (Surface::Ceiling, Some(color)) => (base.unpatterned().tinted(light.on(color)), "the layout answer"),
+            (Surface::Ceiling, None) => {
+                (base.unpatterned().tinted(base.color.map(|c| c + (255.0 - c) / 2.0)), "the plainest wall, whiter")
+            }
+            (_, Some(color)) => (base.tinted(light.on(color)), "the layout answer's colour, the plainest wall's grain"),
+            (_, None) => (plain.on(self.surface), "the plainest wall"),
+        }
+    }
+}
+
+/// The material of walls that are not seen: that of the seen wall which is most likely the usual one.
+struct Plain {
+    look: Look,
+    /// The walls with windows, when the seen one is among them.
+    windows: Vec<Surface>,
+}
+
+impl Plain {
+    /// Much of it is seen, it is light, and not colourful; colours are judged against a seen ceiling, taken for white.
+    fn of(pieces: &[Piece], room: &Room) -> Self {
+        let lab = |survey: &Survey| lab_from_rgb8(survey.look.color.map(|c| c.round().clamp(0.0, 255.0) as u8));
+        let ceiling = pieces.iter().filter(|p| p.surface == Surface::Ceiling).find_map(Piece::seen).map(lab);
+        let white = ceiling.filter(|c| c[1].hypot(c[2]) < WHITE).unwrap_or([0.0; 3]);
+        let score = |survey: &Survey| {
+            let [l, a, b] = lab(survey);
+            let chroma = (a - white[1]).hypot(b - white[2]);
+            (survey.seen_area / ENOUGH).min(1.0) - f64::from(chroma) / COLOURFUL + f64::from(l) / LIGHT
+        };
+        let usual = pieces
+            .iter()
+            .filter(|p| p.surface.wall().is_some() && p.strip.kind.is_none())
+            .filter_map(|p| Some((p.surface, p.seen()?)))
+            .max_by(|a, b| score(a.1).total_cmp(&score(b.1)));
+        let with_windows: Vec<Surface> =
+            room.openings.iter().filter(|o| o.kind == OpeningKind::Window).map(|o| o.wall.surface()).collect();
+        match usual {
+            Some((surface, survey)) => {
+                let windows = if with_windows.contains(&surface) { with_windows } else { Vec::new() };
+                Self { look: survey.look.clone(), windows }
+            }
+            None => Self { look: Look::plain([168.0, 164.0, 158.0], SEED), windows: Vec::new() },
+        }
+    }
+
+    /// The material on a wall that is not seen.
+    fn on(&self, surface: Surface) -> Look {
+        if self.windows.is_empty() || self.windows.contains(&surface) {
+            self.look.clone()
+        } else {
+            self.look.tinted(self.look.color.map(|c| (c * FACING).min(250.0)))
+        }
+    }
+}
+
+/// What the photo's light makes of colours that the answer gives.
+struct Light([f32; 3]);
+
+impl Light {
+    /// Median ratio of seen to named colours.
+    fn of(pieces: &[Piece], answer: &[LayoutSurface]) -> Self {
+        let mut ratios: [Vec<f32>; 3] = Default::default();
+        for piece in pieces.iter().filter(|p| p.strip.kind.is_none()) {
+            let named = answer.iter().find(|s| s.surface.surface() == piece.surface).and_then(LayoutSurface::rgb);
+            let Some((survey, named)) = piece.seen().zip(named) else { continue };
+            for ((r, seen), named) in ratios.iter_mut().zip(survey.look.color).zip(named) {
+                r.push((seen / f32::from(named).max(8.0)).clamp(0.2, 1.6));
+            }
+        }
+        // Without any: what rooms are exposed like.
+        Self(ratios.map(|mut r| {
+            let middle = r.len() / 2;
+            if r.is_empty() { 0.8 } else { *r.select_nth_unstable_by(middle, f32::total_cmp).1 }
+        }))
+    }
+
+    fn on(&self, color: [u8; 3]) -> [f32; 3] {
+        std::array::from_fn(|c| (f32::from(color[c]) * self.0[c]).clamp(0.0, 255.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_prompts::SurfaceName;
+    use harmony_scene::{Opening, Wall};
+    use image::Rgba;
+
+    use super::*;
+
+    const ROOM: Extents = Extents { width: 3.0, height: 2.5, depth: 4.0 };
+
+    fn room(windows: &[Wall]) -> Room {
+        let window = |wall| Opening { kind: OpeningKind::Window, wall, u: [1.0, 2.0], y: [0.9, 2.0], object: None };
+        Room {
+            room_type: "bedroom".into(),
+            extents: ROOM,
+            seen: vec![],
+            openings: windows.iter().map(|w| window(*w)).collect(),
+            floor_texture: None,
+            wall_texture: None,
+        }
+    }
+
+    fn face(surface: Surface, color: Option<[u8; 3]>) -> Face {
+        let size = surface.size(&ROOM);
+        let (w, h) = ((size.x * 50.0) as u32, (size.y * 50.0) as u32);
+        let texture = RgbaImage::from_fn(w, h, |x, y| match color {
+            Some([r, g, b]) if x > w / 3 => Rgba([r, g, b.saturating_add(((x * 7 + y * 3) % 4) as u8), 255]),
+            _ => Rgba([0; 4]),
+        });
+        Face { surface, sharp: vec![true; (w * h) as usize], texture, px_per_m: 50.0 }
+    }
+
+    fn faces(colors: [Option<[u8; 3]>; 6]) -> Vec<Face> {
+        Surface::ALL.into_iter().zip(colors).map(|(s, c)| face(s, c)).collect()
+    }
+
+    fn mean(image: &RgbaImage) -> [f64; 3] {
+        let n = f64::from(image.width() * image.height());
+        let sum = image.pixels().fold([0.0; 3], |s, p| std::array::from_fn(|c| s[c] + f64::from(p.0[c])));
+        sum.map(|s| s / n)
+    }
+
+    #[test]
+    fn an_unseen_wall_takes_the_plain_neighbours_colour_not_the_accent_walls() {
+        let (blue, grey) = ([40, 80, 140], [190, 186, 178]);
+        let painted = paint(&faces([Some([90, 80, 70]), None, Some(blue), Some(grey), None, None]), &[], &room(&[]));
+        for surface in [Surface::Right, Surface::Front] {
+            let color = mean(&painted.textures[&surface]);
+            assert!(color.iter().zip(grey).all(|(a, b)| (a - f64::from(b)).abs() < 5.0), "{surface:?}: {color:?}");
+        }
+        let ceiling = mean(&painted.textures[&Surface::Ceiling]);
+        assert!(ceiling[0] > 210.0, "a ceiling is whiter: {ceiling:?}");
+        let back = mean(&painted.textures[&Surface::Back]);
+        assert!(back[2] > back[0] + 80.0, "the accent wall stays: {back:?}");
+        assert!(painted.textures.values().flat_map(|t| t.pixels()).all(|p| p.0[3] == 255));
+    }
+
+    #[test]
+    fn a_wall_that_faces_the_window_is_lighter_than_the_windows_own() {
+        let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &[], &room(&[Wall::Back]));
+        let right = mean(&painted.textures[&Surface::Right]);
+        assert!((right[0] - 150.0 * f64::from(FACING)).abs() < 4.0, "{right:?}");
+    }
+
+    #[test]
+    fn a_named_colour_is_seen_under_the_rooms_light() {
+        let named = |surface, hex: &str| LayoutSurface {
+            surface,
+            color_hex: Some(hex.into()),
+            pattern: None,
+            parts: vec![],
+        };
+        // The back wall is named at 200 and seen at 150: three quarters of the light.
+        let answer = [named(SurfaceName::WallBack, "#c8c8c8"), named(SurfaceName::WallRight, "#50a0a0")];
+        let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &answer, &room(&[]));
+        let right = mean(&painted.textures[&Surface::Right]);
+        assert!((right[0] - 60.0).abs() < 5.0 && (right[1] - 120.0).abs() < 5.0, "{right:?}");
+    }
+
+    #[test]
+    fn a_wainscot_goes_round_the_room_at_its_height() {
+        let part = LayoutPart {
+            kind: LayoutPartKind::Wainscot,
+            from_m: 0.0,
+            to_m: 1.0,
+            color_hex: None,
+            pattern: None,
+        };
+        let answer =
+            [LayoutSurface { surface: SurfaceName::WallBack, color_hex: None, pattern: None, parts: vec![part] }];
+        let mut all = faces([None, None, Some([200, 198, 196]), None, None, None]);
+        for (_, y, p) in all[2].texture.enumerate_pixels_mut().filter(|(_, _, p)| p.0[3] > 0) {
+            if y >= 75 {
+                *p = Rgba([70, 110, 80, 255]);
+            }
+        }
+        let painted = paint(&all, &answer, &room(&[]));
+        let front = &painted.textures[&Surface::Front];
+        assert!(front.get_pixel(60, 60).0[0] > 185 && front.get_pixel(60, 90).0[0] < 90);
+        // The edge is sharp where nothing was seen, too.
+        let back = &painted.textures[&Surface::Back];
+        assert!(back.get_pixel(5, 73).0[0] > 185 && back.get_pixel(5, 77).0[0] < 90);
+    }
+}

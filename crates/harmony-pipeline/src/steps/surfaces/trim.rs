@@ -1,0 +1,172 @@
+//! Skirting boards: from the layout answer, or from the strip above the floor that all seen walls have.
+
+use harmony_imaging::color::{lab_from_rgb8, linear_from_srgb};
+use harmony_mesh::{Trim, Trims};
+use harmony_prompts::{LayoutTrim, LayoutTrims};
+use harmony_scene::{Extents, Surface};
+use image::RgbaImage;
+
+use super::evidence::Face;
+
+/// Heights among which a skirting board ends, metres.
+const HEIGHTS: [f64; 2] = [0.035, 0.2];
+/// Stretch of wall above it that it is compared with, metres beyond the highest.
+const ABOVE: f64 = 0.16;
+/// Length of wall that must be seen down to the floor, metres.
+const LENGTH: f64 = 0.25;
+/// Step in colour that makes the edge of a board, Lab units; and difference from the floor, so that a line of floor is
+/// none.
+const DIFFERENT: f32 = 4.0;
+const NOT_FLOOR: f32 = 7.0;
+/// Colours that differ by less can be one board under uneven light.
+const ONE_BOARD: f32 = 12.0;
+/// Depth of a board that is only seen, metres.
+const DEPTH: f64 = 0.014;
+
+/// The boards of the room: those that the answer names, and a skirting board that is seen.
+pub fn trims(answer: &LayoutTrims, faces: &[Face], extents: &Extents) -> Trims {
+    let seen = seen_skirting(faces, extents);
+    let skirting = match (&answer.skirting, seen) {
+        // Its colour under the room's light is what the photo shows.
+        (Some(named), Some(seen)) => Some(Trim { height: named.height_m, depth: named.depth_m, color: seen.color }),
+        (Some(named), None) => Some(board(named)),
+        (None, seen) => seen,
+    };
+    Trims { skirting, cornice: answer.cornice.as_ref().map(board), casing: answer.casing.as_ref().map(board) }
+}
+
+fn board(named: &LayoutTrim) -> Trim {
+    // A flat render shows things as lit: white in a room is no full white.
+    Trim { height: named.height_m, depth: named.depth_m, color: linear(named.rgb().map(|c| f32::from(c) * 0.85)) }
+}
+
+fn linear(color: [f32; 3]) -> [f32; 3] {
+    color.map(|c| linear_from_srgb(c / 255.0))
+}
+
+/// The skirting board of the wall that shows most of it.
+fn seen_skirting(faces: &[Face], extents: &Extents) -> Option<Trim> {
+    let floor = faces.iter().find(|f| f.surface == Surface::Floor).and_then(|f| middle_color(&f.texture));
+    let found = faces
+        .iter()
+        .filter(|f| f.surface.wall().is_some())
+        .filter_map(|face| on_wall(face, extents, floor))
+        .max_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some(found.0)
+}
+
+/// The board on a wall, and the length of wall that shows it.
+fn on_wall(face: &Face, extents: &Extents, floor: Option<[f32; 3]>) -> Option<(Trim, f64)> {
+    let (width, height) = face.texture.dimensions();
+    let per_m = f64::from(height) / extents.height.max(0.1);
+    let rows = (((HEIGHTS[1] + ABOVE) * per_m) as u32).min(height);
+    if rows < 12 {
+        return None;
+    }
+    let seen = |x: u32, k: u32| face.texture.get_pixel(x, height - 1 - k).0[3] >= 128;
+    let columns: Vec<u32> =
+        (0..width).filter(|x| (0..rows).filter(|k| seen(*x, *k)).count() * 10 >= rows as usize * 9).collect();
+    let length = columns.len() as f64 / face.px_per_m;
+    if length < LENGTH {
+        return None;
+    }
+    let row = |k: u32| {
+        let texels = columns.iter().map(|x| face.texture.get_pixel(*x, height - 1 - k).0).filter(|p| p[3] >= 128);
+        median_color(texels.map(|p| [p[0], p[1], p[2]]))
+    };
+    let profile: Vec<[f32; 3]> = (0..rows).map(row).collect::<Option<_>>()?;
+    let lab = |c: [f32; 3]| lab_from_rgb8(c.map(|v| v.round().clamp(0.0, 255.0) as u8));
+    let apart = |a: [f32; 3], b: [f32; 3]| {
+        let (a, b) = (lab(a), lab(b));
+        (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt()
+    };
+    let at = |metres: f64| ((metres * per_m) as usize).min(profile.len() - 1);
+    // The board's upper edge is the sharpest step, for walls darken smoothly towards the floor.
+    let step = |k: usize| apart(mean(&profile[k - 3..k - 1]), mean(&profile[k + 1..k + 3]));
+    let (low, high) = (at(HEIGHTS[0]).max(3), at(HEIGHTS[1]).min(profile.len() - 3));
+    let top = (low..high).max_by(|a, b| step(*a).total_cmp(&step(*b)))?;
+    let sharpest = step(top);
+    let others = (top + 4..profile.len() - 3).map(step).fold(0.0, f32::max);
+    if sharpest < DIFFERENT || others > sharpest / 2.0 {
+        return None;
+    }
+    // Down to the floor: the line between both may be a little off.
+    let like_floor = |c: [f32; 3]| floor.is_some_and(|f| apart(c, f) < NOT_FLOOR);
+    let upper = mean(&profile[top - 3..top - 1]);
+    let foot = (0..top - 1).rev().find(|k| like_floor(profile[*k]) || apart(profile[*k], upper) > ONE_BOARD);
+    let foot = foot.map_or(0, |k| k + 1);
+    let tall = (top - foot) as f64 / per_m;
+    if like_floor(upper) || tall < HEIGHTS[0] * 0.7 || foot as f64 / per_m > 0.08 {
+        return None;
+    }
+    let span = top - foot;
+    let color = mean(&profile[foot + span / 4..=top - 1 - span / 5]);
+    Some((Trim { height: tall, depth: DEPTH, color: linear(color) }, length))
+}
+
+fn mean(colors: &[[f32; 3]]) -> [f32; 3] {
+    let sum = colors.iter().fold([0.0_f32; 3], |s, c| [s[0] + c[0], s[1] + c[1], s[2] + c[2]]);
+    sum.map(|s| s / colors.len().max(1) as f32)
+}
+
+fn middle_color(texture: &RgbaImage) -> Option<[f32; 3]> {
+    median_color(texture.pixels().step_by(7).filter(|p| p.0[3] >= 128).map(|p| [p.0[0], p.0[1], p.0[2]]))
+}
+
+fn median_color(colors: impl Iterator<Item = [u8; 3]>) -> Option<[f32; 3]> {
+    let mut channels: [Vec<u8>; 3] = Default::default();
+    for color in colors {
+        for (channel, v) in channels.iter_mut().zip(color) {
+            channel.push(v);
+        }
+    }
+    let middle = channels[0].len() / 2;
+    (!channels[0].is_empty()).then(|| channels.map(|mut c| f32::from(*c.select_nth_unstable(middle).1)))
+}
+
+#[cfg(test)]
+mod tests {
+    use image::Rgba;
+
+    use super::*;
+
+    fn wall(row: impl Fn(f64) -> [u8; 3]) -> Face {
+        let texture = RgbaImage::from_fn(300, 250, |x, y| {
+            let v = (f64::from(249 - y) + 0.5) / 100.0;
+            // Something stands before the left half.
+            let [r, g, b] = row(v);
+            if x < 150 { Rgba([0; 4]) } else { Rgba([r, g, b, 255]) }
+        });
+        Face { surface: Surface::Back, sharp: vec![true; 300 * 250], texture, px_per_m: 100.0 }
+    }
+
+    fn floor() -> Face {
+        let texture = RgbaImage::from_pixel(50, 50, Rgba([80, 70, 60, 255]));
+        Face { surface: Surface::Floor, sharp: vec![true; 2500], texture, px_per_m: 100.0 }
+    }
+
+    const ROOM: Extents = Extents { width: 3.0, height: 2.5, depth: 4.0 };
+
+    #[test]
+    fn a_board_above_the_floor_is_found_with_its_height_and_colour() {
+        // Two centimetres of floor at its foot: the line between floor and wall is a little off.
+        let face = wall(|v| if v < 0.02 { [80, 70, 60] } else if v < 0.1 { [235, 235, 230] } else { [150, 170, 160] });
+        let trims = trims(&LayoutTrims::default(), &[floor(), face], &ROOM);
+        let board = trims.skirting.unwrap();
+        assert!((board.height - 0.08).abs() < 0.011, "{}", board.height);
+        assert!((board.color[0] - linear_from_srgb(235.0 / 255.0)).abs() < 0.02);
+    }
+
+    #[test]
+    fn a_line_of_floor_and_a_plain_wall_are_no_board_but_a_named_one_is() {
+        let leaked = wall(|v| if v < 0.05 { [80, 70, 60] } else { [150, 170, 160] });
+        let plain = wall(|_| [150, 170, 160]);
+        for face in [leaked, plain] {
+            assert!(trims(&LayoutTrims::default(), &[floor(), face], &ROOM).skirting.is_none());
+        }
+        let named = LayoutTrim { height_m: 0.12, depth_m: 0.02, color_hex: "#ffffff".into() };
+        let answer = LayoutTrims { skirting: Some(named), ..LayoutTrims::default() };
+        let board = trims(&answer, &[floor()], &ROOM).skirting.unwrap();
+        assert!((board.height - 0.12).abs() < 1e-12 && (board.depth - 0.02).abs() < 1e-12);
+    }
+}
