@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 use harmony_mesh::{Bounds, Mesh};
-use harmony_scene::{Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Room, SceneObject};
+use harmony_scene::{Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Room, SceneObject, ViewTransform};
 
 use crate::delta::bounds;
 
@@ -25,7 +25,7 @@ pub const FLOOR_LAMP_WATTS: f64 = 25.0;
 /// Power of a ceiling fixture, watts.
 pub const CEILING_WATTS: f64 = 45.0;
 /// Ambient radiance of a room with windows.
-pub const AMBIENT_RADIANCE: f64 = 0.15;
+pub const AMBIENT_RADIANCE: f64 = 0.1;
 /// Distance of the daylight rectangle from the wall plane, metres, where no window object says more.
 pub const PANE_GAP_M: f64 = 0.02;
 /// A window object sticks out of its wall by at most this much; more is a wrong bound (a curtain in the mesh).
@@ -129,7 +129,7 @@ pub fn lights_from_scene<'m>(
     for object in objects.iter().filter(|o| is_light_source(&o.label)) {
         lights.push(lamp_light(room, object, mesh_of(&object.id)));
     }
-    Lighting { lights, ambient_color: [1.0; 3], ambient_intensity: AMBIENT_RADIANCE, exposure: 0.0 }
+    Lighting { lights, ambient_color: [1.0; 3], ambient_intensity: AMBIENT_RADIANCE, exposure: 0.0, view: ViewTransform::Standard }
 }
 
 fn window_light(

@@ -14,11 +14,11 @@ use harmony_scene::{
     ImageSize, Lighting, Mask, ObjectId, SCENE_VERSION, Scene, SceneCamera, SceneObject, Surface, Warning,
 };
 use harmony_viewer::{CallRow, DroppedObject, Evidence, Fact, ObjectReport, ReportData};
-use image::RgbImage;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::ctx::PhaseError;
+use crate::relight::LitPictures;
 use crate::state::SceneState;
 use crate::views;
 
@@ -69,6 +69,7 @@ pub fn scene(state: &SceneState, original: ImageSize, warnings: &[Warning]) -> S
             ambient_color: [1.0; 3],
             ambient_intensity: 1.0,
             exposure: 0.0,
+            view: harmony_scene::ViewTransform::Standard,
         }),
         summary: state.summaries.join(" "),
         warnings: warnings.to_vec(),
@@ -83,7 +84,7 @@ pub fn write(
     run: &Path,
     state: &SceneState,
     original: ImageSize,
-    lit: Option<&RgbImage>,
+    lit: Option<&LitPictures>,
     warnings: &[Warning],
 ) -> Result<Scene, PhaseError> {
     let scene = scene(state, original, warnings);
@@ -111,7 +112,7 @@ fn write_pictures(
     run: &Path,
     state: &SceneState,
     original: ImageSize,
-    lit: Option<&RgbImage>,
+    lit: Option<&LitPictures>,
     scene: &Scene,
 ) -> Result<(), PhaseError> {
     let drawn = views::drawn(state);
@@ -120,7 +121,10 @@ fn write_pictures(
     let canonical = views::scene_from(state, &view.camera, view.omit);
     picture::write_rgb_png(&run.join("render_canonical.png"), &canonical)?;
     if let Some(lit) = lit {
-        picture::write_rgb_png(&run.join("render_lit.png"), lit)?;
+        picture::write_rgb_png(&run.join("render_lit.png"), &lit.photo_view)?;
+        if let Some(canonical) = &lit.canonical {
+            picture::write_rgb_png(&run.join("render_lit_canonical.png"), canonical)?;
+        }
     }
     let masks: Vec<(ObjectId, Mask)> = scene
         .objects

@@ -141,6 +141,7 @@ fn the_document_lists_what_it_uses() {
         ambient_color: [1.0; 3],
         ambient_intensity: 0.3,
         exposure: 0.5,
+        view: harmony_scene::ViewTransform::Agx,
     };
     let mut scene = scene(&mesh);
     scene.lighting = Some(&lighting);
