@@ -29,6 +29,8 @@ use crate::views;
 
 /// Median luminance difference at which previews stop measuring, stops.
 const GOOD_STOPS: f64 = 0.1;
+/// Diffuse reflectance below which a pixel is metal, glass or a picture of light.
+const LEAST_ALBEDO: f32 = 0.02;
 /// Size of the flat canonical view, whose frame the lit one has.
 const CANONICAL: ImageSize = ImageSize { width: 1280, height: 960 };
 
@@ -159,7 +161,7 @@ impl Stage<'_, '_> {
     async fn fit(&self, found: Arc<LightMeasurement>, lighting: &mut Lighting) -> Result<Look, PhaseError> {
         let size = found.size;
         let photo = resize(&*self.state.photo, size.width, size.height, FilterType::Triangle);
-        let weights = self.weights(&found.nodes, size, lighting);
+        let weights = self.weights(&found, size);
         let measured = measured_from(&found);
         let (fitted, weights, photo, ids) = {
             let measured = measured.clone();
@@ -197,11 +199,9 @@ impl Stage<'_, '_> {
         Ok(look)
     }
 
-    /// What counts: pixels where the scene has what the photo has, and that are not a picture of light themselves.
-    fn weights(&self, ids: &[u32], size: ImageSize, lighting: &Lighting) -> Vec<f32> {
+    /// What counts: pixels where the scene has what the photo has, and that show light on a surface, not light itself.
+    fn weights(&self, found: &LightMeasurement, size: ImageSize) -> Vec<f32> {
         let all = self.state.all_objects().or(&self.state.photo_frame).resized(size);
-        let shining: Vec<&str> =
-            lighting.lights.iter().filter(|l| l.on).filter_map(|l| l.object.as_ref()).map(|id| id.as_str()).collect();
         let masks: Vec<Option<Mask>> = self
             .nodes
             .iter()
@@ -210,18 +210,13 @@ impl Stage<'_, '_> {
                 prepared.map(|(_, p)| p.candidate.mask.resized(size))
             })
             .collect();
-        ids.iter()
-            .enumerate()
-            .map(|(i, id)| {
-                let Some(index) = (*id as usize).checked_sub(1) else { return 0.0 };
-                let seen = match masks.get(index) {
-                    Some(Some(mask)) => mask.bits()[i] && !shining.contains(&self.nodes[index].name.as_str()),
-                    Some(None) => !all.bits()[i],
-                    None => false,
-                };
-                f32::from(u8::from(seen))
-            })
-            .collect()
+        let weight = |(i, id): (usize, &u32)| {
+            let mask = masks.get((*id as usize).checked_sub(1)?)?;
+            let seen = mask.as_ref().map_or(!all.bits()[i], |mask| mask.bits()[i]);
+            let lit = found.albedo.get(i)?.iter().any(|a| *a > LEAST_ALBEDO);
+            Some(f32::from(u8::from(seen && lit)))
+        };
+        found.nodes.iter().enumerate().map(|at| weight(at).unwrap_or(0.0)).collect()
     }
 
     async fn picture(
