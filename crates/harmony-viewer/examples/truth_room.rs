@@ -97,6 +97,7 @@ fn write_run(
         }],
         camera: Some(*camera),
         lighting: Some(&scene.lighting),
+        glow: 0.0,
         extras: json!({ "room": scene.room.extents }),
         generator: scene.generator.clone(),
         textures: TextureEncoding::Compact,

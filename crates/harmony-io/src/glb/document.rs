@@ -139,6 +139,8 @@ pub(super) struct MaterialEntry {
     pub double_sided: bool,
     #[serde(skip_serializing_if = "Map::is_empty")]
     pub extensions: Map<String, Value>,
+    #[serde(skip_serializing_if = "Value::is_null")]
+    pub extras: Value,
 }
 
 #[derive(Debug, Default, Serialize, Deserialize)]

@@ -17,6 +17,8 @@ use super::normals::unit;
 use super::{GlbError, GlbNode, GlbScene, TextureEncoding, lights};
 use crate::picture::{rgb_jpeg, rgb_png, rgba_png};
 
+/// In a material's extras: its emission is [`GlbScene::glow`], not a lamp's.
+pub(super) const GLOW_KEY: &str = "ambient_glow";
 /// Quality of embedded JPEG textures.
 const JPEG_QUALITY: u8 = 92;
 /// A texture becomes JPEG when PNG is larger than that many times the JPEG.
@@ -28,7 +30,8 @@ const MAX_NAME: usize = 200;
 
 /// Puts a scene together.
 pub(super) fn glb_bytes(scene: &GlbScene<'_>) -> Result<Vec<u8>, GlbError> {
-    let mut w = Writer { textures: scene.textures, compressed: compressed(scene), ..Writer::default() };
+    let glow = if scene.glow.is_finite() { scene.glow.clamp(0.0, 1.0) } else { 0.0 };
+    let mut w = Writer { textures: scene.textures, compressed: compressed(scene), glow, ..Writer::default() };
     let mut roots = Vec::new();
     if !scene.shell.is_empty() {
         let children = scene.shell.iter().map(|n| w.mesh_node(n)).collect::<Result<Vec<_>, _>>()?;
@@ -58,6 +61,7 @@ pub(super) fn glb_bytes(scene: &GlbScene<'_>) -> Result<Vec<u8>, GlbError> {
             "color": lighting.ambient_color,
             "intensity": lighting.ambient_intensity,
             "exposure": lighting.exposure,
+            "view": lighting.view,
         });
     }
     w.doc.asset = Asset { version: "2.0".to_owned(), generator: scene.generator.clone() };
@@ -71,6 +75,7 @@ struct Writer {
     doc: Document,
     binary: Vec<u8>,
     textures: TextureEncoding,
+    glow: f64,
     /// Entry by mesh; looked up only, never iterated. The value keeps the pointer's owner alive.
     meshes: HashMap<*const Mesh, (Arc<Mesh>, usize)>,
     images: HashMap<*const RgbaImage, (Arc<RgbaImage>, Embedded)>,
@@ -278,6 +283,12 @@ impl Writer {
                 self.doc.extensions_used.push(name.clone());
             }
         }
+        // A lamp's own light stays what it is.
+        let glow = if strength > 0.0 { 0.0 } else { self.glow };
+        let emissive_factor = (strength > 0.0)
+            .then(|| emitted.map(|e| e / strength.max(1.0)))
+            .or_else(|| (glow > 0.0).then(|| [factor[0], factor[1], factor[2]].map(|c| c * glow)));
+        let glow_texture = embedded.texture.filter(|_| glow > 0.0);
         let (alpha_mode, alpha_cutoff) = match embedded.alpha {
             _ if factor[3] < 1.0 => (Some("BLEND"), None),
             Alpha::Opaque => (None, None),
@@ -293,7 +304,9 @@ impl Writer {
                 roughness_factor: Some(unit(material.roughness, 0.6)),
                 metallic_roughness_texture: None,
             },
-            emissive_factor: (strength > 0.0).then(|| emitted.map(|e| e / strength.max(1.0))),
+            emissive_factor,
+            emissive_texture: glow_texture.map(|index| TextureRef { index, ..TextureRef::default() }),
+            extras: if glow > 0.0 { json!({ GLOW_KEY: glow }) } else { Value::Null },
             alpha_mode: alpha_mode.map(str::to_owned),
             alpha_cutoff,
             double_sided: material.double_sided,
