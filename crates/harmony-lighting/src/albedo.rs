@@ -37,7 +37,7 @@ pub struct FieldNode {
     pub kind: &'static str,
 }
 
-/// A render in the photo's frame beside the photo; both light before exposure, one value a pixel.
+/// A render in the photo's frame beside the photo; both light as the view takes it (after exposure), one value a pixel.
 #[derive(Debug, Clone, Copy)]
 pub struct Comparison<'a> {
     /// The photo's light.

@@ -32,7 +32,7 @@ const SCREEN_WHITE: [f64; 3] = [0.9, 0.95, 1.0];
 const FIRE_WATTS: f64 = 15.0;
 const FIRE: [f64; 3] = [1.0, 0.5, 0.18];
 /// Ambient radiance of a room with windows.
-pub const AMBIENT_RADIANCE: f64 = 0.1;
+pub const AMBIENT_RADIANCE: f64 = 0.06;
 /// Distance of the daylight rectangle from the wall plane, metres, where no window object says more.
 pub const PANE_GAP_M: f64 = 0.02;
 /// A window object sticks out of its wall by at most this much; more is a wrong bound (a curtain in the mesh).

@@ -102,7 +102,7 @@ fn field_nodes(state: &SceneState) -> Vec<FieldNode> {
 /// What has been found about the photo's light.
 struct Look {
     view: ViewTable,
-    /// The photo at the measurement's size: as it is, and its light before exposure.
+    /// The photo at the measurement's size: as it is, and its light after exposure, as the view takes it.
     photo: RgbImage,
     light: LinearImage,
     ids: Vec<u32>,
@@ -180,16 +180,13 @@ impl Stage<'_, '_> {
             let light = view.to_linear(&photo);
             return Ok(Look { view, photo, light, ids, weights, field: Arc::new(neutral), rounds: Vec::new() });
         };
-        let before = lighting.exposure;
         let notes = fitted.apply(lighting);
         self.ctx.write_json("fit.json", &fit_json(&fitted, lighting, &notes))?;
-        let light = exposed(fitted.photo.clone(), -lighting.exposure);
-        // A render's light is before exposure; so is the prediction, at the exposure that was measured with.
-        let predicted = exposed(fitted.predicted(&measured), before - lighting.exposure);
+        let predicted = fitted.predicted(&measured);
         let mut look = Look {
             view: fitted.view.clone(),
             photo,
-            light,
+            light: fitted.photo.clone(),
             ids,
             weights,
             field: Arc::new(neutral),
@@ -251,7 +248,7 @@ impl Stage<'_, '_> {
             let (w, h) = look.photo.dimensions();
             let small = look.view.to_linear(&resize(&preview, w, h, FilterType::Triangle));
             let before = Arc::clone(&look.field);
-            look.field = Arc::new(look.next_field(&self.nodes, &exposed(small, -lighting.exposure)));
+            look.field = Arc::new(look.next_field(&self.nodes, &small));
             let step = format!("preview_{round}");
             let Some(image) = self.preview(&step, look, lighting).await? else { break };
             let after = look.error(&image);
@@ -345,14 +342,6 @@ impl Stage<'_, '_> {
         request.background = Some(outside.map(|v| f64::from(v) * (-lighting.exposure).exp2()));
         Ok(render(self.ctx, &request).await?.map(|lit| lit.image))
     }
-}
-
-fn exposed(mut image: LinearImage, stops: f64) -> LinearImage {
-    let k = stops.exp2() as f32;
-    for p in &mut image.rgb {
-        *p = p.map(|v| v * k);
-    }
-    image
 }
 
 fn measured_from(found: &LightMeasurement) -> Measured {
