@@ -28,6 +28,7 @@ fn lighting() -> Lighting {
         ambient_color: [1.0; 3],
         ambient_intensity: 0.5,
         exposure: 0.0,
+        view: harmony_scene::ViewTransform::Agx,
     }
 }
 

@@ -8,9 +8,6 @@ import {
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 
-// The file's lights are photometric (683 lm/W); divided by it they are radiometric, as in the path-traced render.
-const LUMENS_PER_WATT = 683;
-
 export async function open(container, bytes, { onSelect = () => {}, background = null } = {}) {
   const gltf = await new GLTFLoader().parseAsync(bytes, "");
   const renderer = new WebGLRenderer({ antialias: true, alpha: true, preserveDrawingBuffer: true });
@@ -35,15 +32,20 @@ export async function open(container, bytes, { onSelect = () => {}, background =
   even.forEach((l) => scene.add(l));
   const own = [];
   gltf.scene.traverse((o) => {
-    if (o.isLight) {
-      o.intensity /= LUMENS_PER_WATT;
-      own.push(o);
-    }
+    if (o.isLight) own.push(o);
+  });
+  // Surfaces of a whole scene emit a share of their colour, for viewers without ambient light; even light is enough.
+  const glowing = [];
+  gltf.scene.traverse((o) => {
+    for (const m of [o.material ?? []].flat()) if (m.userData?.ambient_glow) glowing.push(m);
   });
   const ambient = gltf.scene.userData.ambient ?? { color: [1, 1, 1], intensity: 0.2, exposure: 0 };
-  const sky = new AmbientLight(new Color(...ambient.color), Math.PI * ambient.intensity);
-  scene.add(sky);
-  own.push(sky);
+  if (glowing.length === 0) {
+    const level = Math.PI * ambient.intensity * 2 ** (ambient.exposure ?? 0);
+    const sky = new AmbientLight(new Color(...ambient.color), level);
+    scene.add(sky);
+    own.push(sky);
+  }
 
   const camera = new PerspectiveCamera(50, 1, 0.02, 200);
   const controls = new OrbitControls(camera, renderer.domElement);
@@ -109,8 +111,8 @@ export async function open(container, bytes, { onSelect = () => {}, background =
     const lit = mode === "scene";
     even.forEach((l) => (l.visible = !lit));
     own.forEach((l) => (l.visible = lit));
-    renderer.toneMapping = lit ? ACESFilmicToneMapping : NoToneMapping;
-    renderer.toneMappingExposure = lit ? 2 ** (ambient.exposure ?? 0) : 1;
+    renderer.toneMapping = lit && ambient.view !== "standard" ? ACESFilmicToneMapping : NoToneMapping;
+    glowing.forEach((m) => (m.emissiveIntensity = lit ? 1 : 0));
     draw();
   };
 

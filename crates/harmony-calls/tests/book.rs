@@ -63,10 +63,14 @@ async fn every_role(desk: &Desk) -> Vec<String> {
         glb: "somewhere/scene.glb".into(),
         glb_hash: "abc".into(),
         camera: Camera::looking(size, Intrinsics::centred(size, 20.0), Vec3::ONE, Vec3::NEG_Z),
-        lighting: Lighting { lights: vec![], ambient_color: [1.0; 3], ambient_intensity: 1.0, exposure: 0.0 },
+        lighting: Lighting { lights: vec![], ambient_color: [1.0; 3], ambient_intensity: 1.0, exposure: 0.0, view: harmony_scene::ViewTransform::Agx },
         room: None,
         samples: 16,
         denoise: true,
+        albedo: None,
+        hidden_nodes: Vec::new(),
+        background: None,
+        kind: harmony_roles::LitKind::Picture,
     };
     let mut told = vec![format!("{:?}", calls.detect(&detect).await.unwrap())];
     told.push(format!("{:?}", calls.segment(&segment).await.unwrap()));

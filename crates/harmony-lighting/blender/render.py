@@ -34,11 +34,17 @@ import numpy as np  # noqa: E402
 from mathutils import Matrix, Vector  # noqa: E402
 
 sys.path.insert(0, JOB["folder"])
-from textures import base_image, delight, encode, principled  # noqa: E402  (lies beside the job)
+# These lie beside the job.
+from albedo import apply_albedo  # noqa: E402
+from textures import base_image, bright_gain, decode, encode, principled  # noqa: E402
+from views import sample_response, sample_views, set_view  # noqa: E402
 
 NOTES = []
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 EMITTER_WORDS = ("shade", "bulb", "globe", "diffuser", "emit", "glow", "flame")
-PANE_WORDS = ("glass", "pane", "glazing", "view")
+PANE_WORDS = ("glass", "pane", "glazing", "view", "screen", "display")
+# Luminance, display-linear, that the bright part of a shining lampshade has at least.
+GLOW = 0.6
 
 
 def to_blender(v):
@@ -145,35 +151,39 @@ def set_camera(scene):
 # ---------------------------------------------------------------- view transform
 
 
-def sample_response(scene):
-    """Display values of grey light, read back from a ramp saved through the view transform."""
-    light = np.exp2(np.linspace(-11.0, 7.0, 361)).astype(np.float32)
-    light[0] = 0.0
-    ramp = bpy.data.images.new("ramp", len(light), 1, float_buffer=True)
-    pixels = np.ones((len(light), 4), dtype=np.float32)
-    pixels[:, :3] = light[:, None]
-    ramp.pixels.foreach_set(pixels.ravel())
-    path = os.path.join(JOB["folder"], "ramp.png")
-    exposure, scene.view_settings.exposure = scene.view_settings.exposure, 0.0
-    settings = scene.render.image_settings
-    settings.file_format, settings.color_mode, settings.color_depth = "PNG", "RGB", "16"
-    ramp.save_render(path, scene=scene)
-    settings.color_depth = "8"
-    scene.view_settings.exposure = exposure
-    saved = bpy.data.images.load(path)
-    saved.colorspace_settings.name = "Non-Color"
-    back = np.empty(len(light) * 4, dtype=np.float32)
-    saved.pixels.foreach_get(back)
-    display = np.maximum.accumulate(back.reshape(-1, 4)[:, 1])
-    bpy.data.images.remove(saved)
-    bpy.data.images.remove(ramp)
-    return light, display
-
-
 def light_of(response, display):
-    """Scene-linear light, before exposure, that shows as a display value."""
+    """Scene-linear light, before exposure, that shows as a display value (sRGB encoded, a number or an array)."""
     light, shown = response
-    return float(np.interp(display, shown, light)) / 2.0 ** JOB["lighting"]["exposure"]
+    return np.interp(display, shown, light) / 2.0 ** JOB["lighting"]["exposure"]
+
+
+def shown_as(node, response, least=0.0):
+    """A copy of a texture node whose image, emitted, displays as the texture is; its bright end at least `least`.
+
+    `least` is display-linear luminance of the brightest tenth.
+    """
+    width, height = node.image.size
+    pixels = np.empty(width * height * 4, dtype=np.float32)
+    node.image.pixels.foreach_get(pixels)
+    pixels = pixels.reshape(-1, 4)
+    rgb = pixels[:, :3]
+    if least > 0.0:
+        linear = decode(rgb)
+        used = pixels[:, 3] > 0.5
+        bright = float(np.percentile((linear @ LUMINANCE)[used], 90)) if used.any() else 0.0
+        if bright < least:
+            rgb = encode(np.minimum(linear * (least / max(bright, 0.02)), 1.0))
+    pixels[:, :3] = light_of(response, rgb)
+    image = bpy.data.images.new(node.image.name + "_shown", width, height, alpha=True, float_buffer=True)
+    image.colorspace_settings.name = "Linear Rec.709"
+    image.pixels.foreach_set(pixels.ravel().astype(np.float32))
+    image.pack()
+    tree = node.id_data
+    copy = tree.nodes.new("ShaderNodeTexImage")
+    copy.image, copy.extension, copy.interpolation = image, node.extension, node.interpolation
+    if node.inputs["Vector"].links:
+        tree.links.new(node.inputs["Vector"].links[0].from_socket, copy.inputs["Vector"])
+    return copy
 
 
 # ---------------------------------------------------------------- materials
@@ -216,44 +226,42 @@ def let_shadow_rays_through(material, colour=(1.0, 1.0, 1.0, 1.0)):
     tree.links.new(mix.outputs[0], surface)
 
 
-def show_emission(material, colour, strength, image_node=None, replace=False, centre=None, radius=0.0):
-    """Makes a surface look luminous to the camera without lighting the room (the lamp beside it does that)."""
+def show_emission(material, colour, strength, image_node=None, centre=None, radius=0.0):
+    """Makes a surface look luminous to the camera without lighting the room (the light beside it does that).
+
+    With a centre only what lies around it glows: a lamp that is one piece.
+    """
     tree = material.node_tree
     shader, surface = surface_socket(material)
     if shader is None:
         return
     emission = tree.nodes.new("ShaderNodeEmission")
     emission.inputs["Color"].default_value = (*colour, 1.0)
+    emission.inputs["Strength"].default_value = strength
     if image_node is not None:
         tree.links.new(image_node.outputs["Color"], emission.inputs["Color"])
     path = tree.nodes.new("ShaderNodeLightPath")
-    level = tree.nodes.new("ShaderNodeMath")
-    level.operation = "MULTIPLY"
-    level.inputs[1].default_value = strength
-    tree.links.new(path.outputs["Is Camera Ray"], level.inputs[0])
+    share = path.outputs["Is Camera Ray"]
     if centre is not None:
-        # A lamp that is one piece glows around its bulb only.
         geometry = tree.nodes.new("ShaderNodeNewGeometry")
         distance = tree.nodes.new("ShaderNodeVectorMath")
         distance.operation = "DISTANCE"
         distance.inputs[1].default_value = centre
         fade = tree.nodes.new("ShaderNodeMapRange")
         fade.interpolation_type = "SMOOTHSTEP"
-        for name, value in (("From Min", 0.4 * radius), ("From Max", radius), ("To Min", strength), ("To Max", 0.0)):
+        for name, value in (("From Min", 0.5 * radius), ("From Max", radius), ("To Min", 1.0), ("To Max", 0.0)):
             fade.inputs[name].default_value = value
         tree.links.new(geometry.outputs["Position"], distance.inputs[0])
         tree.links.new(distance.outputs["Value"], fade.inputs["Value"])
-        tree.links.new(fade.outputs["Result"], level.inputs[1])
-    tree.links.new(level.outputs[0], emission.inputs["Strength"])
-    if replace:
-        join = tree.nodes.new("ShaderNodeMixShader")
-        tree.links.new(path.outputs["Is Camera Ray"], join.inputs["Fac"])
-        tree.links.new(shader, join.inputs[1])
-        tree.links.new(emission.outputs[0], join.inputs[2])
-    else:
-        join = tree.nodes.new("ShaderNodeAddShader")
-        tree.links.new(shader, join.inputs[0])
-        tree.links.new(emission.outputs[0], join.inputs[1])
+        both = tree.nodes.new("ShaderNodeMath")
+        both.operation = "MULTIPLY"
+        tree.links.new(share, both.inputs[0])
+        tree.links.new(fade.outputs["Result"], both.inputs[1])
+        share = both.outputs[0]
+    join = tree.nodes.new("ShaderNodeMixShader")
+    tree.links.new(share, join.inputs["Fac"])
+    tree.links.new(shader, join.inputs[1])
+    tree.links.new(emission.outputs[0], join.inputs[2])
     tree.links.new(join.outputs[0], surface)
 
 
@@ -337,34 +345,36 @@ def add_ambient(scene, group):
         obj.visible_glossy = False
 
 
-def dress_window(light, objects, response):
-    """The pane shows the day; light passes it."""
-    owned = own_materials(objects)
-    panes = [
-        m for name, m in owned
-        if any(w in name.lower() for w in PANE_WORDS)
-        or (principled(m) and principled(m).inputs["Transmission Weight"].default_value >= 0.3)
-    ]
+def panes_of(owned):
+    """The materials of a window or screen that show a picture of light."""
+    def clear(material):
+        shader = principled(material)
+        return shader is not None and shader.inputs["Transmission Weight"].default_value >= 0.3
+
+    panes = [m for name, m in owned if any(w in name.lower() for w in PANE_WORDS) or clear(m)]
     if not panes and len(owned) == 1:
         panes = [owned[0][1]]
-    if not panes:
-        panes = [m for _, m in owned if principled(m) and base_image(principled(m))]
+    return panes or [m for _, m in owned if principled(m) and base_image(principled(m))]
+
+
+def dress_window(light, objects, response):
+    """The pane shows what the photo shows in it, at the photo's brightness; light passes it."""
+    panes = panes_of(own_materials(objects))
     spared = set()
     for material in panes:
-        node = base_image(principled(material)) if principled(material) else None
+        shader = principled(material)
+        node = base_image(shader) if shader else None
         if node is not None:
-            # The texture is the photo's picture of the view: show it at the level at which it displays as itself.
             spared.add(node.image.name)
-            strength = light_of(response, float(encode(np.float32(0.8)))) / 0.8
-            show_emission(material, (1, 1, 1), strength, node, replace=True)
+            show_emission(material, (1, 1, 1), 1.0, shown_as(node, response))
         elif light["on"]:
-            show_emission(material, light["color"], light_of(response, 0.95), replace=True)
+            show_emission(material, light["color"], float(light_of(response, 0.93)))
         let_shadow_rays_through(material)
     return spared
 
 
 def dress_lamp(light, objects, response):
-    """The shade glows and lets the bulb's light out."""
+    """The shade glows as the photo shows it, at least so that it looks lit, and lets the bulb's light out."""
     owned = own_materials(objects)
     shining = []
     for name, material in owned:
@@ -379,18 +389,27 @@ def dress_lamp(light, objects, response):
         # The bulb gives the light; an emissive slot would give it twice.
         shader.inputs["Emission Strength"].default_value = 0.0
     if not light["on"]:
-        return
+        return set()
+    spared = set()
     radius = 4.0 * light.get("radius_m", 0.05) + 0.05
-    area = 4.0 * math.pi * radius * radius
-    # A share of the bulb's light leaves through the shade; the rest lights the room.
-    radiance = min(0.6 * light["intensity"] / (math.pi * area), light_of(response, 0.97))
-    whole = not shining
+    centre = None if shining else to_blender(light["position"])
     for material in shining or [m for _, m in owned]:
         shader = principled(material)
         node = base_image(shader) if shader else None
-        centre = to_blender(light["position"]) if whole else None
-        show_emission(material, light["color"], radiance, node, centre=centre, radius=radius * 1.6)
+        if node is not None:
+            if shining:
+                spared.add(node.image.name)
+            show_emission(material, (1, 1, 1), 1.0, shown_as(node, response, GLOW), centre, radius * 1.6)
+        else:
+            tint = np.array(light["color"])
+            if shader is not None and shining:
+                tint = tint * np.array(shader.inputs["Base Color"].default_value[:3])
+            tint = np.maximum(tint / max(float(tint.max()), 1e-6), 0.05)
+            level = light_of(response, encode(np.minimum(tint * min(GLOW / float(tint @ LUMINANCE), 1.0 / tint.max()), 1.0)))
+            top = max(float(level.max()), 1e-6)
+            show_emission(material, tuple(float(v) / top for v in level), top, None, centre, radius * 1.6)
         let_shadow_rays_through(material)
+    return spared
 
 
 def add_lights(scene, response, groups):
@@ -402,7 +421,7 @@ def add_lights(scene, response, groups):
         if light["kind"] == "area":
             spared |= dress_window(light, objects, response)
         elif light["kind"] == "point":
-            dress_lamp(light, objects, response)
+            spared |= dress_lamp(light, objects, response)
         if not light["on"]:
             continue
         group = ""
@@ -455,8 +474,7 @@ def set_engine(scene):
     cycles.sample_clamp_indirect = 10.0
     cycles.sample_clamp_direct = 0.0
     scene.display_settings.display_device = "sRGB"
-    scene.view_settings.view_transform = {"agx": "AgX", "standard": "Standard"}[JOB["view"]]
-    scene.view_settings.look = "None"
+    set_view(scene, JOB["view"])
     scene.view_settings.exposure = JOB["lighting"]["exposure"]
     scene.view_settings.gamma = 1.0
 
@@ -469,6 +487,15 @@ def nodes_of(owner):
     return owner.node_tree
 
 
+def give_ids():
+    for name, index in JOB["node_ids"].items():
+        found = meshes_below(name)
+        if not found:
+            NOTES.append(f"no node {name} to give the id {index}")
+        for obj in found:
+            obj.pass_index = index
+
+
 def render_ids(scene):
     """Every object as a flat emitter of its id, one sample at the pixel centre."""
     material = bpy.data.materials.new("ids")
@@ -477,12 +504,7 @@ def render_ids(scene):
     output = tree.nodes.new("ShaderNodeOutputMaterial")
     tree.links.new(info.outputs["Object Index"], emission.inputs["Strength"])
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
-    for name, index in JOB["node_ids"].items():
-        found = meshes_below(name)
-        if not found:
-            NOTES.append(f"no node {name} to give the id {index}")
-        for obj in found:
-            obj.pass_index = index
+    give_ids()
     scene.view_layers[0].material_override = material
     cycles = scene.cycles
     cycles.samples, cycles.pixel_filter_type, cycles.filter_width = 1, "BOX", 0.01
@@ -534,18 +556,25 @@ def main():
     response, gain = ([], []), 1.0
     groups = [] if JOB["mode"] == "per_light" else None
     if JOB["mode"] != "ids":
-        response = sample_response(scene)
+        response = sample_response(scene, JOB["folder"])
         spared = add_lights(scene, response, groups)
         add_ambient(scene, "ambient" if groups is not None else "")
         if JOB["delight"]:
-            gain = delight(JOB["delight"], spared)
+            gain = bright_gain(JOB["delight"], spared)
+        if JOB["delight"] or JOB["albedo"]:
+            apply_albedo(gain, JOB["albedo"], {n: meshes_below(n) for n in (JOB["albedo"] or {}).get("nodes", {})})
         clear_glass()
     loaded = time.time()
     if JOB["mode"] == "ids":
         render_ids(scene)
     elif JOB["mode"] == "per_light":
+        layer = scene.view_layers[0]
         for group in [*groups, "ambient"]:
-            scene.view_layers[0].lightgroups.add(name=group)
+            layer.lightgroups.add(name=group)
+        give_ids()
+        layer.use_pass_object_index = layer.use_pass_diffuse_color = True
+        sample_views(scene, JOB["folder"], JOB["views"])
+        set_view(scene, JOB["view"])
         write_exr(scene, "lights.exr", "OPEN_EXR_MULTILAYER")
     else:
         settings = scene.render.image_settings

@@ -306,6 +306,7 @@ pub(crate) mod tests {
             ambient_color: [1.0; 3],
             ambient_intensity: 0.2,
             exposure: 0.0,
+            view: harmony_scene::ViewTransform::Standard,
         }
     }
 

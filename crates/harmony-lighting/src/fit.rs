@@ -37,7 +37,7 @@ pub struct FitOptions {
 
 impl Default for FitOptions {
     fn default() -> Self {
-        Self { longest_side: 80, intensity_ridge: 0.03, color_ridge: 0.2, outlier: 0.5, rounds: 12, exposure: 0.0 }
+        Self { longest_side: 80, intensity_ridge: 0.01, color_ridge: 0.2, outlier: 0.5, rounds: 12, exposure: 0.0 }
     }
 }
 

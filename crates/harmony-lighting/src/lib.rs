@@ -4,30 +4,40 @@
 //! * [`spec`] and [`delta`]: the model's two answers about light, as types with bounds;
 //! * [`assess`]: brightness and tone of a render against the photo, measured;
 //! * [`fit`]: beyond the paper, intensities and colours by non-negative least squares over per-light images;
+//! * [`scene_fit`]: the same with unknown reflectances, exposure and view transform: the main path;
+//! * [`albedo`]: taking the photo's light out of textures before they are lit again;
+//! * [`view`]: view transforms and their inverse;
 //! * [`material`]: PBR factors and physical properties from an answer or from defaults;
 //! * [`cycles`]: Blender Cycles in a process of its own.
 //!
 //! Everything but [`cycles`] is pure. Nothing here knows that models exist: answers come in as data.
 
+pub mod albedo;
 pub mod assess;
 pub mod cycles;
 pub mod delta;
 pub mod fit;
 pub mod linear;
 pub mod material;
+pub mod scene_fit;
 mod schema;
+mod smooth;
 pub mod sources;
 pub mod spec;
+pub mod view;
 
 pub use assess::{Assessment, Brightness, Judgement, Tone, assess, judge, propose};
+pub use albedo::{Comparison, FieldNode, neutral_field, updated_field};
 pub use cycles::{
     BlenderKind, CyclesJob, CyclesOutput, CyclesRenderer, CyclesTimings, Delight, LightPass, LitError, Progress,
-    RenderMode, ViewTransform,
+    RenderMode,
 };
 pub use delta::{AmbientDelta, DirectionalDelta, LightingDelta, LightingVerdict, PointLightDelta, WindowDelta};
 pub use fit::{FitOptions, LightFit, fit_lights, relight};
 pub use linear::{GreyResponse, LinearImage};
 pub use material::{MaterialAnswer, PhysicsSidecar, category_for, material_for};
+pub use scene_fit::{Measured, SceneFit, fit_scene};
 pub use schema::strict_schema;
 pub use sources::{emitter_bounds, is_light_source, lights_from_scene};
 pub use spec::{AmbientSpec, DirectionalSpec, LightingSpec, PointLightSpec, WindowSpec};
+pub use view::{PictureError, ViewTable, display_linear, picture_error};

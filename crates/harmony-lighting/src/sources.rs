@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 use harmony_mesh::{Bounds, Mesh};
-use harmony_scene::{Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Room, SceneObject};
+use harmony_scene::{Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Room, SceneObject, ViewTransform};
 
 use crate::delta::bounds;
 
@@ -24,8 +24,15 @@ pub const TABLE_LAMP_WATTS: f64 = 12.0;
 pub const FLOOR_LAMP_WATTS: f64 = 25.0;
 /// Power of a ceiling fixture, watts.
 pub const CEILING_WATTS: f64 = 45.0;
+/// Light of a switched-on screen, watts a square metre.
+pub const SCREEN_WATTS_PER_M2: f64 = 5.0;
+/// Colour of a screen's white.
+const SCREEN_WHITE: [f64; 3] = [0.9, 0.95, 1.0];
+/// Power of a fire that burns, watts, and its colour.
+const FIRE_WATTS: f64 = 15.0;
+const FIRE: [f64; 3] = [1.0, 0.5, 0.18];
 /// Ambient radiance of a room with windows.
-pub const AMBIENT_RADIANCE: f64 = 0.15;
+pub const AMBIENT_RADIANCE: f64 = 0.06;
 /// Distance of the daylight rectangle from the wall plane, metres, where no window object says more.
 pub const PANE_GAP_M: f64 = 0.02;
 /// A window object sticks out of its wall by at most this much; more is a wrong bound (a curtain in the mesh).
@@ -79,6 +86,27 @@ pub fn is_light_source(label: &str) -> bool {
         || words.iter().any(|w| w == "with") && words.iter().rev().take(2).any(is_lamp)
 }
 
+/// Whether an object of this label shows a picture by its own light: "flat-screen TV", "computer monitor".
+pub fn is_screen(label: &str) -> bool {
+    let words = words(label);
+    let Some(last) = words.last() else { return false };
+    matches!(last.as_str(), "tv" | "television" | "monitor" | "laptop" | "screen" | "display")
+        && !words.iter().any(|w| matches!(w.as_str(), "folding" | "room" | "projection" | "fire" | "shoji"))
+}
+
+/// Whether a door of this label lets daylight in: "sliding glass door", "French doors", "patio door".
+pub fn is_glass_door(label: &str) -> bool {
+    let words = words(label);
+    words.last().is_some_and(|w| w == "door" || w == "doors")
+        && words.iter().any(|w| matches!(w.as_str(), "glass" | "glazed" | "french" | "patio" | "balcony" | "terrace"))
+        && !words.iter().any(|w| matches!(w.as_str(), "shower" | "cabinet" | "oven"))
+}
+
+/// Whether a fire may burn in an object of this label.
+fn is_fire(label: &str) -> bool {
+    words(label).last().is_some_and(|w| matches!(w.as_str(), "fireplace" | "fire" | "hearth"))
+}
+
 /// Bounds of the part of a mesh that shines, in the mesh's own frame: emissive materials, else slots named so.
 pub fn emitter_bounds(mesh: &Mesh) -> Option<Bounds> {
     let emissive = |m: usize| mesh.materials.get(m).is_some_and(|m| m.emissive.iter().any(|e| *e > 0.0));
@@ -107,16 +135,19 @@ fn group_bounds(mesh: &Mesh, wanted: impl Fn(usize) -> bool) -> Option<Bounds> {
 /// The lights of a room before anybody has looked at the photo: all windows and lamps on, at typical powers.
 ///
 /// `mesh_of` gives an object's canonical mesh where there is one; without it the label decides where in the object's
-/// box the bulb is. Openings without an object shine too. Doors give no light. Ids are the objects', or
-/// `window_<n>` for openings without one.
+/// box the bulb is. Openings without an object shine too; of doors those of glass. Screens shine from their front; a
+/// fireplace is listed unlit. Ids are the objects', or `window_<n>` for openings without one.
 pub fn lights_from_scene<'m>(
     room: &Room,
     objects: &[SceneObject],
     mesh_of: impl Fn(&ObjectId) -> Option<&'m Mesh>,
 ) -> Lighting {
     let mut lights = Vec::new();
-    for (i, opening) in room.openings.iter().enumerate().filter(|(_, o)| o.kind == OpeningKind::Window) {
+    for (i, opening) in room.openings.iter().enumerate() {
         let object = opening.object.as_ref().and_then(|id| objects.iter().find(|o| o.id == *id));
+        if opening.kind != OpeningKind::Window && !object.is_some_and(|o| is_glass_door(&o.label)) {
+            continue;
+        }
         let mut id = opening.object.as_ref().map_or_else(|| format!("window_{:02}", i + 1), ToString::to_string);
         if lights.iter().any(|l: &Light| l.id == id) {
             id = format!("{id}_{}", i + 1);
@@ -129,7 +160,23 @@ pub fn lights_from_scene<'m>(
     for object in objects.iter().filter(|o| is_light_source(&o.label)) {
         lights.push(lamp_light(room, object, mesh_of(&object.id)));
     }
-    Lighting { lights, ambient_color: [1.0; 3], ambient_intensity: AMBIENT_RADIANCE, exposure: 0.0 }
+    for object in objects.iter().filter(|o| is_screen(&o.label)) {
+        lights.extend(screen_light(object, mesh_of(&object.id)));
+    }
+    for object in objects.iter().filter(|o| is_fire(&o.label)) {
+        let place = object_bounds(object, mesh_of(&object.id));
+        let low = DVec3::new(place.centre().x, place.min.y + 0.2 * place.size().y, place.centre().z);
+        lights.push(Light {
+            id: object.id.to_string(),
+            kind: LightKind::Point { radius_m: 0.1 },
+            position: object.pose.point(low).to_array(),
+            color: FIRE,
+            intensity: FIRE_WATTS,
+            on: false,
+            object: Some(object.id.clone()),
+        });
+    }
+    Lighting { lights, ambient_color: [1.0; 3], ambient_intensity: AMBIENT_RADIANCE, exposure: 0.0, view: ViewTransform::Standard }
 }
 
 fn window_light(
@@ -163,6 +210,30 @@ fn window_light(
         color: DAYLIGHT,
         on: true,
         object: object.map(|o| o.id.clone()),
+    })
+}
+
+/// The light of a screen, from its canonical front.
+fn screen_light(object: &SceneObject, mesh: Option<&Mesh>) -> Option<Light> {
+    let place = object_bounds(object, mesh);
+    let scale = object.pose.stretch.abs() * object.pose.scale;
+    let size = [0.9 * place.size().x * scale.x, 0.8 * place.size().y * scale.y];
+    let front = DVec3::new(place.centre().x, place.centre().y, place.max.z);
+    let centre = object.pose.point(front);
+    let ahead = object.pose.point(front + DVec3::Z) - centre;
+    let direction = ahead.try_normalize()?;
+    if !size.iter().all(|s| s.is_finite() && *s > 0.02) {
+        return None;
+    }
+    let kind = LightKind::Area { direction: direction.to_array(), size_m: size };
+    Some(Light {
+        id: object.id.to_string(),
+        intensity: bounds::intensity(&kind, SCREEN_WATTS_PER_M2 * size[0] * size[1]),
+        kind,
+        position: (centre + direction * PANE_GAP_M).to_array(),
+        color: SCREEN_WHITE,
+        on: true,
+        object: Some(object.id.clone()),
     })
 }
 

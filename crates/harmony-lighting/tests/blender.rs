@@ -9,9 +9,8 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 use std::time::Duration;
 
-use harmony_lighting::{
-    CyclesJob, CyclesRenderer, FitOptions, LitError, RenderMode, ViewTransform, assess, fit_lights, relight,
-};
+use harmony_lighting::{CyclesJob, CyclesRenderer, FitOptions, LitError, RenderMode, assess, fit_lights, relight};
+use harmony_scene::{Lighting, ViewTransform};
 use harmony_render::{Instance, RenderOptions};
 use support::{ROOM, camera, lighting, nodes, write_glb};
 
@@ -44,10 +43,9 @@ fn job(fixture: &Fixture, width: u32) -> CyclesJob {
         room: Some(ROOM),
         samples: 8,
         denoise: false,
-        view: ViewTransform::Standard,
         delight: None,
         timeout: Duration::from_mins(5),
-        ..CyclesJob::lit(&fixture.glb, camera(width), lighting())
+        ..CyclesJob::lit(&fixture.glb, camera(width), Lighting { view: ViewTransform::Standard, ..lighting() })
     }
 }
 
@@ -131,7 +129,8 @@ fn a_closed_shade_lets_the_bulb_out() {
 fn the_fit_finds_the_light_of_a_rendered_photo() {
     let Some(cycles) = renderer() else { return };
     let fixture = scene();
-    let mut truth = CyclesJob { samples: 48, denoise: true, view: ViewTransform::Agx, ..job(&fixture, 160) };
+    let mut truth = CyclesJob { samples: 48, denoise: true, ..job(&fixture, 160) };
+    truth.lighting.view = ViewTransform::Agx;
     truth.lighting.lights[0].intensity *= 0.3;
     truth.lighting.lights[1].intensity *= 2.5;
     truth.lighting.lights[1].color = [1.0, 0.65, 0.35];

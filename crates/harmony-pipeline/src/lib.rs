@@ -14,6 +14,7 @@ mod graph;
 mod outputs;
 mod phases;
 mod progress;
+mod relight;
 mod run;
 mod run_file;
 mod run_folder;

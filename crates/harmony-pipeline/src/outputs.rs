@@ -14,11 +14,11 @@ use harmony_scene::{
     ImageSize, Lighting, Mask, ObjectId, SCENE_VERSION, Scene, SceneCamera, SceneObject, Surface, Warning,
 };
 use harmony_viewer::{CallRow, DroppedObject, Evidence, Fact, ObjectReport, ReportData};
-use image::RgbImage;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::ctx::PhaseError;
+use crate::relight::LitPictures;
 use crate::state::SceneState;
 use crate::views;
 
@@ -69,6 +69,7 @@ pub fn scene(state: &SceneState, original: ImageSize, warnings: &[Warning]) -> S
             ambient_color: [1.0; 3],
             ambient_intensity: 1.0,
             exposure: 0.0,
+            view: harmony_scene::ViewTransform::Standard,
         }),
         summary: state.summaries.join(" "),
         warnings: warnings.to_vec(),
@@ -83,7 +84,7 @@ pub fn write(
     run: &Path,
     state: &SceneState,
     original: ImageSize,
-    lit: Option<&RgbImage>,
+    lit: Option<&LitPictures>,
     warnings: &[Warning],
 ) -> Result<Scene, PhaseError> {
     let scene = scene(state, original, warnings);
@@ -111,7 +112,7 @@ fn write_pictures(
     run: &Path,
     state: &SceneState,
     original: ImageSize,
-    lit: Option<&RgbImage>,
+    lit: Option<&LitPictures>,
     scene: &Scene,
 ) -> Result<(), PhaseError> {
     let drawn = views::drawn(state);
@@ -120,7 +121,10 @@ fn write_pictures(
     let canonical = views::scene_from(state, &view.camera, view.omit);
     picture::write_rgb_png(&run.join("render_canonical.png"), &canonical)?;
     if let Some(lit) = lit {
-        picture::write_rgb_png(&run.join("render_lit.png"), lit)?;
+        picture::write_rgb_png(&run.join("render_lit.png"), &lit.photo_view)?;
+        if let Some(canonical) = &lit.canonical {
+            picture::write_rgb_png(&run.join("render_lit_canonical.png"), canonical)?;
+        }
     }
     let masks: Vec<(ObjectId, Mask)> = scene
         .objects
@@ -168,6 +172,8 @@ pub fn write_scene_glb(path: &Path, state: &SceneState, scene: Option<&Scene>) -
         shell: shell_nodes(&shell),
         camera: Some(state.partial.camera),
         lighting: state.lighting.as_ref(),
+        // What is path-traced gets real bounces.
+        glow: if scene.is_some() { harmony_io::glb::AMBIENT_GLOW } else { 0.0 },
         extras: json!({
             "generator": GENERATOR,
             "room": state.partial.room,
@@ -218,23 +224,38 @@ fn shell_nodes(shell: &Mesh) -> Vec<GlbNode> {
         .collect()
 }
 
-/// The object's PBR factors on its mesh: on every material that has no factors of its own kind.
+/// Metalness that a surface with the photo's pixels has at most: its reflections are in the pixels already, and a white
+/// surface that mirrors the room takes the room's colour.
+const PICTURED_METAL: f32 = 0.35;
+/// Roughness that it has at least.
+const PICTURED_ROUGHNESS: f32 = 0.25;
+
+/// The object's PBR factors on its mesh, slot by slot.
 ///
-/// Part models name their slots' materials; the dominant material goes to the others, and glass and light sources
-/// keep what their slot says.
+/// Part models name their slots' materials. The answer is about the dominant material: it goes to a mesh of one slot and
+/// to slots of its own kind, metal or not, so that a door does not turn metallic with its handle, nor the handle wooden.
+/// Glass and light sources keep what their slot says.
 fn with_material(mesh: &Arc<Mesh>, object: &SceneObject) -> Mesh {
     let mut mesh = (**mesh).clone();
     let emitting = light_slot(&object.label);
+    let pbr = object.material.pbr;
+    let one_slot = mesh.materials.len() == 1;
     for material in &mut mesh.materials {
-        if material.transmission > 0.0 || material.metallic > 0.5 || Some(material.name.as_str()) == emitting {
+        if material.transmission > 0.0 || Some(material.name.as_str()) == emitting {
             continue;
         }
-        let pbr = object.material.pbr;
-        material.roughness = pbr.roughness as f32;
-        material.metallic = pbr.metallic as f32;
-        material.ior = pbr.ior as f32;
-        // A photo texture on clear glass would vanish: only thin slots of a glass object stay clear.
-        if material.texture.is_none() {
+        if one_slot {
+            material.metallic = pbr.metallic as f32;
+        }
+        if one_slot || (material.metallic > 0.5) == (pbr.metallic > 0.5) {
+            material.roughness = pbr.roughness as f32;
+            material.ior = pbr.ior as f32;
+        }
+        if material.texture.is_some() {
+            material.metallic = material.metallic.min(PICTURED_METAL);
+            material.roughness = material.roughness.max(PICTURED_ROUGHNESS);
+        } else if material.metallic <= 0.5 {
+            // A photo texture on clear glass would vanish: only plain slots of a glass object become clear.
             material.transmission = pbr.transmission as f32;
         }
     }
@@ -378,5 +399,55 @@ fn call_row(c: &CallSummary) -> CallRow {
             harmony_calls::Source::Replaced { reason } => format!("replaced by this program: {reason}"),
             _ => String::new(),
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_mesh::Material;
+    use harmony_scene::{
+        Confidence, Level, MaterialCategory, PbrFactors, Physical, Pose, Relations, Size, Support, SurfaceMaterial,
+    };
+    use image::RgbaImage;
+
+    use super::*;
+
+    fn door(pbr: PbrFactors) -> SceneObject {
+        let physical = Physical { weight_kg: 20.0, thickness_m: 0.04, elasticity: 0.1 };
+        SceneObject {
+            id: ObjectId::numbered("door", 1),
+            index: 10,
+            level: Level::Wall,
+            label: "door".into(),
+            description: String::new(),
+            source_phrase: String::new(),
+            pose: Pose::new(glam::DVec3::ZERO, 0.0, 1.0),
+            size: Size { width: 0.9, height: 2.0, depth: 0.05 },
+            support: Support::Floor,
+            relations: Relations::default(),
+            material: SurfaceMaterial { category: MaterialCategory::Metal, pbr, physical },
+            mesh: String::new(),
+            mask: None,
+            seen_box: None,
+            mesh_source: String::new(),
+            confidence: Confidence::default(),
+        }
+    }
+
+    #[test]
+    fn a_door_with_a_metal_handle_does_not_turn_metallic() {
+        let steel = PbrFactors { roughness: 0.2, metallic: 1.0, ior: 1.5, transmission: 0.0 };
+        let mut leaf = Material::plain("body", [0.9; 3]);
+        leaf.roughness = 0.55;
+        let mut handle = Material::plain("handle", [0.6; 3]);
+        handle.metallic = 1.0;
+        let mesh = Arc::new(Mesh { materials: vec![leaf.clone(), handle], ..Mesh::default() });
+        let made = with_material(&mesh, &door(steel));
+        assert_eq!((made.materials[0].metallic, made.materials[0].roughness), (0.0, 0.55));
+        assert_eq!((made.materials[1].metallic, made.materials[1].roughness), (1.0, 0.2));
+        // A generator's one material with the photo on it: it would mirror the room instead.
+        leaf.texture = Some(Arc::new(RgbaImage::new(2, 2)));
+        let one = with_material(&Arc::new(Mesh { materials: vec![leaf], ..Mesh::default() }), &door(steel));
+        assert!(one.materials[0].metallic <= PICTURED_METAL && one.materials[0].roughness >= PICTURED_ROUGHNESS);
     }
 }

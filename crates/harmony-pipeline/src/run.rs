@@ -19,6 +19,7 @@ use crate::phases;
 use crate::progress::{ProgressEvent, ProgressSink};
 use crate::run_file::{PhaseEntry, PhaseState, RunFile, hash_files};
 use crate::settings::Settings;
+use crate::relight::LitPictures;
 use crate::state::SceneState;
 
 /// The phases' folder names, in order.
@@ -151,7 +152,7 @@ struct Stage<'a> {
     progress: &'a ProgressSink,
     file: &'a mut RunFile,
     failure: Option<(String, String, Option<String>)>,
-    lit: Option<RgbImage>,
+    lit: Option<LitPictures>,
 }
 
 impl Stage<'_> {
@@ -267,7 +268,7 @@ fn finish(
     calls: &Calls,
     warnings: &Warnings,
     state: &SceneState,
-    lit: Option<&RgbImage>,
+    lit: Option<&LitPictures>,
     outcome: &mut RunOutcome,
 ) -> Result<(), RunError> {
     let log = calls.book().log()?;

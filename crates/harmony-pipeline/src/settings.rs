@@ -111,8 +111,14 @@ impl Default for ProgramSettings {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LightingSettings {
-    /// Rounds of the reflective loop at most.
+    /// Rounds of the model's reflective loop at most, after what is measured.
     pub rounds: usize,
+    /// Longest side of the per-light images that the light is fitted on, pixels.
+    pub fit_px: u32,
+    /// Samples a pixel of the per-light images.
+    pub fit_samples: u32,
+    /// Previews on which reflectances are measured again at most: light bounces otherwise once they have changed.
+    pub measured_rounds: usize,
     /// Longest side of previews, pixels.
     pub preview_px: u32,
     /// Samples a pixel of previews.
@@ -121,11 +127,26 @@ pub struct LightingSettings {
     pub final_px: u32,
     /// Samples a pixel of the final render.
     pub final_samples: u32,
+    /// Longest side of the lit canonical view, pixels; 0 leaves it out.
+    pub canonical_px: u32,
+    /// Samples a pixel of the lit canonical view.
+    pub canonical_samples: u32,
 }
 
 impl Default for LightingSettings {
     fn default() -> Self {
-        Self { rounds: 2, preview_px: 320, preview_samples: 16, final_px: 960, final_samples: 64 }
+        Self {
+            rounds: 1,
+            fit_px: 160,
+            fit_samples: 64,
+            measured_rounds: 2,
+            preview_px: 480,
+            preview_samples: 12,
+            final_px: 960,
+            final_samples: 40,
+            canonical_px: 800,
+            canonical_samples: 24,
+        }
     }
 }
 
@@ -151,6 +172,13 @@ impl Settings {
         range("programs.second_looks", self.programs.second_looks as f64, 0.0, 2.0)?;
         range("programs.looks_per_question", self.programs.looks_per_question as f64, 1.0, 24.0)?;
         range("lighting.rounds", self.lighting.rounds as f64, 0.0, 6.0)?;
+        range("lighting.measured_rounds", self.lighting.measured_rounds as f64, 0.0, 6.0)?;
+        range("lighting.fit_px", self.lighting.fit_px.into(), 32.0, 640.0)?;
+        range("lighting.fit_samples", self.lighting.fit_samples.into(), 1.0, 4096.0)?;
+        if self.lighting.canonical_px != 0 {
+            range("lighting.canonical_px", self.lighting.canonical_px.into(), 64.0, 4096.0)?;
+        }
+        range("lighting.canonical_samples", self.lighting.canonical_samples.into(), 1.0, 16384.0)?;
         range("lighting.preview_px", self.lighting.preview_px.into(), 64.0, 2048.0)?;
         range("lighting.final_px", self.lighting.final_px.into(), 64.0, 4096.0)?;
         range("lighting.preview_samples", self.lighting.preview_samples.into(), 1.0, 4096.0)?;

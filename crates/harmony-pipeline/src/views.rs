@@ -14,7 +14,8 @@ use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 use crate::state::{Candidate, SceneState};
 
 /// Colour of what is outside the room.
-const OUTSIDE: [u8; 4] = [235, 238, 242, 255];
+pub const OUTSIDE_RGB: [u8; 3] = [235, 238, 242];
+const OUTSIDE: [u8; 4] = [OUTSIDE_RGB[0], OUTSIDE_RGB[1], OUTSIDE_RGB[2], 255];
 
 /// The room shell with the textures made so far.
 pub fn shell(state: &SceneState, omit: Vec<Surface>) -> Mesh {

@@ -18,7 +18,7 @@ pub use detector::{DetectRequest, Detection, Detections, Detector, PhraseRequest
 pub use error::RoleError;
 pub use geometry::{GeometryAnswer, GeometryEstimator, GeometryRequest};
 pub use image_editor::{EditKind, EditRequest, EditedImage, ImageEditor};
-pub use lit_renderer::{LitImage, LitRenderer, LitRequest};
+pub use lit_renderer::{LightMeasurement, LitImage, LitKind, LitRenderer, LitRequest};
 pub use mesh_generator::{GeneratedMesh, MeshFrame, MeshGenerator, MeshRequest, MeshSettings};
 pub use player::{PlayerCard, Role, Usage};
 pub use segmenter::{SegmentPrompt, SegmentRequest, SegmentedMask, Segmenter};

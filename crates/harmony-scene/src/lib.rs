@@ -26,7 +26,7 @@ mod warning;
 pub use camera::{Camera, ImageSize, Intrinsics, Ray};
 pub use components::components;
 pub use ids::{IdError, ObjectId};
-pub use light::{Light, LightKind, Lighting};
+pub use light::{AlbedoCells, AlbedoField, Light, LightKind, Lighting, ViewTransform};
 pub use material::{MaterialCategory, PbrFactors, Physical, SurfaceMaterial};
 pub use object::{
     Confidence, DepthPosition, Level, Placement, PlacementType, Pose, Relations, SceneObject, Size, Support,

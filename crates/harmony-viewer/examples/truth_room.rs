@@ -97,6 +97,7 @@ fn write_run(
         }],
         camera: Some(*camera),
         lighting: Some(&scene.lighting),
+        glow: 0.0,
         extras: json!({ "room": scene.room.extents }),
         generator: scene.generator.clone(),
         textures: TextureEncoding::Compact,
@@ -190,7 +191,7 @@ fn room_and_lights(v: &Value) -> Result<(Room, Lighting)> {
         floor_texture: None,
         wall_texture: None,
     };
-    Ok((room, Lighting { lights, ambient_color: [1.0; 3], ambient_intensity: 0.25, exposure: 1.0 }))
+    Ok((room, Lighting { lights, ambient_color: [1.0; 3], ambient_intensity: 0.25, exposure: 1.0, view: harmony_scene::ViewTransform::Agx }))
 }
 
 fn object(o: &Value) -> Result<SceneObject> {

@@ -1,5 +1,6 @@
 //! How each role's requests and answers become files, and what an answer must be to be taken.
 
+mod measurement;
 mod pictures;
 mod shapes;
 mod texts;

@@ -1,16 +1,17 @@
 //! Masks, edited images and path-traced images.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use harmony_roles::{
-    EditKind, EditRequest, EditedImage, ImageEditor, LitImage, LitRenderer, LitRequest, PlayerCard, Role, RoleError,
+    EditKind, EditRequest, EditedImage, ImageEditor, LitImage, LitKind, LitRenderer, LitRequest, PlayerCard, Role, RoleError,
     SegmentRequest, SegmentedMask, Segmenter, Usage,
 };
 use harmony_scene::{ImageSize, SceneCamera};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::{Recordable, rgb_hash, show_rgb, write_failed};
+use super::{Recordable, measurement, rgb_hash, show_rgb, write_failed};
 use crate::book::{BookError, RecordWriter, read_json};
 use crate::key::KeyHasher;
 
@@ -198,17 +199,31 @@ impl Recordable for LitRequest {
     fn write_answer(&self, answer: &LitImage, out: &RecordWriter<'_>) -> Result<(), BookError> {
         let png = harmony_io::picture::rgb_png(&answer.image).map_err(|e| write_failed(out, "answer.png", &e))?;
         out.bytes("answer.png", &png)?;
-        out.json("answer.json", &json!({"image": "answer.png"}))
+        let Some(measured) = &answer.measured else { return out.json("answer.json", &json!({"image": "answer.png"})) };
+        let npz = measurement::to_npz(measured).map_err(|e| write_failed(out, measurement::FILE, &e))?;
+        out.bytes(measurement::FILE, &npz)?;
+        out.json("answer.json", &json!({"image": "answer.png", "measured": measurement::sheet(measured)}))
     }
 
     fn read_answer(&self, folder: &Path) -> Result<LitImage, String> {
         let image = harmony_io::picture::read(&folder.join("answer.png")).map_err(|error| error.to_string())?;
-        Ok(LitImage { image: image.into_rgb8() })
+        let measured = match self.kind {
+            LitKind::Picture => None,
+            LitKind::Measurement { .. } => Some(Arc::new(measurement::read(folder)?)),
+        };
+        Ok(LitImage { image: image.into_rgb8(), measured })
     }
 
     fn check(&self, answer: &LitImage) -> Result<(), String> {
         let size = self.camera.size;
-        same_size("the rendered image", answer.image.dimensions(), (size.width, size.height))
+        same_size("the rendered image", answer.image.dimensions(), (size.width, size.height))?;
+        match (&self.kind, &answer.measured) {
+            (LitKind::Picture, _) => Ok(()),
+            (LitKind::Measurement { .. }, None) => Err("nothing was measured".to_owned()),
+            (LitKind::Measurement { nodes, views }, Some(measured)) => {
+                measurement::check(measured, size, nodes.len(), views)
+            }
+        }
     }
 }
 
@@ -221,7 +236,20 @@ fn lit_parameters(request: &LitRequest) -> Value {
         "room": request.room,
         "samples": request.samples,
         "denoise": request.denoise,
+        "albedo": request.albedo.as_deref().map(albedo_hash),
+        "hidden_nodes": request.hidden_nodes,
+        "background": request.background,
+        "measure": match &request.kind {
+            LitKind::Picture => Value::Null,
+            LitKind::Measurement { nodes, views } => json!({"nodes": nodes, "views": views}),
+        },
     })
+}
+
+/// A field's content, short.
+fn albedo_hash(field: &harmony_scene::AlbedoField) -> String {
+    let text = serde_json::to_vec(field).unwrap_or_default();
+    blake3::hash(&text).to_hex().to_string()
 }
 
 fn same_size(what: &str, got: (u32, u32), want: (u32, u32)) -> Result<(), String> {

@@ -201,7 +201,7 @@ impl LitRenderer for Everyone {
     async fn render(&self, request: &LitRequest) -> Result<LitImage, RoleError> {
         self.count();
         let size = request.camera.size;
-        Ok(LitImage { image: RgbImage::from_pixel(size.width, size.height, Rgb([9, 8, 7])) })
+        Ok(LitImage { image: RgbImage::from_pixel(size.width, size.height, Rgb([9, 8, 7])), measured: None })
     }
 }
 

@@ -1,18 +1,23 @@
 //! The camera and the lights as glTF nodes.
 //!
 //! # Units
-//! Our lights carry radiant power in watts as Cycles understands it; KHR_lights_punctual wants photometric units. The
-//! factor is 683 lm/W (the luminous efficacy at 555 nm), the one that Blender's own glTF importer and exporter use in
-//! their "standard" mode, so that a scene opened there has the watts it was written with.
+//! Our lights carry radiant power in watts as Cycles understands it. KHR_lights_punctual asks for candela and lux, but the
+//! viewers that show a GLB as it is (three.js and all that build on it) have no camera exposure that would make 5000 cd
+//! a lamp: they take the numbers as they are. So they are written, exposure included: a white surface has in three.js the
+//! value that it has in the path-traced render from the same light.
 //!
-//! | ours | glTF | value |
+//! | ours | glTF | value, times 2^exposure |
 //! |---|---|---|
-//! | point, Φ W | point, candela | 683 Φ / 4π: the same in all directions |
-//! | area, Φ W | spot, candela | 683 Φ / π: a flat diffuse emitter's intensity along its normal; half-space cone |
-//! | sun, E W/m2 | directional, lux | 683 E |
+//! | point, Φ W | point | Φ / 4π: the same in all directions |
+//! | area, Φ W | spot | Φ / π: a flat diffuse emitter's intensity along its normal; half-space cone |
+//! | sun, E W/m2 | directional | E |
+//!
+//! Blender's importer has "Lighting Mode: Unitless" for such files, which gives back the watts; in its standard mode
+//! lights are 683 times weaker, and the room is seen by the [`AMBIENT_GLOW`] of its surfaces.
 //!
 //! glTF has no area light and no ambient light: the rectangle stands in the node's extras, the ambient light in the
-//! scene's. Lights that are off are written with intensity 0 and their own value in the extras.
+//! scene's, and the glow plays its part. Lights that are off are written with intensity 0 and their own value in
+//! the extras.
 
 use std::f64::consts::PI;
 
@@ -22,19 +27,22 @@ use serde_json::{Value, json};
 
 use super::document::Node;
 
-/// Lumens a watt.
-pub const LUMENS_PER_WATT: f64 = 683.0;
+/// Share of its base colour that every surface of a whole scene emits, in place of the light that bounces.
+///
+/// Without it a room is black where no lamp reaches (three.js), or altogether (a viewer that knows no lights); where a
+/// viewer adds light of its own, as model-viewer does, a surface gets 1.4 times its colour at most.
+pub const AMBIENT_GLOW: f64 = 0.4;
 /// Nearest drawn distance of the written camera, metres.
 const NEAR_M: f64 = 0.05;
 
-/// Intensity in candela (point, area) or lux (sun).
-pub fn photometric_intensity(light: &Light) -> f64 {
+/// Intensity as written, see the module's table; `exposure` in stops.
+pub fn punctual_intensity(light: &Light, exposure: f64) -> f64 {
     let per_watt = match light.kind {
         LightKind::Point { .. } => 1.0 / (4.0 * PI),
         LightKind::Area { .. } => 1.0 / PI,
         LightKind::Sun { .. } => 1.0,
     };
-    let intensity = light.intensity * per_watt * LUMENS_PER_WATT;
+    let intensity = light.intensity * per_watt * exposure.exp2();
     if light.on && intensity.is_finite() { intensity.max(0.0) } else { 0.0 }
 }
 
@@ -83,7 +91,7 @@ pub(super) fn lights(lighting: &Lighting) -> (Vec<Value>, Vec<Node>) {
                 LightKind::Sun { .. } => "directional",
             },
             "color": light.color.map(|c| if c.is_finite() { c.clamp(0.0, 1.0) } else { 1.0 }),
-            "intensity": photometric_intensity(light),
+            "intensity": punctual_intensity(light, lighting.exposure),
         });
         let direction = match light.kind {
             LightKind::Point { .. } => None,
@@ -137,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hundred_watt_bulb_has_the_candela_that_it_has_in_blender() {
+    fn a_bulb_lights_a_wall_in_three_js_as_in_cycles() {
         let light = |kind, on| Light {
             id: "l".to_owned(),
             kind,
@@ -147,10 +155,11 @@ mod tests {
             on,
             object: None,
         };
-        let bulb = photometric_intensity(&light(LightKind::Point { radius_m: 0.03 }, true));
-        assert!((bulb - 5435.14).abs() <= 0.01, "{bulb}");
-        let sun = photometric_intensity(&light(LightKind::Sun { direction: [0.0, -1.0, 0.0] }, true));
-        assert!((sun - 68_300.0).abs() <= 1e-9);
-        assert_eq!(photometric_intensity(&light(LightKind::Point { radius_m: 0.03 }, false)), 0.0);
+        // Cycles: 100 W in all directions, irradiance 100 / (4 pi d^2); three.js: intensity / d^2. Equal at any d.
+        let bulb = punctual_intensity(&light(LightKind::Point { radius_m: 0.03 }, true), 0.0);
+        assert!((bulb - 7.957_747).abs() <= 1e-5, "{bulb}");
+        let sun = punctual_intensity(&light(LightKind::Sun { direction: [0.0, -1.0, 0.0] }, true), 1.0);
+        assert!((sun - 200.0).abs() <= 1e-9, "one stop doubles");
+        assert_eq!(punctual_intensity(&light(LightKind::Point { radius_m: 0.03 }, false), 0.0), 0.0);
     }
 }

@@ -124,7 +124,9 @@ impl Materials {
             metallic *= mean[2] / 255.0;
         }
         let strength = number(extension("KHR_materials_emissive_strength", "emissiveStrength")).unwrap_or(1.0);
-        let mut emissive = entry.emissive_factor.unwrap_or([0.0; 3]).map(|e| unit(Some(e), 0.0));
+        let glows = entry.extras.get(super::write::GLOW_KEY).is_some();
+        let given = entry.emissive_factor.filter(|_| !glows);
+        let mut emissive = given.unwrap_or([0.0; 3]).map(|e| unit(Some(e), 0.0));
         if emissive.iter().any(|e| *e > 0.0)
             && let Some(map) = entry.emissive_texture.as_ref().and_then(|r| self.texture(source, r.index))
         {

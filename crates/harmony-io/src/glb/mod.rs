@@ -22,7 +22,7 @@ use harmony_scene::{Camera, Lighting, Pose};
 use serde_json::Value;
 
 use crate::atomic::FileError;
-pub use lights::{LUMENS_PER_WATT, photometric_intensity};
+pub use lights::{AMBIENT_GLOW, punctual_intensity};
 
 /// Where a node stands: `room = translation + Ry(yaw) * (scale .* local)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,6 +80,9 @@ pub struct GlbScene<'a> {
     pub camera: Option<Camera>,
     /// Lights, gathered under a node `lights`.
     pub lighting: Option<&'a Lighting>,
+    /// Share of its base colour that every surface emits, for viewers without ambient light; 0 for none. Readers of ours
+    /// leave it out again.
+    pub glow: f64,
     /// Metadata of the whole scene, written to the scene's `extras`.
     pub extras: Value,
     /// What made the file (`asset.generator`).

@@ -21,7 +21,7 @@ use serde_json::{Map, Value, json};
 use super::GlbError;
 use super::document::{ImageEntry, MaterialEntry, NormalRef, Pbr, Texture, TextureRef};
 use super::texture::{Alpha, Compressed, File};
-use super::write::{MAX_NAME, Writer};
+use super::write::{GLOW_KEY, MAX_NAME, Writer};
 
 /// Base alpha of what lets all light through.
 const CLEAR_ALPHA: f64 = 0.30;
@@ -86,6 +86,18 @@ impl Writer {
         if let Some(tile) = tile {
             extras.insert("tile".to_owned(), json!({ "size": tile.size, "turn": tile.turn }));
         }
+        // A lamp's own light stays what it is.
+        let glow = if strength > 0.0 { 0.0 } else { self.glow };
+        let emissive_factor = (strength > 0.0)
+            .then(|| emitted.map(|e| e / strength.max(1.0)))
+            .or_else(|| (glow > 0.0).then(|| [factor[0], factor[1], factor[2]].map(|c| c * glow)));
+        let mut all_extras = Map::new();
+        if !extras.is_empty() {
+            all_extras.insert("harmony".to_owned(), Value::Object(extras));
+        }
+        if glow > 0.0 {
+            all_extras.insert(GLOW_KEY.to_owned(), json!(glow));
+        }
         let (alpha_mode, alpha_cutoff) = match embedded.alpha {
             _ if factor[3] < 1.0 => (Some("BLEND"), None),
             Alpha::Opaque => (None, None),
@@ -102,12 +114,13 @@ impl Writer {
                 metallic_roughness_texture: surface.map(|index| TextureRef { index, ..TextureRef::default() }),
             },
             normal_texture: normal.map(|index| NormalRef { index, ..NormalRef::default() }),
-            emissive_factor: (strength > 0.0).then(|| emitted.map(|e| e / strength.max(1.0))),
+            emissive_factor,
+            emissive_texture: embedded.reference().filter(|_| glow > 0.0),
             alpha_mode: alpha_mode.map(str::to_owned),
             alpha_cutoff,
             double_sided: material.double_sided,
             extensions,
-            extras: if extras.is_empty() { Value::Null } else { json!({ "harmony": extras }) },
+            extras: if all_extras.is_empty() { Value::Null } else { Value::Object(all_extras) },
             ..MaterialEntry::default()
         };
         let key = serde_json::to_string(&entry)?;

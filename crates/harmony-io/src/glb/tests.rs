@@ -58,6 +58,7 @@ fn scene(mesh: &Arc<Mesh>) -> GlbScene<'static> {
             node("box_02", NodeTransform::IDENTITY),
         ],
         shell: vec![node("room_floor", NodeTransform::IDENTITY)],
+        glow: 0.0,
         camera: Some(Camera::looking(
             size,
             Intrinsics::from_horizontal_fov(size, 1.1),
@@ -141,6 +142,7 @@ fn the_document_lists_what_it_uses() {
         ambient_color: [1.0; 3],
         ambient_intensity: 0.3,
         exposure: 0.5,
+        view: harmony_scene::ViewTransform::Agx,
     };
     let mut scene = scene(&mesh);
     scene.lighting = Some(&lighting);
@@ -158,6 +160,28 @@ fn the_document_lists_what_it_uses() {
     let q: Vec<f64> = node["rotation"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
     let q = glam::DQuat::from_slice(&q);
     assert!((q * DVec3::NEG_Z - DVec3::Z).length() <= 1e-9);
+}
+
+#[test]
+fn a_glowing_scene_shows_its_textures_everywhere_and_reads_back_without_glow() {
+    let mesh = Arc::new(crate_box(chequer(16)));
+    let mut scene = scene(&mesh);
+    scene.glow = 0.4;
+    let bytes = glb_bytes(&scene).unwrap();
+    let doc = document(&bytes);
+    for m in doc["materials"].as_array().unwrap() {
+        let lamp = m["extensions"].get("KHR_materials_emissive_strength").is_some();
+        assert_eq!(m["extras"].get("ambient_glow").is_some(), !lamp, "{m}");
+        if !lamp {
+            assert_eq!(m["emissiveTexture"], m["pbrMetallicRoughness"]["baseColorTexture"]);
+            let base = m["pbrMetallicRoughness"]["baseColorFactor"][1].as_f64().unwrap();
+            assert!((m["emissiveFactor"][1].as_f64().unwrap() - 0.4 * base).abs() <= 1e-9);
+        }
+    }
+    let back = read_glb(&bytes, &ReadLimits::default()).unwrap();
+    for (a, b) in mesh.materials.iter().zip(&back.nodes[0].mesh.materials) {
+        assert!(a.emissive.iter().zip(b.emissive).all(|(x, y)| (x - y).abs() <= 1e-5), "{a:?} {b:?}");
+    }
 }
 
 #[test]

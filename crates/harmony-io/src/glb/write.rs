@@ -17,12 +17,15 @@ use super::surface::Embedded;
 use super::texture::{Files, tiled};
 use super::{GlbError, GlbNode, GlbScene, TextureEncoding, lights};
 
+/// In a material's extras: its emission is [`GlbScene::glow`], not a lamp's.
+pub(super) const GLOW_KEY: &str = "ambient_glow";
 /// Longest text of an extras-free name.
 pub(super) const MAX_NAME: usize = 200;
 
 /// Puts a scene together.
 pub(super) fn glb_bytes(scene: &GlbScene<'_>) -> Result<Vec<u8>, GlbError> {
-    let mut w = Writer { textures: scene.textures, files: Files::of(scene), ..Writer::default() };
+    let glow = if scene.glow.is_finite() { scene.glow.clamp(0.0, 1.0) } else { 0.0 };
+    let mut w = Writer { textures: scene.textures, files: Files::of(scene), glow, ..Writer::default() };
     let mut roots = Vec::new();
     if !scene.shell.is_empty() {
         let children = scene.shell.iter().map(|n| w.mesh_node(n)).collect::<Result<Vec<_>, _>>()?;
@@ -52,6 +55,7 @@ pub(super) fn glb_bytes(scene: &GlbScene<'_>) -> Result<Vec<u8>, GlbError> {
             "color": lighting.ambient_color,
             "intensity": lighting.ambient_intensity,
             "exposure": lighting.exposure,
+            "view": lighting.view,
         });
     }
     w.doc.asset = Asset { version: "2.0".to_owned(), generator: scene.generator.clone() };
@@ -66,6 +70,7 @@ pub(super) struct Writer {
     pub(super) doc: Document,
     binary: Vec<u8>,
     textures: TextureEncoding,
+    pub(super) glow: f64,
     meshes: HashMap<*const Mesh, (Arc<Mesh>, usize)>,
     pub(super) images: HashMap<*const RgbaImage, (Arc<RgbaImage>, Embedded)>,
     pub(super) maps: HashMap<*const RgbImage, (Arc<RgbImage>, usize)>,

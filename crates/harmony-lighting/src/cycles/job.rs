@@ -2,21 +2,11 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
-use harmony_scene::{Camera, Extents, Lighting};
+use harmony_scene::{AlbedoField, Camera, Extents, Lighting, ViewTransform};
 use serde::Serialize;
-
-/// How scene-linear light becomes the picture's 8-bit values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ViewTransform {
-    /// Blender's AgX: soft highlights, nearest to a camera's picture.
-    #[default]
-    Agx,
-    /// Plain sRGB, clipped at 1.
-    Standard,
-}
 
 /// What kind of image is wanted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -30,15 +20,12 @@ pub enum RenderMode {
     Ids,
 }
 
-/// Takes some of the photo's own light out of base-colour textures; see `docs/decisions/0007-light.md`.
+/// The one gain on all base colours of a scene; see `docs/decisions/0007-light.md`.
 ///
-/// Textures that were cut from the photo hold light already, so that lighting them again is dark twice.
-/// Approximate: each texture's luminance is divided by its own smooth part, then all base colours of the scene
-/// share one gain that brings their bright end to [`Delight::bright_albedo`].
+/// Textures cut from the photo hold its light, and their level says nothing about reflectance. All share one gain that
+/// brings their bright end to [`Delight::bright_albedo`]; what each surface needs beside it is the job's albedo field.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Delight {
-    /// How much of a texture's smooth luminance variation is removed, 0 to 1.
-    pub flatten: f64,
     /// Luminance albedo that the scene's bright base colours (95th percentile) get, 0 to 1.
     pub bright_albedo: f64,
     /// Largest gain that is given; its inverse is the smallest.
@@ -47,7 +34,7 @@ pub struct Delight {
 
 impl Default for Delight {
     fn default() -> Self {
-        Self { flatten: 0.5, bright_albedo: 0.75, max_gain: 3.0 }
+        Self { bright_albedo: 0.75, max_gain: 3.0 }
     }
 }
 
@@ -68,8 +55,6 @@ pub struct CyclesJob {
     pub samples: u32,
     /// Whether OpenImageDenoise cleans the picture (not for ids and per-light images).
     pub denoise: bool,
-    /// Light to 8 bit; the exposure is the lighting's.
-    pub view: ViewTransform,
     /// Nodes of the GLB that the camera does not see but that still bounce light: near walls and ceiling of a
     /// canonical view. A node's descendants follow it.
     pub hidden_nodes: Vec<String>,
@@ -77,8 +62,12 @@ pub struct CyclesJob {
     pub node_ids: BTreeMap<String, u32>,
     /// Linear RGB that the camera sees where there is no geometry; `None` = the ambient light.
     pub background: Option<[f64; 3]>,
-    /// Taking baked light out of textures; `None` leaves them as they are.
+    /// Base colours to reflectances, for the whole scene; `None` leaves them as they are.
     pub delight: Option<Delight>,
+    /// Base colours to reflectances, by node and place.
+    pub albedo: Option<Arc<AlbedoField>>,
+    /// View transforms to sample beside per-light images.
+    pub views: Vec<ViewTransform>,
     /// Sampling seed.
     pub seed: u32,
     /// Threads; 0 = all.
@@ -97,7 +86,7 @@ impl CyclesJob {
     /// Samples of the per-light images (240 px).
     pub const PER_LIGHT_SAMPLES: u32 = 32;
 
-    /// A lit picture with the defaults: 64 samples, denoised, AgX.
+    /// A lit picture with the defaults: 64 samples, denoised, through the lighting's view.
     pub fn lit(glb: impl Into<PathBuf>, camera: Camera, lighting: Lighting) -> Self {
         Self {
             glb: glb.into(),
@@ -107,11 +96,12 @@ impl CyclesJob {
             mode: RenderMode::Lit,
             samples: Self::FINAL_SAMPLES,
             denoise: true,
-            view: ViewTransform::default(),
             hidden_nodes: Vec::new(),
             node_ids: BTreeMap::new(),
             background: None,
             delight: Some(Delight::default()),
+            albedo: None,
+            views: Vec::new(),
             seed: 0,
             threads: 0,
             timeout: Duration::from_mins(15),

@@ -6,7 +6,7 @@ mod outputs;
 mod run;
 
 pub use find::{BlenderKind, CyclesRenderer};
-pub use job::{CyclesJob, Delight, RenderMode, ViewTransform};
+pub use job::{CyclesJob, Delight, RenderMode};
 pub use outputs::{CyclesOutput, CyclesTimings, LightPass};
 pub use run::Progress;
 

@@ -5,12 +5,12 @@ use std::path::Path;
 use std::time::Duration;
 
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read as exr_read};
-use harmony_scene::ImageSize;
+use harmony_scene::{ImageSize, ViewTransform};
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 
 use super::{CyclesJob, LitError, RenderMode};
-use crate::{GreyResponse, LinearImage};
+use crate::{GreyResponse, LinearImage, ViewTable};
 
 /// Light that came from one source.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,8 +39,12 @@ pub struct CyclesOutput {
     pub image: Option<RgbImage>,
     /// Per-light images, lights that are on in the job's order, then ambient ([`RenderMode::PerLight`]).
     pub lights: Vec<LightPass>,
-    /// Ids, row-major ([`RenderMode::Ids`]).
+    /// Ids, row-major ([`RenderMode::Ids`], [`RenderMode::PerLight`]).
     pub ids: Option<Vec<u32>>,
+    /// Diffuse reflectance as rendered ([`RenderMode::PerLight`]).
+    pub albedo: Option<LinearImage>,
+    /// The job's views, sampled ([`RenderMode::PerLight`]).
+    pub views: Vec<ViewTable>,
     /// How grey light becomes 8-bit values under the job's view transform.
     pub response: GreyResponse,
     /// Gain that [`crate::Delight`] gave to the base colours; 1 without it.
@@ -85,6 +89,8 @@ pub(super) fn read(job: &CyclesJob, folder: &Path, total: Duration) -> Result<Cy
         image: None,
         lights: Vec::new(),
         ids: None,
+        albedo: None,
+        views: Vec::new(),
         response: if result.response_light.len() >= 2 {
             GreyResponse { light: result.response_light, display: result.response_display }
         } else {
@@ -118,6 +124,11 @@ pub(super) fn read(job: &CyclesJob, folder: &Path, total: Duration) -> Result<Cy
                 output.lights.push(LightPass { light: Some(light.id.clone()), image });
             }
             output.lights.push(LightPass { light: None, image: light_group(&channels, "ambient", size)? });
+            output.albedo = Some(rgb_of(&channels, &["DiffCol", "Diffuse Color"], size)?);
+            let ids = channels.iter().find(|(n, _)| n.contains("IndexOB") || n.contains("Object Index"));
+            let (_, ids) = ids.ok_or_else(|| bad("the EXR has no object index"))?;
+            output.ids = Some(ids.iter().map(|v| v.round().max(0.0) as u32).collect());
+            output.views = view_tables(&job.views, folder)?;
         }
     }
     Ok(output)
@@ -136,6 +147,38 @@ fn light_group(channels: &BTreeMap<String, Vec<f32>>, group: &str, size: ImageSi
     let (r, g, b) = (channel('R')?, channel('G')?, channel('B')?);
     let rgb = r.iter().zip(g).zip(b).map(|((r, g), b)| [*r, *g, *b]).collect();
     Ok(LinearImage { size, rgb })
+}
+
+/// The image of a pass under one of its names.
+fn rgb_of(channels: &BTreeMap<String, Vec<f32>>, names: &[&str], size: ImageSize) -> Result<LinearImage, LitError> {
+    let channel = |c: char| {
+        let ends = names.iter().map(|n| format!("{n}.{c}"));
+        let found = ends.filter_map(|end| channels.iter().find(|(name, _)| name.ends_with(&end))).next();
+        found.map(|(_, values)| values).ok_or_else(|| bad(format!("the EXR has no pass {}", names.join(" or "))))
+    };
+    let (r, g, b) = (channel('R')?, channel('G')?, channel('B')?);
+    Ok(LinearImage { size, rgb: r.iter().zip(g).zip(b).map(|((r, g), b)| [*r, *g, *b]).collect() })
+}
+
+/// The tables that the script sampled, in the order of the job.
+fn view_tables(views: &[ViewTransform], folder: &Path) -> Result<Vec<ViewTable>, LitError> {
+    if views.is_empty() {
+        return Ok(Vec::new());
+    }
+    let bytes = std::fs::read(folder.join("views.f32"))
+        .map_err(|source| LitError::Io { what: "read Blender's view tables", source })?;
+    let values: Vec<f32> =
+        bytes.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap_or_default())).collect();
+    let count = values.len() / 3 / views.len();
+    let rgb: Vec<[f32; 3]> = values.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect();
+    views
+        .iter()
+        .enumerate()
+        .map(|(i, view)| {
+            let own = rgb.get(i * count..(i + 1) * count).unwrap_or_default().to_vec();
+            ViewTable::new(*view, own).ok_or_else(|| bad(format!("a view table of {count} values")))
+        })
+        .collect()
 }
 
 /// All channels of an EXR by `layer.channel`, whether layers are parts or name prefixes.

@@ -7,14 +7,19 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
+use harmony_scene::Camera;
 use rustix::process::{Pid, Signal, kill_process_group};
 
 use super::{BlenderKind, CyclesJob, CyclesOutput, CyclesRenderer, LitError, outputs};
 
 /// The one script that Blender runs; it takes a job file and nothing else.
 const SCRIPT: &str = include_str!("../../blender/render.py");
-/// The module that it imports from its own folder.
-const TEXTURES: &str = include_str!("../../blender/textures.py");
+/// The modules that it imports from its own folder.
+const MODULES: [(&str, &str); 3] = [
+    ("albedo.py", include_str!("../../blender/albedo.py")),
+    ("textures.py", include_str!("../../blender/textures.py")),
+    ("views.py", include_str!("../../blender/views.py")),
+];
 /// Lines of Blender's log that are kept for an error.
 const TAIL_LINES: usize = 30;
 /// Longest line that is kept.
@@ -49,7 +54,9 @@ impl CyclesRenderer {
         let folder = folder.map_err(io("make a temporary folder for Blender"))?;
         let script = folder.path().join("render.py");
         std::fs::write(&script, SCRIPT).map_err(io("write Blender's script"))?;
-        std::fs::write(folder.path().join("textures.py"), TEXTURES).map_err(io("write Blender's script"))?;
+        for (name, text) in MODULES {
+            std::fs::write(folder.path().join(name), text).map_err(io("write Blender's script"))?;
+        }
         let job_file = folder.path().join("job.json");
         std::fs::write(&job_file, job.to_json(folder.path())?).map_err(io("write Blender's job"))?;
 
@@ -216,6 +223,13 @@ impl CyclesJob {
         if !(k.fx > 0.0 && k.fy > 0.0 && [k.fx, k.fy, k.cx, k.cy].iter().all(|v| v.is_finite()) && pose_ok) {
             return bad("the camera is not finite or has no focal length".to_owned());
         }
+        if let Some(field) = &self.albedo {
+            let cells = (field.columns * field.rows) as usize;
+            let odd = |c: &harmony_scene::AlbedoCells| !c.factors.is_empty() && c.factors.len() != cells;
+            if let Some((name, cells)) = field.nodes.iter().find(|(_, c)| odd(c)) {
+                return bad(format!("the albedo field of {name} has {} cells", cells.factors.len()));
+            }
+        }
         let l = &self.lighting;
         let numbers = l.ambient_color.iter().chain([&l.ambient_intensity, &l.exposure]);
         let of_lights = l.lights.iter().flat_map(|l| l.position.iter().chain(&l.color).chain([&l.intensity]));
@@ -229,9 +243,6 @@ impl CyclesJob {
     fn to_json(&self, folder: &Path) -> Result<String, LitError> {
         let absolute = std::path::absolute(&self.glb)
             .map_err(|source| LitError::Io { what: "find the scene's full path", source })?;
-        let camera = &self.camera;
-        let k = &camera.intrinsics;
-        let r = camera.rotation.transpose();
         let mode = match self.mode {
             super::RenderMode::Lit => "lit",
             super::RenderMode::PerLight => "per_light",
@@ -243,25 +254,40 @@ impl CyclesJob {
             "mode": mode,
             "samples": self.samples,
             "denoise": self.denoise,
-            "view": self.view,
+            "view": self.lighting.view,
+            "views": self.views,
             "hidden_nodes": self.hidden_nodes,
             "node_ids": self.node_ids,
             "background": self.background,
             "delight": self.delight,
+            "albedo": self.albedo.as_ref().map(|field| serde_json::json!({
+                "camera": camera_json(&Camera::from(&field.camera)),
+                "columns": field.columns,
+                "rows": field.rows,
+                "nodes": field.nodes,
+                "other": field.other,
+            })),
             "seed": self.seed,
             "threads": self.threads,
             "memory_limit_mb": self.memory_limit_mb,
             "room": self.room.map(|e| e.as_vec().to_array()),
-            "camera": {
-                "width": camera.size.width, "height": camera.size.height,
-                "fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy,
-                "rotation": [r.x_axis.to_array(), r.y_axis.to_array(), r.z_axis.to_array()],
-                "centre": camera.centre().to_array(),
-            },
+            "camera": camera_json(&self.camera),
             "lighting": self.lighting,
         });
         Ok(job.to_string())
     }
+}
+
+/// A camera for the script: OpenCV, rows of R.
+fn camera_json(camera: &Camera) -> serde_json::Value {
+    let k = &camera.intrinsics;
+    let r = camera.rotation.transpose();
+    serde_json::json!({
+        "width": camera.size.width, "height": camera.size.height,
+        "fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy,
+        "rotation": [r.x_axis.to_array(), r.y_axis.to_array(), r.z_axis.to_array()],
+        "centre": camera.centre().to_array(),
+    })
 }
 
 #[cfg(test)]

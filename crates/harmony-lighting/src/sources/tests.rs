@@ -1,3 +1,5 @@
+use std::f64::consts::FRAC_PI_2;
+
 use glam::Vec3;
 use harmony_mesh::{Group, Material};
 use harmony_scene::{
@@ -183,4 +185,29 @@ fn emissive_materials_beat_names() {
     assert!(emitter_bounds(&mesh).unwrap().min.y >= 0.69);
     mesh.materials[1].name = "metal".into();
     assert!(emitter_bounds(&mesh).is_none());
+}
+
+#[test]
+fn a_screen_shines_ahead_and_a_fireplace_waits_to_be_lit() {
+    let size = DVec3::new(1.0, 0.6, 0.1);
+    let tv = object("tv_01", "flat-screen TV", Level::Furniture, DVec3::new(2.0, 0.5, 1.0), FRAC_PI_2, size);
+    let fire = object("fireplace_01", "Fireplace", Level::Furniture, DVec3::new(1.0, 0.0, 1.0), 0.0, size);
+    let lighting = lights_from_scene(&room(Vec::new()), &[tv, fire], |_| None);
+    assert_eq!(lighting.lights.len(), 2);
+    let LightKind::Area { direction, size_m } = lighting.lights[0].kind else { panic!("{lighting:?}") };
+    assert!((DVec3::from_array(direction) - DVec3::X).length() <= 1e-9, "a quarter turn takes +Z to +X");
+    assert!((size_m[0] - 0.9).abs() <= 1e-9);
+    assert!(lighting.lights[0].position[0] > 2.05, "before its front: {:?}", lighting.lights[0].position);
+    assert!(!lighting.lights[1].on);
+    assert!(!is_screen("folding screen") && !is_screen("monitor stand"));
+}
+
+#[test]
+fn of_doors_only_glass_ones_let_daylight_in() {
+    for label in ["sliding glass door", "French doors", "Patio Door"] {
+        assert!(is_glass_door(label), "{label}");
+    }
+    for label in ["wooden door", "glass cabinet door", "door", "glass shower door", "french window sill"] {
+        assert!(!is_glass_door(label), "{label}");
+    }
 }

@@ -113,6 +113,7 @@ pub fn lighting() -> Lighting {
         ambient_color: [1.0; 3],
         ambient_intensity: 0.15,
         exposure: 0.0,
+        view: harmony_scene::ViewTransform::Agx,
     }
 }
 

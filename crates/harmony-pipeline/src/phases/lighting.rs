@@ -1,17 +1,15 @@
 //! Phase 6, materials and light. Paper Sec. 3.4 and App. C "Material and Lighting Estimation".
 
-use std::path::Path;
-use std::sync::Arc;
-
-use harmony_lighting::{Judgement, LightingDelta, LightingSpec, assess, judge, lights_from_scene, propose};
-use harmony_prompts::{LightingReviewVars, LightsVars, lighting_review, lights};
-use harmony_roles::{LitRequest, Picture, RoleError};
-use harmony_scene::{Camera, Extents, LightKind, Lighting, WarningKind};
+use harmony_lighting::{LightingSpec, lights_from_scene};
+use harmony_prompts::{LightsVars, lights};
+use harmony_roles::Picture;
+use harmony_scene::{LightKind, Lighting, WarningKind};
 use image::RgbImage;
 use serde_json::{Value, json};
 
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::outputs;
+use crate::relight::{LitPictures, relight};
 use crate::state::SceneState;
 use crate::views;
 
@@ -19,7 +17,7 @@ use crate::views;
 ///
 /// # Errors
 /// Fatal role errors and unwritable files.
-pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneState, Option<RgbImage>), PhaseError> {
+pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneState, Option<LitPictures>), PhaseError> {
     ctx.step("materials and light sources");
     write_materials(ctx, &state)?;
     let objects = outputs::scene_objects(&state);
@@ -87,129 +85,6 @@ async fn ask_sources(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &mut Ligh
         ctx.warn(WarningKind::AnswerRepaired, None, note);
     }
     Ok(())
-}
-
-/// The reflective loop on previews, then the final render.
-async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Option<RgbImage>, PhaseError> {
-    let glb = ctx.file("scene_for_light.glb")?;
-    outputs::write_scene_glb(&glb, state, None)?;
-    let s = ctx.settings.lighting;
-    let mut lighting = state.lighting.clone().unwrap_or(Lighting {
-        lights: Vec::new(),
-        ambient_color: [1.0; 3],
-        ambient_intensity: 0.5,
-        exposure: 0.0,
-    });
-    let room = state.partial.room.extents;
-    let size = state.partial.camera.size;
-    let preview_camera = state.partial.camera.resized(size.fit_within(s.preview_px));
-    let reference = shrunk(&state.photo, &preview_camera);
-    let mut rounds = Vec::new();
-    let first = render(ctx, "preview_0", &glb, room, preview_camera, &lighting, s.preview_samples).await?;
-    let Some(mut preview) = first else { return Ok(None) };
-    for round in 1..=s.rounds {
-        let before = assess(&reference, &preview, None);
-        let measured = propose(&before, &lighting);
-        // What can be measured is corrected by measurement; the VLM confirms or refines.
-        let delta = ask_delta(ctx, &state.photo, &preview, &lighting, &before, round, &measured).await?;
-        if delta.is_converged() {
-            rounds.push(json!({ "round": round, "converged": true, "error": before.error }));
-            break;
-        }
-        let mut tried = lighting.clone();
-        let notes = delta.apply(&mut tried, &state.partial.room.extents);
-        let Some(image) =
-            render(ctx, &format!("preview_{round}"), &glb, room, preview_camera, &tried, s.preview_samples).await?
-        else {
-            break;
-        };
-        let after = assess(&reference, &image, None);
-        let verdict = judge(&before, &after);
-        let kept = matches!(verdict, Judgement::Keep);
-        rounds.push(json!({
-            "round": round, "delta": delta, "notes": notes, "error_before": before.error, "error_after": after.error,
-            "stops": after.stops, "warmth": after.warmth, "kept": kept,
-        }));
-        if let Judgement::Refuse { reason } = verdict {
-            ctx.warn(WarningKind::ActionRefused, None, reason);
-            break;
-        }
-        lighting = tried;
-        preview = image;
-        if after.matches() {
-            break;
-        }
-    }
-    ctx.write_json("loop.json", &rounds)?;
-    ctx.write_picture("render_preview.png", &preview)?;
-    state.lighting = Some(lighting.clone());
-    ctx.step("final lit render");
-    let camera = state.partial.camera.resized(size.fit_within(s.final_px));
-    render(ctx, "final", &glb, room, camera, &lighting, s.final_samples).await
-}
-
-async fn ask_delta(
-    ctx: &PhaseCtx<'_>,
-    photo: &Arc<RgbImage>,
-    preview: &RgbImage,
-    lighting: &Lighting,
-    found: &harmony_lighting::Assessment,
-    round: usize,
-    measured: &LightingDelta,
-) -> Result<LightingDelta, PhaseError> {
-    let setup = serde_json::to_string_pretty(lighting).map_err(|e| PhaseError::internal(ctx.phase, &e))?;
-    let question = lighting_review(&LightingReviewVars {
-        setup,
-        measured: format!(
-            "the preview is {:+.2} stops brighter than the photo (negative = darker), warmth difference {:+.2} (log2 of red over blue)",
-            found.stops, found.warmth
-        ),
-    });
-    let pictures = vec![
-        Picture { caption: "IMAGE 1: the photo".into(), image: photo.clone() },
-        Picture { caption: "IMAGE 2: the lit preview".into(), image: Arc::new(preview.clone()) },
-    ];
-    let facts = json!({ "proposed": measured });
-    ctx.ask(&format!("review_{round}"), question, pictures, facts, |_: &LightingDelta| Ok(())).await
-}
-
-/// A path-traced picture; `None`, with a warning, when the path tracer failed.
-async fn render(
-    ctx: &PhaseCtx<'_>,
-    step: &str,
-    glb: &Path,
-    room: Extents,
-    camera: Camera,
-    lighting: &Lighting,
-    samples: u32,
-) -> Result<Option<RgbImage>, PhaseError> {
-    let bytes = harmony_io::read_bounded(glb, 1 << 31)?;
-    let request = LitRequest {
-        name: ctx.call(step),
-        glb: glb.to_owned(),
-        glb_hash: blake3::hash(&bytes).to_hex().to_string(),
-        camera,
-        lighting: lighting.clone(),
-        room: Some(room),
-        samples,
-        denoise: true,
-    };
-    match ctx.calls.render_lit(&request).await {
-        Ok(lit) => Ok(Some(lit.image)),
-        Err(error) if error.is_fatal() => Err(error.into()),
-        Err(error) => {
-            let hint = match &error {
-                RoleError::NotSetUp { hint, .. } => format!(" ({hint})"),
-                _ => String::new(),
-            };
-            ctx.warn(WarningKind::NotAvailable, None, format!("the path tracer failed: {error}{hint}"));
-            Ok(None)
-        }
-    }
-}
-
-fn shrunk(photo: &RgbImage, camera: &Camera) -> RgbImage {
-    image::imageops::resize(photo, camera.size.width, camera.size.height, image::imageops::FilterType::Triangle)
 }
 
 fn luminance(p: [u8; 3]) -> f64 {

@@ -1,10 +1,10 @@
 //! Blender Cycles, where there is a Blender.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use async_trait::async_trait;
-use harmony_lighting::{CyclesJob, CyclesRenderer, LitError};
-use harmony_roles::{LitImage, LitRenderer, LitRequest, PlayerCard, RoleError};
+use harmony_lighting::{CyclesJob, CyclesOutput, CyclesRenderer, LitError, RenderMode, relight};
+use harmony_roles::{LightMeasurement, LitImage, LitKind, LitRenderer, LitRequest, PlayerCard, RoleError};
 
 /// Path-traces with Blender Cycles, in a process of its own.
 #[derive(Debug, Clone)]
@@ -44,18 +44,52 @@ impl LitRenderer for CyclesLit {
 
     async fn render(&self, request: &LitRequest) -> Result<LitImage, RoleError> {
         let renderer = self.renderer.clone();
-        let mut job = CyclesJob::lit(&request.glb, request.camera, request.lighting.clone());
-        job.room = request.room;
-        job.samples = request.samples;
-        job.denoise = request.denoise;
+        let job = job_of(request);
         let rendered = super::computed(move || renderer.render(&job)).await?;
         let output = rendered.map_err(|error| role_error(&error))?;
         for note in &output.notes {
             tracing::info!(call = %request.name, "Cycles: {note}");
         }
-        let image = output.image.ok_or_else(|| unusable("Blender gave no image".to_owned()))?;
-        Ok(LitImage { image })
+        match request.kind {
+            LitKind::Picture => {
+                let image = output.image.ok_or_else(|| unusable("Blender gave no image".to_owned()))?;
+                Ok(LitImage { image, measured: None })
+            }
+            LitKind::Measurement { .. } => {
+                let gain = [request.lighting.exposure.exp2(); 3];
+                let image = output.response.to_picture(&relight(&output.lights, &vec![gain; output.lights.len()]));
+                Ok(LitImage { image, measured: Some(Arc::new(measurement(output, request)?)) })
+            }
+        }
     }
+}
+
+fn job_of(request: &LitRequest) -> CyclesJob {
+    let mut job = CyclesJob::lit(&request.glb, request.camera, request.lighting.clone());
+    job.room = request.room;
+    job.samples = request.samples;
+    job.denoise = request.denoise;
+    job.albedo.clone_from(&request.albedo);
+    job.hidden_nodes.clone_from(&request.hidden_nodes);
+    job.background = request.background;
+    if let LitKind::Measurement { nodes, views } = &request.kind {
+        job.mode = RenderMode::PerLight;
+        job.denoise = false;
+        job.node_ids = nodes.iter().zip(1..).map(|(name, id)| (name.clone(), id)).collect();
+        job.views.clone_from(views);
+    }
+    job
+}
+
+fn measurement(output: CyclesOutput, request: &LitRequest) -> Result<LightMeasurement, RoleError> {
+    let missing = |what: &str| unusable(format!("Blender gave no {what}"));
+    Ok(LightMeasurement {
+        size: request.camera.size,
+        lights: output.lights.into_iter().map(|pass| (pass.light, pass.image.rgb)).collect(),
+        albedo: output.albedo.ok_or_else(|| missing("reflectances"))?.rgb,
+        nodes: output.ids.ok_or_else(|| missing("node image"))?,
+        views: output.views.into_iter().map(|table| (table.view, table.display)).collect(),
+    })
 }
 
 #[async_trait]

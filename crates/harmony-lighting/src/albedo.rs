@@ -1,0 +1,233 @@
+//! Delighting: base colours that hold the photo's light become reflectances, so that reflectance times light is the
+//! photo again.
+//!
+//! What a lit render shows of a surface is its base colour times the light there. The ratio of photo to render, smooth
+//! within each node, is what the base colour has too much or too little of: the light that was already in the texture,
+//! and whatever the estimated light lacks. Multiplying it in (Barrow and Tenenbaum's intrinsic images, with the light
+//! known from a path tracer instead of unknown) makes the lit picture match without touching texture detail.
+//! Two passes at two widths; light that bounces changes with the reflectances, so that it is done again on a new render.
+
+use std::collections::BTreeMap;
+
+use harmony_scene::{AlbedoCells, AlbedoField, Camera, SceneCamera};
+
+use crate::LinearImage;
+use crate::smooth::{interior, smoothed};
+use crate::view::median;
+
+/// Cells of a field across the frame.
+pub const COLUMNS: u32 = 48;
+/// Widths of the smoothing, shares of the image width.
+const SIGMAS: [f64; 2] = [0.06, 0.02];
+/// Largest factor of a field, and its inverse the smallest, stops.
+const MOST_STOPS: f32 = 2.5;
+/// Largest change of one update within a node, against its mean, stops.
+const MOST_STEP: f32 = 1.5;
+/// Light below which ratios are noise.
+const DARK: f32 = 0.004;
+/// A node has an own factor from so many counted pixels.
+const LEAST_PIXELS: usize = 12;
+
+/// A node of the scene as the field sees it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FieldNode {
+    /// Name in the GLB.
+    pub name: String,
+    /// What unseen nodes learn from: the nodes of the same kind (walls from walls, objects from objects).
+    pub kind: &'static str,
+}
+
+/// A render in the photo's frame beside the photo; both light as the view takes it (after exposure), one value a pixel.
+#[derive(Debug, Clone, Copy)]
+pub struct Comparison<'a> {
+    /// The photo's light.
+    pub photo: &'a LinearImage,
+    /// The render's.
+    pub render: &'a LinearImage,
+    /// Per pixel the node that is seen, 1 for the first of the list, 0 for none.
+    pub ids: &'a [u32],
+    /// How much a pixel counts; 0 where the scene is known to show something else than the photo.
+    pub weights: &'a [f32],
+}
+
+/// A field that changes nothing.
+pub fn neutral_field(camera: &Camera) -> AlbedoField {
+    let rows = (COLUMNS * camera.size.height).div_ceil(camera.size.width.max(1)).max(1);
+    AlbedoField {
+        camera: SceneCamera::from(camera),
+        columns: COLUMNS,
+        rows,
+        nodes: BTreeMap::new(),
+        other: [1.0; 3],
+    }
+}
+
+fn rounded(log: [f32; 3]) -> [f32; 3] {
+    log.map(|v| (v.clamp(-MOST_STOPS, MOST_STOPS).exp2() * 1000.0).round() / 1000.0)
+}
+
+/// The field under which the scene would show the photo's light, from a render under `field`.
+pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison<'_>) -> AlbedoField {
+    let size = seen.photo.size;
+    let inside = interior(seen.ids, size);
+    let ratio: Vec<[f32; 3]> = seen
+        .photo
+        .rgb
+        .iter()
+        .zip(&seen.render.rgb)
+        .map(|(p, r)| [0, 1, 2].map(|c| ((p[c] + DARK) / (r[c] + DARK)).log2().clamp(-4.0, 4.0)))
+        .collect();
+    let mut next = AlbedoField { nodes: BTreeMap::new(), ..field.clone() };
+    let mut by_kind: BTreeMap<&str, Vec<(usize, [f32; 3])>> = BTreeMap::new();
+    let mut unseen = Vec::new();
+    for (index, node) in nodes.iter().enumerate() {
+        let id = index as u32 + 1;
+        let weights: Vec<f32> = (0..ratio.len())
+            .map(|i| if seen.ids[i] == id && inside[i] { seen.weights.get(i).copied().unwrap_or(1.0) } else { 0.0 })
+            .collect();
+        let counted = weights.iter().filter(|w| **w > 0.0).count();
+        if counted < LEAST_PIXELS {
+            unseen.push(node);
+            continue;
+        }
+        let middle = [0, 1, 2].map(|c| {
+            let mut all: Vec<f64> =
+                ratio.iter().zip(&weights).filter(|(_, w)| **w > 0.0).map(|(r, _)| f64::from(r[c])).collect();
+            median(&mut all) as f32
+        });
+        let step = local_step(&ratio, &weights, middle, size);
+        let before = field.nodes.get(&node.name);
+        let old_mean = before.map_or(field.other, |b| b.mean).map(f32::log2);
+        let mean = [0, 1, 2].map(|c| old_mean[c] + middle[c]);
+        let factors = (0..field.rows * field.columns)
+            .map(|cell| {
+                let (x, y) = (cell % field.columns, cell / field.columns);
+                let old = before
+                    .and_then(|b| b.factors.get(cell as usize))
+                    .map_or(old_mean, |f| f.map(f32::log2));
+                let px = ((f64::from(x) + 0.5) / f64::from(field.columns) * f64::from(size.width)) as usize;
+                let py = ((f64::from(y) + 0.5) / f64::from(field.rows) * f64::from(size.height)) as usize;
+                let s = step[py.min(size.height as usize - 1) * size.width as usize + px.min(size.width as usize - 1)];
+                rounded([0, 1, 2].map(|c| old[c] + middle[c] + s[c]))
+            })
+            .collect();
+        by_kind.entry(node.kind).or_default().push((counted, mean));
+        next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded(mean), factors });
+    }
+    let all: Vec<(usize, [f32; 3])> = by_kind.values().flatten().copied().collect();
+    next.other = rounded(weighted_mean(&all).unwrap_or(field.other.map(f32::log2)));
+    for node in unseen {
+        let mean = by_kind.get(node.kind).and_then(|k| weighted_mean(k)).map_or(next.other, rounded);
+        next.nodes.insert(node.name.clone(), AlbedoCells { mean, factors: Vec::new() });
+    }
+    next
+}
+
+/// What a node's ratios have beside their middle, smooth.
+fn local_step(
+    ratio: &[[f32; 3]],
+    weights: &[f32],
+    middle: [f32; 3],
+    size: harmony_scene::ImageSize,
+) -> Vec<[f32; 3]> {
+    let mut rest: Vec<[f32; 3]> =
+        ratio.iter().map(|r| [0, 1, 2].map(|c| (r[c] - middle[c]).clamp(-MOST_STEP, MOST_STEP))).collect();
+    let mut step = vec![[0.0f32; 3]; ratio.len()];
+    for sigma in SIGMAS {
+        let smooth = smoothed(&rest, weights, size, (sigma * f64::from(size.width)).max(0.7));
+        for ((s, r), add) in step.iter_mut().zip(&mut rest).zip(&smooth) {
+            for c in 0..3 {
+                s[c] += add[c];
+                r[c] -= add[c];
+            }
+        }
+    }
+    step
+}
+
+fn weighted_mean(all: &[(usize, [f32; 3])]) -> Option<[f32; 3]> {
+    let total: f32 = all.iter().map(|(n, _)| *n as f32).sum();
+    (total > 0.0).then(|| [0, 1, 2].map(|c| all.iter().map(|(n, v)| *n as f32 * v[c]).sum::<f32>() / total))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use harmony_scene::{ImageSize, Intrinsics};
+
+    use super::*;
+
+    const SIZE: ImageSize = ImageSize { width: 96, height: 72 };
+
+    fn camera() -> Camera {
+        Camera::looking(SIZE, Intrinsics::centred(SIZE, 80.0), DVec3::new(0.0, 1.5, 4.0), DVec3::NEG_Z)
+    }
+
+    /// Light on the wall: a lamp's pool on the left.
+    fn shading(x: f32, y: f32) -> f32 {
+        0.25 + 0.9 / (1.0 + ((x - 0.25) / 0.2).powi(2) + ((y - 0.4) / 0.3).powi(2))
+    }
+
+    fn image(f: impl Fn(f32, f32) -> [f32; 3]) -> LinearImage {
+        let rgb = (0..SIZE.pixels()).map(|i| f((i % 96) as f32 / 96.0, (i / 96) as f32 / 72.0)).collect();
+        LinearImage { size: SIZE, rgb }
+    }
+
+    fn nodes() -> Vec<FieldNode> {
+        [("back", "wall"), ("floor", "floor"), ("left", "wall"), ("chair_01", "object")]
+            .map(|(name, kind)| FieldNode { name: name.into(), kind })
+            .to_vec()
+    }
+
+    /// A shaded wall of one paint: its texture is the photo, its light the same shading; then the reflectance must
+    /// come out even, that is texture times factor is constant, and light times that is the photo.
+    #[test]
+    fn a_shaded_wall_of_one_paint_becomes_one_reflectance() {
+        let paint = [0.6f32, 0.5, 0.4];
+        let photo = image(|x, y| paint.map(|p| p * shading(x, y)));
+        // The render lights the photo-lit texture again: shading twice.
+        let render = image(|x, y| paint.map(|p| p * shading(x, y) * shading(x, y)));
+        let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| if i / 96 < 60 { 1 } else { 2 }).collect();
+        let weights = vec![1.0; SIZE.pixels()];
+        let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
+        let field = updated_field(&neutral_field(&camera()), &nodes(), &seen);
+        let cells = &field.nodes["back"];
+        for y in 2..(field.rows * 60 / 72 - 3) {
+            for x in 2..field.columns - 2 {
+                let (u, v) = ((x as f32 + 0.5) / field.columns as f32, (y as f32 + 0.5) / field.rows as f32);
+                let factor = cells.factors[(y * field.columns + x) as usize][0];
+                let reflectance = paint[0] * shading(u, v) * factor;
+                assert!((reflectance / paint[0]).log2().abs() <= 0.2, "at {u:.2}, {v:.2}: {reflectance} of {}", paint[0]);
+            }
+        }
+    }
+
+    #[test]
+    fn an_unseen_wall_learns_from_the_walls_and_an_object_from_all() {
+        let photo = image(|_, _| [0.2; 3]);
+        let render = image(|_, y| if y < 0.5 { [0.4; 3] } else { [0.1; 3] });
+        let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| if i / 96 < 36 { 1 } else { 2 }).collect();
+        let weights = vec![1.0; SIZE.pixels()];
+        let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
+        let field = updated_field(&neutral_field(&camera()), &nodes(), &seen);
+        assert!((field.nodes["left"].mean[0] - 0.5).abs() <= 0.02, "{:?}", field.nodes["left"]);
+        assert!((field.nodes["floor"].mean[0] - 2.0).abs() <= 0.08);
+        assert!((field.nodes["chair_01"].mean[0] - 1.0).abs() <= 0.1, "half an half of one stop either way");
+        assert!(field.nodes["left"].factors.is_empty());
+    }
+
+    #[test]
+    fn what_is_masked_does_not_bend_the_field_and_factors_are_bounded() {
+        let photo = image(|x, _| if x > 0.5 { [50.0; 3] } else { [0.2; 3] });
+        let render = image(|_, _| [0.2; 3]);
+        let ids = vec![1; SIZE.pixels()];
+        let weights: Vec<f32> = (0..SIZE.pixels()).map(|i| if i % 96 < 46 { 1.0 } else { 0.0 }).collect();
+        let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
+        let field = updated_field(&neutral_field(&camera()), &nodes(), &seen);
+        assert!(field.nodes["back"].factors.iter().flatten().all(|f| (f - 1.0).abs() <= 0.01));
+        let all = vec![1.0; SIZE.pixels()];
+        let field =
+            updated_field(&neutral_field(&camera()), &nodes(), &Comparison { weights: &all, ..seen });
+        assert!(field.nodes["back"].factors.iter().flatten().all(|f| (0.17..=5.7).contains(f)));
+    }
+}

@@ -1,0 +1,381 @@
+//! The photo's light on the finished scene: measured, fitted, looked at, rendered. Paper Sec. 3.4 and DESIGN 6.4.
+//!
+//! One render with light groups says what each light gives; lights, exposure and view transform are fitted to the
+//! photo on it; base colours become reflectances by the ratio of photo to render; previews measure what is left. Then
+//! the model looks (the paper's reflective loop): what it changes is rendered, measured, and kept or refused.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use harmony_lighting::{
+    Assessment, Comparison, FieldNode, FitOptions, Judgement, LightPass, LightingDelta, LinearImage, Measured,
+    PictureError, SceneFit, ViewTable, assess, display_linear, fit_scene, judge, neutral_field, picture_error, propose,
+    updated_field,
+};
+use harmony_prompts::{LightingReviewVars, lighting_review};
+use harmony_render::canonical_camera;
+use harmony_roles::{LightMeasurement, LitImage, LitKind, LitRequest, Picture, RoleError};
+use harmony_scene::{AlbedoField, Camera, ImageSize, Lighting, Mask, ViewTransform, WarningKind};
+use image::RgbImage;
+use image::imageops::{FilterType, resize};
+use serde_json::{Value, json};
+
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::outputs;
+use crate::settings::LightingSettings;
+use crate::state::SceneState;
+use crate::views;
+
+/// Median luminance difference at which previews stop measuring, stops.
+const GOOD_STOPS: f64 = 0.1;
+/// Diffuse reflectance below which a pixel is metal, glass or a picture of light.
+const LEAST_ALBEDO: f32 = 0.02;
+/// Size of the flat canonical view, whose frame the lit one has.
+const CANONICAL: ImageSize = ImageSize { width: 1280, height: 960 };
+
+/// The path-traced pictures of a run.
+#[derive(Debug, Clone)]
+pub struct LitPictures {
+    /// From the photo's camera.
+    pub photo_view: RgbImage,
+    /// From outside, as the flat canonical view.
+    pub canonical: Option<RgbImage>,
+}
+
+/// Everything that stays the same from render to render.
+struct Stage<'a, 'c> {
+    ctx: &'a PhaseCtx<'c>,
+    state: &'a SceneState,
+    glb: PathBuf,
+    glb_hash: String,
+    nodes: Vec<FieldNode>,
+    s: LightingSettings,
+}
+
+/// Fits and renders; the lighting of the state becomes the fitted one. `None`, with a warning, when the path tracer failed.
+///
+/// # Errors
+/// Fatal role errors and unwritable files.
+pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Option<LitPictures>, PhaseError> {
+    let glb = ctx.file("scene_for_light.glb")?;
+    outputs::write_scene_glb(&glb, state, None)?;
+    let glb_hash = blake3::hash(&harmony_io::read_bounded(&glb, 1 << 31)?).to_hex().to_string();
+    let Some(mut lighting) = state.lighting.clone() else { return Ok(None) };
+    let stage =
+        Stage { ctx, state, glb, glb_hash, nodes: field_nodes(state), s: ctx.settings.lighting };
+    ctx.step("measuring each light");
+    let Some(light) = stage.measure(&lighting).await? else { return Ok(None) };
+    let mut look = stage.fit(light, &mut lighting).await?;
+    let Some(mut preview) = stage.settle(&mut look, &lighting).await? else { return Ok(None) };
+    stage.confirm(&mut look, &mut lighting, &mut preview).await?;
+    ctx.write_json("loop.json", &look.rounds)?;
+    ctx.write_json("albedo.json", &*look.field)?;
+    ctx.write_picture("render_preview.png", &preview)?;
+    ctx.step("final lit render");
+    let size = state.partial.camera.size;
+    let camera = state.partial.camera.resized(size.fit_within(stage.s.final_px));
+    let Some(photo_view) = stage.picture("final", camera, &lighting, &look.field, stage.s.final_samples).await? else {
+        return Ok(None);
+    };
+    let canonical = stage.canonical(&lighting, &look).await?;
+    state.lighting = Some(lighting);
+    Ok(Some(LitPictures { photo_view, canonical }))
+}
+
+/// The nodes of the scene's GLB: the room's faces, then the objects.
+fn field_nodes(state: &SceneState) -> Vec<FieldNode> {
+    let shell = views::shell(state, Vec::new());
+    let faces = shell.groups.iter().filter(|g| !g.triangles.is_empty()).map(|g| {
+        let name = shell.materials[g.material].name.clone();
+        let kind = match name.as_str() {
+            "floor" => "floor",
+            "ceiling" => "ceiling",
+            _ => "wall",
+        };
+        FieldNode { name, kind }
+    });
+    let objects = state.partial.placed.iter().filter(|p| state.mesh_of(&p.item.id).is_some());
+    faces.chain(objects.map(|p| FieldNode { name: p.item.id.to_string(), kind: "object" })).collect()
+}
+
+/// What has been found about the photo's light.
+struct Look {
+    view: ViewTable,
+    /// The photo at the measurement's size: as it is, and its light after exposure, as the view takes it.
+    photo: RgbImage,
+    light: LinearImage,
+    ids: Vec<u32>,
+    /// How much each pixel counts: 0 where photo and scene show different things, and where the scene shines itself.
+    weights: Vec<f32>,
+    field: Arc<AlbedoField>,
+    rounds: Vec<Value>,
+}
+
+impl Look {
+    /// Median difference of a render from the photo, at the measurement's size.
+    fn error(&self, render: &RgbImage) -> PictureError {
+        let (w, h) = self.photo.dimensions();
+        let small = resize(render, w, h, FilterType::Triangle);
+        picture_error(&display_linear(&self.photo), &display_linear(&small), &self.weights)
+    }
+
+    /// The field that a render under the present one asks for.
+    fn next_field(&self, nodes: &[FieldNode], render: &LinearImage) -> AlbedoField {
+        let seen = Comparison { photo: &self.light, render, ids: &self.ids, weights: &self.weights };
+        updated_field(&self.field, nodes, &seen)
+    }
+}
+
+impl Stage<'_, '_> {
+    fn request(&self, step: &str, camera: Camera, lighting: &Lighting, samples: u32) -> LitRequest {
+        LitRequest {
+            name: self.ctx.call(step),
+            glb: self.glb.clone(),
+            glb_hash: self.glb_hash.clone(),
+            camera,
+            lighting: lighting.clone(),
+            room: Some(self.state.partial.room.extents),
+            samples,
+            denoise: true,
+            albedo: None,
+            hidden_nodes: Vec::new(),
+            background: None,
+            kind: LitKind::Picture,
+        }
+    }
+
+    async fn measure(&self, lighting: &Lighting) -> Result<Option<Arc<LightMeasurement>>, PhaseError> {
+        let camera = self.state.partial.camera;
+        let small = camera.resized(camera.size.fit_within(self.s.fit_px));
+        let mut request = self.request("lights_measured", small, lighting, self.s.fit_samples);
+        request.denoise = false;
+        request.kind = LitKind::Measurement {
+            nodes: self.nodes.iter().map(|n| n.name.clone()).collect(),
+            views: ViewTransform::ALL.to_vec(),
+        };
+        Ok(render(self.ctx, &request).await?.and_then(|lit| lit.measured))
+    }
+
+    /// Fits lights, exposure and view, and the first reflectances.
+    async fn fit(&self, found: Arc<LightMeasurement>, lighting: &mut Lighting) -> Result<Look, PhaseError> {
+        let size = found.size;
+        let photo = resize(&*self.state.photo, size.width, size.height, FilterType::Triangle);
+        let weights = self.weights(&found, size);
+        let measured = measured_from(&found);
+        let (fitted, weights, photo, ids) = {
+            let measured = measured.clone();
+            self.ctx
+                .computed(move || {
+                    let fitted = fit_scene(&measured, &photo, &weights, &FitOptions::default());
+                    (fitted, weights, photo, measured.ids)
+                })
+                .await?
+        };
+        let neutral = neutral_field(&self.state.partial.camera);
+        let Ok(fitted) = fitted.inspect_err(|e| {
+            self.ctx.warn(WarningKind::NotAvailable, None, format!("the light is as it was assumed: {e}"));
+        }) else {
+            let view = ViewTable::standard();
+            let light = view.to_linear(&photo);
+            return Ok(Look { view, photo, light, ids, weights, field: Arc::new(neutral), rounds: Vec::new() });
+        };
+        let notes = fitted.apply(lighting);
+        self.ctx.write_json("fit.json", &fit_json(&fitted, lighting, &notes))?;
+        let predicted = fitted.predicted(&measured);
+        let mut look = Look {
+            view: fitted.view.clone(),
+            photo,
+            light: fitted.photo.clone(),
+            ids,
+            weights,
+            field: Arc::new(neutral),
+            rounds: vec![json!({ "step": "fit", "view": fitted.view.view, "error": fitted.error })],
+        };
+        look.field = Arc::new(look.next_field(&self.nodes, &predicted));
+        Ok(look)
+    }
+
+    /// What counts: pixels where the scene has what the photo has, and that show light on a surface, not light itself.
+    fn weights(&self, found: &LightMeasurement, size: ImageSize) -> Vec<f32> {
+        let all = self.state.all_objects().or(&self.state.photo_frame).resized(size);
+        let masks: Vec<Option<Mask>> = self
+            .nodes
+            .iter()
+            .map(|node| {
+                let prepared = self.state.prepared.iter().find(|(id, _)| id.as_str() == node.name);
+                prepared.map(|(_, p)| p.candidate.mask.resized(size))
+            })
+            .collect();
+        let weight = |(i, id): (usize, &u32)| {
+            let mask = masks.get((*id as usize).checked_sub(1)?)?;
+            let seen = mask.as_ref().map_or(!all.bits()[i], |mask| mask.bits()[i]);
+            let lit = found.albedo.get(i)?.iter().any(|a| *a > LEAST_ALBEDO);
+            Some(f32::from(u8::from(seen && lit)))
+        };
+        found.nodes.iter().enumerate().map(|at| weight(at).unwrap_or(0.0)).collect()
+    }
+
+    async fn picture(
+        &self,
+        step: &str,
+        camera: Camera,
+        lighting: &Lighting,
+        field: &Arc<AlbedoField>,
+        samples: u32,
+    ) -> Result<Option<RgbImage>, PhaseError> {
+        let mut request = self.request(step, camera, lighting, samples);
+        request.albedo = Some(Arc::clone(field));
+        Ok(render(self.ctx, &request).await?.map(|lit| lit.image))
+    }
+
+    async fn preview(&self, step: &str, look: &Look, lighting: &Lighting) -> Result<Option<RgbImage>, PhaseError> {
+        let camera = self.state.partial.camera;
+        let camera = camera.resized(camera.size.fit_within(self.s.preview_px));
+        self.picture(step, camera, lighting, &look.field, self.s.preview_samples).await
+    }
+
+    /// Measures previews and mends reflectances until the picture matches; the last preview.
+    async fn settle(&self, look: &mut Look, lighting: &Lighting) -> Result<Option<RgbImage>, PhaseError> {
+        self.ctx.step("lit preview");
+        let Some(mut preview) = self.preview("preview_0", look, lighting).await? else { return Ok(None) };
+        let mut error = look.error(&preview);
+        look.rounds.push(json!({ "step": "preview_0", "error": error }));
+        for round in 1..=self.s.measured_rounds {
+            if error.stops <= GOOD_STOPS {
+                break;
+            }
+            let (w, h) = look.photo.dimensions();
+            let small = look.view.to_linear(&resize(&preview, w, h, FilterType::Triangle));
+            let before = Arc::clone(&look.field);
+            look.field = Arc::new(look.next_field(&self.nodes, &small));
+            let step = format!("preview_{round}");
+            let Some(image) = self.preview(&step, look, lighting).await? else { break };
+            let after = look.error(&image);
+            let kept = after.total() < error.total();
+            look.rounds.push(json!({ "step": step, "error": after, "kept": kept }));
+            if !kept {
+                look.field = before;
+                break;
+            }
+            (preview, error) = (image, after);
+        }
+        Ok(Some(preview))
+    }
+
+    /// The paper's reflective loop: the model confirms, or changes what measurement does not decide.
+    async fn confirm(
+        &self,
+        look: &mut Look,
+        lighting: &mut Lighting,
+        preview: &mut RgbImage,
+    ) -> Result<(), PhaseError> {
+        let reference = resize(&*self.state.photo, preview.width(), preview.height(), FilterType::Triangle);
+        for round in 1..=self.s.rounds {
+            let before = assess(&reference, preview, None);
+            let measured = propose(&before, lighting);
+            let mut delta = self.ask_delta(preview, lighting, &before, round, &measured).await?;
+            if before.matches() {
+                // Brightness is settled by measurement; lamps, colours and switches are the model's to say.
+                delta.global_intensity_mult = None;
+            }
+            if delta.is_converged() {
+                look.rounds.push(json!({ "step": format!("review_{round}"), "converged": true, "error": before.error }));
+                break;
+            }
+            let mut tried = lighting.clone();
+            let notes = delta.apply(&mut tried, &self.state.partial.room.extents);
+            let step = format!("preview_review_{round}");
+            let Some(image) = self.preview(&step, look, &tried).await? else { break };
+            let after = assess(&reference, &image, None);
+            let verdict = judge(&before, &after);
+            look.rounds.push(json!({
+                "step": format!("review_{round}"), "delta": delta, "notes": notes, "error_before": before.error,
+                "error_after": after.error, "kept": verdict == Judgement::Keep,
+            }));
+            if let Judgement::Refuse { reason } = verdict {
+                self.ctx.warn(WarningKind::ActionRefused, None, reason);
+                break;
+            }
+            (*lighting, *preview) = (tried, image);
+        }
+        Ok(())
+    }
+
+    async fn ask_delta(
+        &self,
+        preview: &RgbImage,
+        lighting: &Lighting,
+        found: &Assessment,
+        round: usize,
+        measured: &LightingDelta,
+    ) -> Result<LightingDelta, PhaseError> {
+        let setup = serde_json::to_string_pretty(lighting).map_err(|e| PhaseError::internal(self.ctx.phase, &e))?;
+        let question = lighting_review(&LightingReviewVars {
+            setup,
+            measured: format!(
+                "the preview is {:+.2} stops brighter than the photo (negative = darker), warmth difference {:+.2} (log2 of red over blue)",
+                found.stops, found.warmth
+            ),
+        });
+        let pictures = vec![
+            Picture { caption: "IMAGE 1: the photo".into(), image: self.state.photo.clone() },
+            Picture { caption: "IMAGE 2: the lit preview".into(), image: Arc::new(preview.clone()) },
+        ];
+        let facts = json!({ "proposed": measured });
+        self.ctx.ask(&format!("review_{round}"), question, pictures, facts, |_: &LightingDelta| Ok(())).await
+    }
+
+    /// The lit canonical view; near walls and ceiling are left out for the eye but bounce light.
+    async fn canonical(&self, lighting: &Lighting, look: &Look) -> Result<Option<RgbImage>, PhaseError> {
+        if self.s.canonical_px == 0 {
+            return Ok(None);
+        }
+        self.ctx.step("lit canonical view");
+        let size = CANONICAL.fit_within(self.s.canonical_px);
+        let view = canonical_camera(&self.state.partial.room, size, &self.state.partial.camera);
+        let mut request = self.request("canonical", view.camera, lighting, self.s.canonical_samples);
+        request.albedo = Some(Arc::clone(&look.field));
+        request.hidden_nodes =
+            view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s).to_owned()).collect();
+        let outside = look.view.light(views::OUTSIDE_RGB.map(|v| f32::from(v) / 255.0));
+        request.background = Some(outside.map(|v| f64::from(v) * (-lighting.exposure).exp2()));
+        Ok(render(self.ctx, &request).await?.map(|lit| lit.image))
+    }
+}
+
+fn measured_from(found: &LightMeasurement) -> Measured {
+    let image = |rgb: &Vec<[f32; 3]>| LinearImage { size: found.size, rgb: rgb.clone() };
+    Measured {
+        lights: found.lights.iter().map(|(id, rgb)| LightPass { light: id.clone(), image: image(rgb) }).collect(),
+        albedo: image(&found.albedo),
+        ids: found.nodes.clone(),
+        views: found.views.iter().filter_map(|(view, rgb)| ViewTable::new(*view, rgb.clone())).collect(),
+    }
+}
+
+fn fit_json(fitted: &SceneFit, lighting: &Lighting, notes: &[String]) -> Value {
+    let lights: BTreeMap<&str, [f64; 3]> =
+        fitted.fit.lights.iter().map(|id| id.as_deref().unwrap_or("ambient")).zip(fitted.fit.gains.clone()).collect();
+    json!({
+        "view": fitted.view.view, "exposure": lighting.exposure, "candidates": fitted.candidates,
+        "gains": lights, "common_gain": fitted.fit.common_gain, "coverage": fitted.fit.coverage,
+        "residual_before": fitted.fit.residual_before, "residual_after": fitted.fit.residual_after, "notes": notes,
+    })
+}
+
+/// A path-traced answer; `None`, with a warning, when the path tracer failed.
+async fn render(ctx: &PhaseCtx<'_>, request: &LitRequest) -> Result<Option<LitImage>, PhaseError> {
+    match ctx.calls.render_lit(request).await {
+        Ok(lit) => Ok(Some(lit)),
+        Err(error) if error.is_fatal() => Err(error.into()),
+        Err(error) => {
+            let hint = match &error {
+                RoleError::NotSetUp { hint, .. } => format!(" ({hint})"),
+                _ => String::new(),
+            };
+            ctx.warn(WarningKind::NotAvailable, None, format!("the path tracer failed: {error}{hint}"));
+            Ok(None)
+        }
+    }
+}
