@@ -14,4 +14,5 @@ pub mod score;
 pub mod spent;
 pub mod summary;
 pub mod truth;
+pub mod views;
 pub mod wall_clock;

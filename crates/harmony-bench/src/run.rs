@@ -12,6 +12,7 @@ use crate::metrics::similarity::Looking;
 use crate::oracle::{Noise, NoiseLevel, Oracle};
 use crate::score::{Prediction, RoomScore, ScoreOptions, pictures, score};
 use crate::truth::{TruthError, TruthRoom};
+use crate::views::{Lit, LitOptions, judge_case};
 
 /// Index of the last phase that the benchmark needs: decorations. Lighting asks questions that the truth can't answer.
 const LAST_PHASE: usize = 4;
@@ -43,6 +44,8 @@ pub struct BenchRequest {
     pub keep: bool,
     /// Networks that compare pictures.
     pub looking: Looking,
+    /// Lit pictures are judged too, at this size.
+    pub lit: Option<LitOptions>,
 }
 
 /// Scores of a benchmark, as measured and after scale alignment.
@@ -129,6 +132,7 @@ pub async fn run(
     let count = request.rooms.len() * request.seeds.len();
     let shared = Arc::new(request.clone());
     let mut scores: Vec<(usize, [RoomScore; 2])> = Vec::new();
+    let mut absent = request.looking.absent.clone();
     let mut working = tokio::task::JoinSet::new();
     loop {
         while working.len() < request.jobs.max(1)
@@ -143,7 +147,8 @@ pub async fn run(
         }
         let Some(done) = working.join_next().await else { break };
         // A panic is a fault of this program: it goes on as one.
-        let (place, judged) = done.unwrap_or_else(|e| std::panic::resume_unwind(e.into_panic()))?;
+        let (place, (judged, missing)) = done.unwrap_or_else(|e| std::panic::resume_unwind(e.into_panic()))?;
+        absent.extend(missing.filter(|m| !absent.contains(m)));
         tell(format!("{:>3}/{count} {}", scores.len() + 1, line(&judged[0])));
         scores.push((place, judged));
     }
@@ -154,14 +159,18 @@ pub async fn run(
         level: Some(request.level),
         exact_height: request.exact_height,
         changes: request.changes.clone(),
-        absent: request.looking.absent.clone(),
+        absent,
         raw,
         aligned,
     })
 }
 
-/// Runs and judges one case.
-async fn case(request: &BenchRequest, job: &Job, offline: &Cast) -> Result<[RoomScore; 2], BenchError> {
+/// Runs and judges one case; also says what could not be judged.
+async fn case(
+    request: &BenchRequest,
+    job: &Job,
+    offline: &Cast,
+) -> Result<([RoomScore; 2], Option<String>), BenchError> {
     let truth = TruthRoom::load(&job.room)?;
     let name = format!("{}_{}", truth.name, job.seed);
     let out = request.out.join(&name);
@@ -172,11 +181,13 @@ async fn case(request: &BenchRequest, job: &Job, offline: &Cast) -> Result<[Room
     for s in &mut scores {
         s.seed = Some(job.seed);
     }
+    let lit = request.lit.map(|options| Lit { renderer: &*offline.lit_renderer, options });
+    let absent = judge_case(&truth, &out, &mut scores[0], &request.looking, lit, Some(&request.out)).await?;
     write_picture(&request.out, &name, &truth, &out)?;
     if !request.keep {
         std::fs::remove_dir_all(&out).map_err(|e| BenchError::Run { room: name, reason: e.to_string() })?;
     }
-    Ok(scores)
+    Ok((scores, absent))
 }
 
 /// Photo, render and outlines of a case side by side, for the report; a run without a scene has none.
@@ -212,26 +223,43 @@ pub fn judged(
     })
 }
 
-/// Judges finished runs: one run folder against one room, or a folder of runs named `<room>_<seed>` (or `<room>`)
-/// against a folder of rooms. With `out`, the pictures of the cases go there.
+/// How finished runs are judged.
+#[derive(Clone, Copy)]
+pub struct Judging<'a> {
+    /// As in [`ScoreOptions`].
+    pub points: usize,
+    /// Folder for the pictures of the cases.
+    pub out: Option<&'a Path>,
+    /// Networks that compare pictures.
+    pub looking: &'a Looking,
+    /// Who renders lit pictures, when they are judged.
+    pub lit: Option<Lit<'a>>,
+}
+
+/// Judges finished runs: each is one run folder, or a folder of runs named `<room>_<seed>` (or `<room>`). A run of
+/// another name belongs to the room whose photo it has, or to the one room that there is.
 ///
 /// # Errors
 /// Folders that cannot be used, or no run that goes with a room.
-pub fn judge_finished(
-    runs: &Path,
+pub async fn judge_finished(
+    runs: &[PathBuf],
     rooms: &[PathBuf],
-    points: usize,
-    out: Option<&Path>,
-    looking: &Looking,
+    judging: Judging<'_>,
     tell: &dyn Fn(String),
 ) -> Result<BenchResult, BenchError> {
-    let pairs = pairs(runs, rooms)?;
+    let mut all = Vec::new();
+    for folder in runs {
+        all.extend(pairs(folder, rooms)?);
+    }
     let (mut raw, mut aligned) = (Vec::new(), Vec::new());
-    for (folder, room, seed) in &pairs {
+    let mut absent = judging.looking.absent.clone();
+    for (folder, room, seed) in &all {
         let truth = TruthRoom::load(room)?;
-        let [mut a, mut b] = judged(&truth, folder, points, 0.0, None, looking);
+        let [mut a, mut b] = judged(&truth, folder, judging.points, 0.0, None, judging.looking);
         (a.seed, b.seed) = (*seed, *seed);
-        if let Some(out) = out {
+        let missing = judge_case(&truth, folder, &mut a, judging.looking, judging.lit, judging.out).await?;
+        absent.extend(missing.filter(|m| !absent.contains(m)));
+        if let Some(out) = judging.out {
             write_picture(out, &a.case(), &truth, folder)?;
         }
         tell(line(&a));
@@ -239,11 +267,11 @@ pub fn judge_finished(
         aligned.push(b);
     }
     Ok(BenchResult {
-        title: format!("{} finished runs", pairs.len()),
+        title: format!("{} finished runs", all.len()),
         level: None,
         exact_height: false,
         changes: Vec::new(),
-        absent: looking.absent.clone(),
+        absent,
         raw,
         aligned,
     })
@@ -263,17 +291,24 @@ fn room_of<'a>(name: &str, rooms: &'a [PathBuf]) -> Option<(&'a PathBuf, Option<
     Some((named(room)?, Some(seed.parse().ok()?)))
 }
 
+/// Whether a run was made from a room's own photo, byte by byte.
+fn has_photo_of(run: &Path, room: &Path) -> bool {
+    let photo = std::fs::read(room.join("photo.jpg")).ok();
+    photo.is_some() && photo == std::fs::read(run.join("input.jpg")).ok()
+}
+
 type Pair = (PathBuf, PathBuf, Option<u64>);
 
 fn pairs(runs: &Path, rooms: &[PathBuf]) -> Result<Vec<Pair>, BenchError> {
     let missing = |reason: &str| BenchError::NoRuns { path: runs.to_owned(), reason: reason.to_owned() };
     let name = |path: &Path| path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     if is_run(runs) {
-        return match (room_of(&name(runs), rooms), rooms) {
-            (Some((room, seed)), _) => Ok(vec![(runs.to_owned(), room.clone(), seed)]),
-            (None, [room]) => Ok(vec![(runs.to_owned(), room.clone(), None)]),
-            (None, _) => Err(missing("no room has the name of this run; give the room's own folder")),
-        };
+        let only = if let [room] = rooms { Some((room, None)) } else { None };
+        let same_photo = || Some((rooms.iter().find(|room| has_photo_of(runs, room))?, None));
+        let found = room_of(&name(runs), rooms).or(only).or_else(same_photo);
+        let (room, seed) =
+            found.ok_or_else(|| missing("no room has the name or the photo of this run; name the room"))?;
+        return Ok(vec![(runs.to_owned(), room.clone(), seed)]);
     }
     let entries = std::fs::read_dir(runs).map_err(|e| missing(&e.to_string()))?;
     let mut folders: Vec<PathBuf> = entries.filter_map(Result::ok).map(|e| e.path()).filter(|p| is_run(p)).collect();

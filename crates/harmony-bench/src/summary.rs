@@ -9,6 +9,7 @@ use harmony_scene::Level;
 use serde::{Deserialize, Serialize};
 
 use crate::score::{GeometryScore, MidiFigures, ObjectScore, RoomScore, SurfaceScore};
+use crate::views::{LitScore, PictureScore, RegionScore, ViewScore};
 
 /// One line of the table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -190,6 +191,58 @@ fn surfaces(rooms: &[RoomScore]) -> Vec<Figure> {
     figures
 }
 
+/// Pictures and outlines from where the photo was not taken, means over views; lit pictures. Nothing where no room has
+/// views.
+fn from_views(rooms: &[RoomScore]) -> Vec<Figure> {
+    type Of = fn(&PictureScore) -> Option<RegionScore>;
+    let views: Vec<&ViewScore> = rooms.iter().flat_map(|r| &r.views).collect();
+    let mut figures = Vec::new();
+    let sets: [(&str, Of, [Option<f64>; 2]); 3] = [
+        ("", |p| Some(p.all), [None, None]),
+        (", seen surfaces", |p| p.seen, [Some(0.007), Some(0.78)]),
+        (", unseen surfaces", |p| p.unseen, [Some(0.02), None]),
+    ];
+    if !views.is_empty() {
+        for (what, of, [pl_target, ssim_target]) in sets {
+            let values = |f: fn(RegionScore) -> Option<f64>| -> Vec<f64> {
+                views.iter().filter_map(|v| f(of(&v.flat)?)).collect()
+            };
+            figures.push(mean_of(&format!("views PL{what} (mean)"), "", &values(|r| Some(r.pl)), false, pl_target));
+            figures.push(mean_of(&format!("views SSIM{what} (mean)"), "", &values(|r| r.ssim), true, ssim_target));
+            figures.push(mean_of(&format!("views LPIPS{what} (mean)"), "", &values(|r| r.lpips), false, None));
+        }
+        let objects = || views.iter().flat_map(|v| &v.objects);
+        let iou: Vec<f64> = objects().map(|o| o.iou).collect();
+        figures.push(mean_of("views IoU of seen objects (mean)", "", &iou, true, Some(0.8)));
+        let apart: Vec<f64> = objects().filter_map(|o| o.depth_m).collect();
+        figures.push(spread("views depth of seen objects", "m", &apart, [None, None]));
+        let nothing: Vec<f64> = views.iter().map(|v| 100.0 * v.nothing).collect();
+        figures.push(mean_of("views pixels with nothing (mean)", "%", &nothing, false, None));
+    }
+    let in_photo: Vec<&LitScore> = rooms.iter().filter_map(|r| r.lit.as_ref()).collect();
+    let in_views: Vec<&LitScore> = views.iter().filter_map(|v| v.lit.as_ref()).collect();
+    for (what, scores, stops) in [("photo", in_photo, 0.25), ("views", in_views, 0.5)] {
+        if scores.is_empty() {
+            continue;
+        }
+        let values = |f: fn(&LitScore) -> f64| -> Vec<f64> { scores.iter().map(|s| f(s)).collect() };
+        figures.push(mean_of(&format!("{what} lit PL (mean)"), "", &values(|s| s.lit.all.pl), false, None));
+        let over = values(|s| s.lit.all.pl / s.flat_pl.max(1e-9) - 1.0).into_iter().map(|v| 100.0 * v);
+        figures.push(mean_of(
+            &format!("{what} lit PL over flat (mean)"),
+            "%",
+            &over.collect::<Vec<_>>(),
+            false,
+            Some(15.0),
+        ));
+        let ssim: Vec<f64> = scores.iter().filter_map(|s| s.lit.all.ssim).collect();
+        figures.push(mean_of(&format!("{what} lit SSIM (mean)"), "", &ssim, true, None));
+        figures.push(spread(&format!("{what} lit luminance"), "stops", &values(|s| s.stops), [Some(stops), None]));
+        figures.push(spread(&format!("{what} lit luminance, bias"), "stops", &values(|s| s.stops_bias), [None, None]));
+    }
+    figures
+}
+
 /// The table of some rooms. Targets are those for the photo-like rooms at level `real`.
 pub fn summary(rooms: &[RoomScore]) -> Vec<Figure> {
     let camera = |f: fn(&RoomScore) -> f64| rooms.iter().map(f).collect::<Vec<_>>();
@@ -243,6 +296,7 @@ pub fn summary(rooms: &[RoomScore]) -> Vec<Figure> {
         ),
     ];
     figures.extend(surfaces(rooms));
+    figures.extend(from_views(rooms));
     figures.push(spread("seconds", "s", &seconds, [None, None]));
     figures
 }

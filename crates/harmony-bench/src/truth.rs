@@ -142,22 +142,91 @@ pub fn wall_named(text: &str) -> Option<Wall> {
     }
 }
 
+/// The camera of a `camera.json`.
+fn camera(path: &Path) -> Result<Camera, TruthError> {
+    let c = json(path)?;
+    let k = mat3(&c["K"]).ok_or_else(|| bad(path, "K is no 3 x 3 matrix"))?;
+    Ok(Camera {
+        size: ImageSize::new(number(path, &c, "width")? as u32, number(path, &c, "height")? as u32),
+        intrinsics: Intrinsics { fx: k.x_axis.x, fy: k.y_axis.y, cx: k.z_axis.x, cy: k.z_axis.y },
+        rotation: mat3(&c["R"]).ok_or_else(|| bad(path, "R is no 3 x 3 matrix"))?,
+        translation: vec3(&c["t"]).ok_or_else(|| bad(path, "t is no vector"))?,
+    })
+}
+
+/// The ids and the planar depths, metres, of a folder's `instances.png` and `depth.png`.
+fn buffers(folder: &Path, size: ImageSize) -> Result<(Vec<u8>, Vec<f32>), TruthError> {
+    let path = folder.join("instances.png");
+    let ids = image::open(&path).map_err(|e| bad(&path, e))?.into_luma8();
+    let path = folder.join("depth.png");
+    let depth = image::open(&path).map_err(|e| bad(&path, e))?.into_luma16();
+    for (name, found) in [("instances.png", ids.dimensions()), ("depth.png", depth.dimensions())] {
+        if found != (size.width, size.height) {
+            return Err(bad(
+                &folder.join(name),
+                format!("{found:?} pixels, the camera has {} x {}", size.width, size.height),
+            ));
+        }
+    }
+    Ok((ids.into_raw(), depth.into_raw().into_iter().map(|mm| f32::from(mm) / 1000.0).collect()))
+}
+
+/// The room from a place where the photo was not taken. For judging alone, never an input.
+#[derive(Debug, Clone)]
+pub struct TruthView {
+    /// Folder name.
+    pub name: String,
+    /// Folder.
+    pub folder: PathBuf,
+    /// Camera, in the room's frame.
+    pub camera: Camera,
+    /// Id image, row-major, values as in the photo's.
+    pub ids: Vec<u8>,
+    /// Planar depth, metres, 0 = nothing.
+    pub depth: Vec<f32>,
+}
+
+impl TruthView {
+    /// Loads a view.
+    ///
+    /// # Errors
+    /// A file that is missing or not in the format.
+    pub fn load(folder: &Path) -> Result<Self, TruthError> {
+        let camera = camera(&folder.join("camera.json"))?;
+        let (ids, depth) = buffers(folder, camera.size)?;
+        let name = folder.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        Ok(Self { name, folder: folder.to_owned(), camera, ids, depth })
+    }
+
+    /// What it looks like from there.
+    pub fn photo(&self) -> PathBuf {
+        self.folder.join("photo.jpg")
+    }
+}
+
 impl TruthRoom {
+    /// The views of the room's folder `views`, by name; none where there is no such folder.
+    ///
+    /// # Errors
+    /// A view that cannot be read.
+    pub fn views(&self) -> Result<Vec<TruthView>, TruthError> {
+        let folder = self.folder.join("views");
+        if !folder.is_dir() {
+            return Ok(Vec::new());
+        }
+        let entries = std::fs::read_dir(&folder).map_err(|source| TruthError::Read { path: folder, source })?;
+        let mut folders: Vec<PathBuf> =
+            entries.filter_map(Result::ok).map(|e| e.path()).filter(|p| p.join("camera.json").is_file()).collect();
+        folders.sort();
+        folders.iter().map(|f| TruthView::load(f)).collect()
+    }
+
     /// Loads a room.
     ///
     /// # Errors
     /// A file that is missing or not in the format.
     pub fn load(folder: &Path) -> Result<Self, TruthError> {
-        let path = folder.join("camera.json");
-        let c = json(&path)?;
-        let size = ImageSize::new(number(&path, &c, "width")? as u32, number(&path, &c, "height")? as u32);
-        let k = mat3(&c["K"]).ok_or_else(|| bad(&path, "K is no 3 x 3 matrix"))?;
-        let camera = Camera {
-            size,
-            intrinsics: Intrinsics { fx: k.x_axis.x, fy: k.y_axis.y, cx: k.z_axis.x, cy: k.z_axis.y },
-            rotation: mat3(&c["R"]).ok_or_else(|| bad(&path, "R is no 3 x 3 matrix"))?,
-            translation: vec3(&c["t"]).ok_or_else(|| bad(&path, "t is no vector"))?,
-        };
+        let camera = camera(&folder.join("camera.json"))?;
         let path = folder.join("room.json");
         let r = json(&path)?;
         let extents =
@@ -177,18 +246,7 @@ impl TruthRoom {
             let Some((v, f)) = meshes.get(id) else { continue };
             objects.push(object(&o, v, f).ok_or_else(|| bad(&path, format!("{id} is incomplete")))?);
         }
-        let path = folder.join("instances.png");
-        let ids = image::open(&path).map_err(|e| bad(&path, e))?.into_luma8();
-        let path = folder.join("depth.png");
-        let depth = image::open(&path).map_err(|e| bad(&path, e))?.into_luma16();
-        for (name, found) in [("instances.png", ids.dimensions()), ("depth.png", depth.dimensions())] {
-            if found != (size.width, size.height) {
-                return Err(bad(
-                    &folder.join(name),
-                    format!("{found:?} pixels, the camera has {} x {}", size.width, size.height),
-                ));
-            }
-        }
+        let (ids, depth) = buffers(folder, camera.size)?;
         Ok(Self {
             name: folder.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
             folder: folder.to_owned(),
@@ -197,8 +255,8 @@ impl TruthRoom {
             walls,
             openings,
             objects,
-            ids: ids.into_raw(),
-            depth: depth.into_raw().into_iter().map(|mm| f32::from(mm) / 1000.0).collect(),
+            ids,
+            depth,
         })
     }
 

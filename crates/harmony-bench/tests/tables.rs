@@ -8,7 +8,7 @@ use harmony_bench::compare::{Verdict, compare, text};
 use harmony_bench::generate::{GeneratorSettings, generate, write};
 use harmony_bench::metrics::similarity::Looking;
 use harmony_bench::report::{csv, page, write_tables};
-use harmony_bench::run::{BenchResult, judge_finished, read_result};
+use harmony_bench::run::{BenchResult, Judging, judge_finished, read_result};
 use harmony_bench::score::{GeometryScore, ObjectScore, RoomScore, SurfaceScore, ThresholdFigures};
 use harmony_bench::summary::{CHAMFER_OBJECTS, F_OBJECTS, POSITION, RECALL, find, summary};
 use harmony_bench::truth::TruthRoom;
@@ -136,8 +136,8 @@ fn a_comparison_names_what_got_worse() {
     assert_eq!((c.rooms.len(), c.unpaired.len()), (2, 0));
 }
 
-#[test]
-fn runs_that_go_with_no_room_are_refused_and_empty_ones_count_as_failed() {
+#[tokio::test]
+async fn runs_that_go_with_no_room_are_refused_and_empty_ones_count_as_failed() {
     let folder = tempfile::tempdir().unwrap();
     let truth = room(folder.path());
     let runs = folder.path().join("runs");
@@ -145,10 +145,12 @@ fn runs_that_go_with_no_room_are_refused_and_empty_ones_count_as_failed() {
     let run = runs.join("other_room_1");
     std::fs::create_dir_all(&run).unwrap();
     std::fs::write(run.join("run.json"), "{}").unwrap();
-    let judge = |folder: &Path| judge_finished(folder, &rooms, 1000, None, &Looking::default(), &|_| {});
-    assert!(judge(&runs).is_err(), "no run of this room");
+    let looking = Looking::default();
+    let judging = Judging { points: 1000, out: None, looking: &looking, lit: None };
+    let all = [runs.clone()];
+    assert!(judge_finished(&all, &rooms, judging, &|_| {}).await.is_err(), "no run of this room");
     std::fs::rename(&run, runs.join(format!("{}_4", truth.name))).unwrap();
-    let judged = judge(&runs).unwrap();
+    let judged = judge_finished(&all, &rooms, judging, &|_| {}).await.unwrap();
     assert_eq!(judged.raw[0].seed, Some(4));
     assert!(judged.raw[0].failure.is_some() && judged.raw[0].geometry.is_none());
     assert_eq!(find(&summary(&judged.raw), F_OBJECTS).unwrap().count, 0, "skipped, as the protocol does");

@@ -4,6 +4,7 @@ pub mod csv;
 mod page;
 mod pictures;
 mod svg;
+mod views;
 
 use std::path::Path;
 
@@ -15,7 +16,7 @@ pub use svg::histogram;
 
 use crate::run::BenchResult;
 
-/// Writes `scores.json`, `table.csv`, `objects.csv` and `report.html`; pictures are taken from `cases/`.
+/// Writes `scores.json`, `table.csv`, `objects.csv`, `views.csv` where there are views, and `report.html`; pictures are taken from `cases/`.
 ///
 /// # Errors
 /// A file that cannot be written.
@@ -24,5 +25,8 @@ pub fn write_tables(out: &Path, result: &BenchResult) -> Result<(), FileError> {
     write_json(&out.join("scores.json"), result)?;
     write_atomic(&out.join("table.csv"), csv::figures(result).as_bytes())?;
     write_atomic(&out.join("objects.csv"), csv::objects(&result.raw).as_bytes())?;
+    if result.raw.iter().any(|r| !r.views.is_empty() || r.lit.is_some()) {
+        write_atomic(&out.join("views.csv"), crate::views::csv(&result.raw).as_bytes())?;
+    }
     write_atomic(&out.join("report.html"), page(result, out).as_bytes())
 }

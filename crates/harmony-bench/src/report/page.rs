@@ -37,7 +37,7 @@ const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
 
 /// Text as HTML text.
-fn esc(text: &str) -> String {
+pub(super) fn esc(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
@@ -90,6 +90,7 @@ pub fn page(result: &BenchResult, out: &Path) -> String {
         "</div><h2>Rooms</h2><p class=\"soft\">Turn and centre: errors of the camera. Position and size: medians.</p>",
     );
     rooms(&mut html, &result.raw);
+    super::views::section(&mut html, &result.raw, out);
     worst(&mut html, result, out);
     html.push_str(
         "<h2>Figures after scale alignment</h2><p class=\"soft\">Each run scaled by the median ratio of true \

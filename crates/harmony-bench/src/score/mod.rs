@@ -22,6 +22,7 @@ pub use objects::ObjectScore;
 pub use prediction::{Prediction, PredictionError};
 
 use crate::truth::TruthRoom;
+use crate::views::{LitScore, ViewScore};
 
 /// Camera errors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -70,6 +71,12 @@ pub struct RoomScore {
     /// LPIPS (AlexNet) of the same, where its weights are.
     #[serde(default)]
     pub lpips: Option<f64>,
+    /// From where the photo was not taken, when the room shows that.
+    #[serde(default)]
+    pub views: Vec<ViewScore>,
+    /// The lit picture in the photo's view, when it was judged.
+    #[serde(default)]
+    pub lit: Option<LitScore>,
     /// Seconds of the run; 0 when only the result was judged.
     pub seconds: f64,
     /// Why there is no result, when there is none.
@@ -109,6 +116,8 @@ impl RoomScore {
             pixel_loss: None,
             n_clip: None,
             lpips: None,
+            views: Vec::new(),
+            lit: None,
             seconds,
             failure: Some(reason),
         }
@@ -148,6 +157,8 @@ pub fn score(truth: &TruthRoom, run: &Prediction, options: ScoreOptions) -> Room
         pixel_loss: geometry::picture_loss(truth, &run),
         n_clip: None,
         lpips: None,
+        views: Vec::new(),
+        lit: None,
         seconds: 0.0,
         failure: None,
     }

@@ -126,13 +126,18 @@ impl Prediction {
 
     /// Ids (object position + 1, 0 = room) and depths from the run's own camera.
     pub fn render(&self) -> (Vec<u32>, Vec<f32>) {
+        self.render_from(&self.camera)
+    }
+
+    /// The same from another camera.
+    pub fn render_from(&self, camera: &Camera) -> (Vec<u32>, Vec<f32>) {
         let instance = |mesh, id| Instance { mesh, linear: DMat3::IDENTITY, translation: DVec3::ZERO, id };
         let shell = u32::MAX;
         let mut instances = vec![instance(&*self.shell, shell)];
         for (i, o) in self.objects.iter().enumerate() {
             instances.push(instance(&*o.mesh, i as u32 + 1));
         }
-        let frame = render_depth_ids(&self.camera, &instances, &RenderOptions::default());
+        let frame = render_depth_ids(camera, &instances, &RenderOptions::default());
         (frame.ids.into_iter().map(|id| if id == shell { 0 } else { id }).collect(), frame.depth)
     }
 

@@ -10,10 +10,12 @@ use harmony_bench::generate::{GeneratorSettings, generate, write as write_room};
 use harmony_bench::oracle::NoiseLevel;
 use harmony_bench::overrides::{OverrideError, with_change, with_changes};
 use harmony_bench::report::write_tables;
-use harmony_bench::run::{BenchRequest, BenchResult, judge_finished, read_result, run as run_bench};
+use harmony_bench::run::{BenchRequest, BenchResult, Judging, judge_finished, read_result, run as run_bench};
 use harmony_bench::score::BENCH_POINTS;
 use harmony_bench::summary::{TEXT_HEADING, summary, text_table};
 use harmony_bench::truth::rooms_in;
+use harmony_bench::views::{LIT_WIDTH, Lit, LitOptions, text as views_text};
+use harmony_calls::Cast;
 
 use crate::display::hinted;
 use crate::{EXIT_INCOMPLETE, EXIT_OK, config, models, networks, say, tell};
@@ -36,6 +38,8 @@ enum Command {
     Generate(GenerateArgs),
     /// Judge runs that are there: one run folder, or a folder of runs named <room>_<seed>.
     Score(ScoreArgs),
+    /// Look at finished scenes from where the photo was not taken, and compare that with what is there.
+    Views(ViewsArgs),
     /// Run the full configuration and every part switched off in turn, as in the paper's ablation table.
     Ablate(AblateArgs),
     /// Two results side by side: every figure, every room, the objects that got worse.
@@ -77,6 +81,9 @@ struct RunArgs {
     /// Keep the run folders (true, false); the tables and the pictures of the cases stay in any case.
     #[arg(long, default_value_t = true, default_missing_value = "true", num_args = 0..=1, action = clap::ArgAction::Set)]
     keep: bool,
+    /// Judge lit pictures, too, from the photo's place and from the room's other views; needs Blender.
+    #[arg(long)]
+    lit: bool,
 }
 
 /// Arguments of `bench generate`.
@@ -105,6 +112,29 @@ struct ScoreArgs {
     /// Points drawn from each side's surfaces; 0 leaves surfaces out.
     #[arg(long, default_value_t = BENCH_POINTS)]
     points: usize,
+}
+
+/// Arguments of `bench views`.
+#[derive(Debug, clap::Args)]
+struct ViewsArgs {
+    /// Run folders, or folders of runs named <room>_<seed>.
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
+    /// A folder of rooms with truth and views, or one such room.
+    #[arg(long)]
+    rooms: PathBuf,
+    /// The room of the runs (default: the one of that name, or that has the run's photo).
+    #[arg(long)]
+    room: Option<String>,
+    /// Folder for the tables, the page and the pictures (default: figures are only printed).
+    #[arg(long, short)]
+    out: Option<PathBuf>,
+    /// Judge lit pictures, too; needs Blender, about ten seconds a picture.
+    #[arg(long)]
+    lit: bool,
+    /// Longest side of lit pictures, pixels.
+    #[arg(long, default_value_t = LIT_WIDTH, value_parser = clap::value_parser!(u32).range(64..=4096))]
+    lit_size: u32,
 }
 
 /// Arguments of `bench ablate`.
@@ -138,6 +168,7 @@ pub fn run(args: Args) -> Result<u8> {
         Command::Run(args) => rooms(&args),
         Command::Generate(args) => make(&args),
         Command::Score(args) => judge(&args),
+        Command::Views(args) => views(&args),
         Command::Ablate(args) => variants(&args),
         Command::Compare(args) => {
             let result = |path: &Path| {
@@ -188,12 +219,13 @@ fn request(args: &RunArgs) -> Result<BenchRequest> {
         jobs: args.jobs.into(),
         keep: args.keep,
         looking: networks::looking(&models::store(&config.models, None)),
+        lit: args.lit.then(LitOptions::default),
     })
 }
 
 fn rooms(args: &RunArgs) -> Result<u8> {
     let request = request(args)?;
-    let offline = harmony_players::flat_cast();
+    let offline = players(args.lit);
     let result = runtime()?.block_on(run_bench(&request, &offline, &|line| tell!("{line}")))?;
     write_tables(&args.out, &result)?;
     print(&result)?;
@@ -229,8 +261,9 @@ fn make(args: &GenerateArgs) -> Result<u8> {
 fn judge(args: &ScoreArgs) -> Result<u8> {
     let rooms = truths(&args.truth, None)?;
     let looking = networks::looking(&models::store(&config::load(None)?.models, None));
-    let hear = |line| tell!("{line}");
-    let result = judge_finished(&args.run, &rooms, args.points, args.out.as_deref(), &looking, &hear)?;
+    let judging = Judging { points: args.points, out: args.out.as_deref(), looking: &looking, lit: None };
+    let runs = [args.run.clone()];
+    let result = runtime()?.block_on(judge_finished(&runs, &rooms, judging, &|line| tell!("{line}")))?;
     if let Some(out) = &args.out {
         write_tables(out, &result)?;
     }
@@ -238,13 +271,45 @@ fn judge(args: &ScoreArgs) -> Result<u8> {
     Ok(exit_code(result.raw.iter().filter(|r| r.failure.is_some()).count()))
 }
 
+/// This program's own players; with the path tracer only when lit pictures are wanted.
+fn players(lit: bool) -> Cast {
+    if lit { harmony_players::offline_cast() } else { harmony_players::flat_cast() }
+}
+
+fn views(args: &ViewsArgs) -> Result<u8> {
+    let mut rooms = truths(&args.rooms, args.room.as_deref())?;
+    if let Some(exact) = rooms.iter().find(|r| r.file_name().and_then(|n| n.to_str()) == args.room.as_deref()) {
+        rooms = vec![exact.clone()];
+    }
+    let looking = networks::looking(&models::store(&config::load(None)?.models, None));
+    let cast = players(args.lit);
+    let options = LitOptions { longest: args.lit_size, ..LitOptions::default() };
+    let lit = args.lit.then_some(Lit { renderer: &*cast.lit_renderer, options });
+    let judging = Judging { points: 0, out: args.out.as_deref(), looking: &looking, lit };
+    let result = runtime()?.block_on(judge_finished(&args.runs, &rooms, judging, &|line| tell!("{line}")))?;
+    if let Some(out) = &args.out {
+        write_tables(out, &result)?;
+        tell!("tables and pictures: {}", out.join("report.html").display());
+    }
+    say!("{}", views_text(&result.raw))?;
+    let mut figures = summary(&result.raw);
+    figures.retain(|f| f.name.starts_with("views ") || f.name.contains(" lit "));
+    if figures.is_empty() {
+        say!("no room of these has a folder `views`")?;
+    } else {
+        say!("{TEXT_HEADING}\n{}", text_table(&figures))?;
+    }
+    result.absent.iter().try_for_each(|line| say!("{line}"))?;
+    Ok(exit_code(result.raw.iter().filter(|r| r.failure.is_some()).count()))
+}
+
 fn variants(args: &AblateArgs) -> Result<u8> {
     let request = request(&args.run)?;
+    let offline = players(args.run.lit);
     let changes = if args.variants.is_empty() { ablate::variants(&request.settings) } else { args.variants.clone() };
     for change in changes.iter().filter(|c| *c != ablate::FULL) {
         with_change(&request.settings, change).map_err(|e| refused(&e))?;
     }
-    let offline = harmony_players::flat_cast();
     let done = runtime()?.block_on(ablate(&request, &changes, &offline, &|line| tell!("{line}")));
     let ablation = done.map_err(|e| match e {
         AblationError::Override(e) => refused(&e),
