@@ -48,7 +48,7 @@ impl Folds {
         let [w, _] = spec.size;
         let count = if spec.folds > 0 { f64::from(spec.folds) } else { (w / 0.12).round() }.clamp(1.0, 80.0);
         let mut dice = Dice::new(spec.seed, 41);
-        let widths: Vec<f64> = (0..count as usize).map(|_| 1.0 + 0.30 * dice.bell()).collect();
+        let widths: Vec<f64> = (0..count as usize).map(|_| 1.0 + 0.42 * dice.bell()).collect();
         let whole: f64 = widths.iter().sum();
         let mut sum = 0.0;
         let mut starts = vec![0.0];
@@ -57,7 +57,7 @@ impl Folds {
             starts.push(sum);
         }
         // Some folds give way to their neighbours on the way down.
-        let depth = (0..count as usize).map(|_| 1.0 + 0.45 * dice.bell()).collect();
+        let depth = (0..count as usize).map(|_| 1.0 + 0.65 * dice.bell()).collect();
         Self { spec: *spec, cloth: w * spec.gather.clamp(1.0, 4.0), count, starts, depth }
     }
 
@@ -66,7 +66,7 @@ impl Folds {
         let seed = self.spec.seed;
         // Phase of the unequal folds, drifting sideways a little on the way down.
         let drift =
-            0.30 / self.count * smoothstep(0.05, 1.0, down) * noise2(s * self.count * 0.35, down * 1.3, seed ^ 5);
+            0.45 / self.count * smoothstep(0.05, 1.0, down) * noise2(s * self.count * 0.35, down * 1.3, seed ^ 5);
         let at = (s + drift).clamp(0.0, 1.0);
         let k = (self.starts.partition_point(|v| *v <= at).max(1) - 1).min(self.depth.len() - 1);
         let t = (at - self.starts[k]) / (self.starts[k + 1] - self.starts[k]).max(1e-9);

@@ -131,7 +131,7 @@ impl Bag {
             }
         }
         let mut links = Vec::new();
-        let bend = 0.16 - 0.07 * wrinkle - 0.06 * wrinkle.powi(3);
+        let bend = 0.16 - 0.07 * wrinkle - 0.03 * wrinkle.powi(3);
         let pucker = 0.02 + 0.03 * wrinkle;
         for (side, index) in index.iter().enumerate() {
             let mut link = |a: (usize, usize), b: (usize, usize), give: f64| {

@@ -234,7 +234,7 @@ impl<'a> Growth<'a> {
     pub fn vine(&mut self) {
         let [h, r] = [self.spec.height, self.spec.spread / 2.0];
         let n = self.count(14, 60);
-        let each = (300 / n).clamp(6, 34);
+        let each = (230 / n).clamp(6, 34);
         let leaf = (0.40 * r).clamp(0.02, 0.12);
         let form = Form {
             length: leaf,
@@ -499,7 +499,7 @@ fn fleshy(length: f64, width: f64, thick: f64, curl: f64) -> Piece {
     for j in 0..=rows {
         let t = f64::from(j) / f64::from(rows);
         let half = width / 2.0
-            * libm::pow(libm::sin(PI * libm::pow(t, 1.25) * 0.94 + 0.19), 0.7)
+            * libm::pow(libm::sin(PI * libm::pow(t, 1.25) * 0.94 + 0.18).max(0.0), 0.7)
             * if j == rows { 0.02 } else { 1.0 };
         let deep = thick / 2.0
             * libm::pow(libm::sin(PI * libm::pow(t, 0.8) * 0.97 + 0.09), 0.8)
