@@ -72,14 +72,14 @@ fn draw(scene: &Scene, width: u32, height: u32) -> RgbImage {
     let (az, el) = (scene.view[0].to_radians(), scene.view[1].to_radians());
     let away = DVec3::new(az.sin() * el.cos(), el.sin(), az.cos() * el.cos());
     let half_angle = 0.33_f64;
-    let eye = centre + away * (radius / half_angle.sin() * 0.92);
+    let eye = centre + away * (radius / half_angle.sin() * 0.66);
     let right = DVec3::Y.cross(away).normalize();
     let up = away.cross(right);
     let sun = (right * 0.75 + DVec3::Y * 1.0 + DVec3::new(away.x, 0.0, away.z) * 0.35).normalize();
     let zoom = half_angle.tan() / f64::from(height) * 2.0;
     let radiance = |x: f64, y: f64| -> [f64; 3] {
-        let direction = ((right * (x - f64::from(width) / 2.0) - up * (y - f64::from(height) / 2.0)) * zoom - away)
-            .normalize();
+        let direction =
+            ((right * (x - f64::from(width) / 2.0) - up * (y - f64::from(height) / 2.0)) * zoom - away).normalize();
         let hit = bvh.raycast(eye, direction, 1e3);
         let ground = if scene.floor && direction.y < 0.0 { -eye.y / direction.y } else { f64::MAX };
         let (point, mut normal, albedo) = match hit {
@@ -92,7 +92,11 @@ fn draw(scene: &Scene, width: u32, height: u32) -> RgbImage {
                 let n: DVec3 = (0..3).map(|k| mesh.normals[t[k] as usize].as_dvec3() * w[k]).sum();
                 // Open sheets are seen from both sides.
                 let face = if area.dot(direction) < 0.0 { 1.0 } else { -1.0 };
-                (h.point + area.normalize() * (face * 1e-4), n.normalize_or(DVec3::Y) * face, scene.parts[owner[h.triangle]].color)
+                (
+                    h.point + area.normalize() * (face * 1e-4),
+                    n.normalize_or(DVec3::Y) * face,
+                    scene.parts[owner[h.triangle]].color,
+                )
             }
             _ if ground < 60.0 => (eye + direction * ground + DVec3::Y * 1e-4, DVec3::Y, [0.42, 0.40, 0.38]),
             _ => return [0.62, 0.66, 0.70],
@@ -141,9 +145,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let scene = make();
         let made = start.elapsed();
         let triangles: usize = scene.parts.iter().map(|p| p.piece.triangles.len()).sum();
+        let drawing = Instant::now();
         let picture = draw(&scene, 560, 420);
         picture.save(Path::new(&folder).join(format!("{name}.png")))?;
-        println!("{name:12} {triangles:7} triangles, made in {:.2} s, drawn in {:.1} s", made.as_secs_f64(), (start.elapsed() - made).as_secs_f64());
+        println!(
+            "{name:12} {triangles:7} triangles, made in {:.2} s, drawn in {:.1} s",
+            made.as_secs_f64(),
+            drawing.elapsed().as_secs_f64()
+        );
     }
     Ok(())
 }

@@ -27,6 +27,8 @@ pub(super) struct Stuff {
     pub offset: f32,
     /// Least distance of parts of the cloth that are not neighbours.
     pub apart: f32,
+    /// Rows (first, last) that are folded sharply: no bending is felt across them.
+    pub crease: Option<(usize, usize)>,
 }
 
 /// A cloth in motion.
@@ -79,7 +81,7 @@ impl Sim {
 
     /// Runs `frames` of ten steps; the last fifth is damped so that it comes to rest. Stops when it rests.
     ///
-    /// For the first half, what is above something is pressed down and slides more easily: hands that lay a cloth
+    /// For the first half, what stands off from a seat or a bed is pressed down and all slides more easily: hands that lay a cloth
     /// push it into the corner of a seat.
     pub fn settle(&mut self, collider: &Collider, frames: usize) {
         for frame in 0..frames {
@@ -87,10 +89,11 @@ impl Sim {
             self.find_pairs();
             let pressed = frame * 2 < frames;
             for (i, load) in self.load.iter_mut().enumerate() {
-                let held = pressed && collider.height(self.x[i], self.z[i]) > 0.05;
-                *load = if held { 3.0 } else { 1.0 };
+                let height = collider.height(self.x[i], self.z[i]);
+                let held = pressed && height > 0.05 && self.y[i] > height + 0.06;
+                *load = if held { 5.0 } else { 1.0 };
             }
-            self.slide = if pressed { 0.35 } else { 1.0 };
+            self.slide = if pressed { 0.6 } else { 1.0 };
             for _ in 0..10 {
                 self.step(collider, if late { 12.0 } else { 1.5 });
             }
@@ -153,6 +156,9 @@ impl Sim {
             self.along(skip, self.cell[0] * skip as f32, k);
         }
         for j in 0..nv.saturating_sub(skip) {
+            if self.stuff.crease.is_some_and(|(first, last)| j < last && j + skip > first) {
+                continue;
+            }
             self.between(j * nu, (j + skip) * nu, nu, self.cell[1] * skip as f32, k);
         }
     }

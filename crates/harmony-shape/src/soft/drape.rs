@@ -2,11 +2,11 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
+use super::Cloth;
 use super::cloth::{Sim, Stuff};
 use super::collider::Collider;
 use super::noise::{noise2, smoothstep};
 use super::sheet::Middle;
-use super::Cloth;
 use crate::Piece;
 
 /// Most particles of a cloth.
@@ -43,7 +43,8 @@ pub struct DrapeSpec {
 /// When the cloth has no area or no finite place, with what would do.
 pub fn drape(spec: &DrapeSpec, below: &[&Piece]) -> Result<Cloth, String> {
     let [width, length] = spec.size;
-    let numbers = [width, length, spec.at[0], spec.at[1], spec.turn_deg, spec.rumple, spec.thick, spec.fold, spec.stiff];
+    let numbers =
+        [width, length, spec.at[0], spec.at[1], spec.turn_deg, spec.rumple, spec.thick, spec.fold, spec.stiff];
     if numbers.iter().any(|v| !v.is_finite()) {
         return Err("a cloth needs finite numbers".to_owned());
     }
@@ -104,7 +105,7 @@ fn stuff(spec: &DrapeSpec, thick: f64, cell: [f64; 2]) -> Stuff {
     // Limp cotton 2e-4 to felt 2e-6; what is thick is stiffer by itself.
     let bend = 2e-4 * libm::pow(10.0, -2.0 * stiff) / (1.0 + thick / 0.01);
     let padding = if thick >= 0.015 {
-        ((0.1 / smaller).round().max(3.0) as usize, 6e-5 / (1.0 + 4.0 * stiff))
+        ((0.1 / smaller).round().max(3.0) as usize, 1.5e-4 / (1.0 + 4.0 * stiff))
     } else if stiff > 0.5 {
         (4, 2e-4 * (1.1 - stiff))
     } else {
@@ -116,7 +117,20 @@ fn stuff(spec: &DrapeSpec, thick: f64, cell: [f64; 2]) -> Stuff {
         padding: (padding.0, padding.1 as f32),
         offset: (thick / 2.0 + 0.004) as f32,
         apart: thick.max(0.6 * smaller).min(2.5 * smaller) as f32,
+        crease: crease_rows(spec, thick, cell[1]),
     }
+}
+
+/// Length of the head end that is folded back, and the radius of the fold.
+fn folding(spec: &DrapeSpec, thick: f64, pitch: f64) -> (f64, f64) {
+    (spec.fold.clamp(0.0, spec.size[1] * 0.8), (0.75 * thick + 0.006).max(0.4 * pitch))
+}
+
+/// Rows of the grid within the fold.
+fn crease_rows(spec: &DrapeSpec, thick: f64, pitch: f64) -> Option<(usize, usize)> {
+    let (fold, radius) = folding(spec, thick, pitch);
+    let first = (fold - std::f64::consts::PI * radius).max(0.0);
+    (fold > 0.0).then(|| ((first / pitch) as usize, (fold / pitch).ceil() as usize + 1))
 }
 
 /// The cloth as it is laid down, heights above the top of what is below; the pitch of its grid.
@@ -130,9 +144,8 @@ fn laid(spec: &DrapeSpec, thick: f64) -> (Middle, [f64; 2]) {
     let nu = (width / cell).round().max(2.0) as usize + 1;
     let nv = (length / cell).round().max(2.0) as usize + 1;
     let cell = [width / (nu - 1) as f64, length / (nv - 1) as f64];
-    let fold = spec.fold.clamp(0.0, length * 0.8);
+    let (fold, radius) = folding(spec, thick, cell[1]);
     let crease = -length / 2.0 + fold;
-    let radius = (0.75 * thick + 0.006).max(0.4 * cell[1]);
     let (s, c) = libm::sincos(spec.turn_deg.to_radians());
     let small = 1.0 - 0.1 * rumple;
     let seed = spec.seed;

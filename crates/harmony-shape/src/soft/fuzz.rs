@@ -1,12 +1,159 @@
 //! Hairy surfaces.
 
+use std::f64::consts::TAU;
+
+use glam::{DVec2, DVec3};
+
+use super::fringe::spike;
+use super::grid::{ball, push, square_to, turn};
+use super::noise::{Dice, noise3};
 use crate::Piece;
 use crate::tree::FuzzKind;
 
+/// Most triangles of the hairs.
+pub(super) const MAX_TRIANGLES: usize = 40_000;
+
 /// The hairs of a piece, without the piece itself; at most 40 000 triangles.
 ///
-/// `length` of the hairs; `density` 0 to 1 of what the kind would have.
+/// `length` of the hairs; `density` 0 to 1 of what the kind would have. Where the surface is large there are fewer and
+/// thicker hairs, so that it stays covered.
 pub fn fuzz(child: &Piece, kind: FuzzKind, length: f64, density: f64, seed: u32) -> Piece {
-    let _ = (child, kind, length, density, seed);
-    Piece::default()
+    let mut piece = Piece::default();
+    let length = length.clamp(0.0005, 0.3);
+    let corner = |t: &[u32; 3]| t.map(|i| child.positions[i as usize]);
+    let mut sums = Vec::with_capacity(child.triangles.len());
+    let mut area = 0.0;
+    for t in &child.triangles {
+        let [a, b, c] = corner(t);
+        area += (b - a).cross(c - a).length() / 2.0;
+        sums.push(area);
+    }
+    if area < 1e-9 {
+        return piece;
+    }
+    // Triangles of one hair, hairs a square metre, width relative to their distance.
+    let (cost, many, wide) = match kind {
+        FuzzKind::Pile => (6, 60_000.0, 0.55),
+        FuzzKind::Terry => (6, 90_000.0, 0.5),
+        FuzzKind::Boucle => (36, 14_000.0, 0.62),
+        FuzzKind::Fur => (8, 40_000.0, 0.45),
+    };
+    let most = MAX_TRIANGLES / cost;
+    let count = ((area * many * density.clamp(0.02, 1.0)) as usize).clamp(1, most);
+    let gap = (area / count as f64).sqrt();
+    let mut dice = Dice::new(seed, 81);
+    for k in 0..count {
+        // One in every equal share of the area: even without a grain.
+        let s = area * (k as f64 + dice.unit()) / count as f64;
+        let index = sums.partition_point(|v| *v < s).min(sums.len() - 1);
+        let t = &child.triangles[index];
+        let (mut u, mut v) = (dice.unit(), dice.unit());
+        if u + v > 1.0 {
+            (u, v) = (1.0 - u, 1.0 - v);
+        }
+        let mix = |f: &dyn Fn(usize) -> DVec3| f(0) * (1.0 - u - v) + f(1) * u + f(2) * v;
+        let at = mix(&|i| child.positions[t[i] as usize]);
+        let normal = mix(&|i| child.normals[t[i] as usize]).normalize_or(DVec3::Y);
+        // Hairs of one patch lie the same way.
+        let side = square_to(normal);
+        let lay = turn(side, normal, TAU * noise3(at / 0.12, seed) + 0.8 * dice.bell());
+        let long = length * (0.75 + 0.5 * dice.unit());
+        let r = (gap * wide).min(0.5 * length).max(0.0004);
+        match kind {
+            FuzzKind::Pile => {
+                let from = piece.positions.len();
+                let d = (normal + lay * (0.35 * dice.unit())).normalize_or(normal);
+                spike(&mut piece, at - d * (0.1 * long), d, long * 1.1, r);
+                soften(&mut piece, from, normal);
+            }
+            FuzzKind::Terry => arch(&mut piece, at, normal, lay, long, r),
+            FuzzKind::Boucle => {
+                let r = (0.8 * gap).min(length).max(0.0005) * (0.7 + 0.6 * dice.unit());
+                let flat = DVec3::new(r, 0.75 * r, r * (0.7 + 0.4 * dice.unit()));
+                ball(&mut piece, at + normal * (0.3 * r), lay, normal, flat, 4, 6);
+            }
+            FuzzKind::Fur => {
+                let from = piece.positions.len();
+                blade(&mut piece, at, normal, lay, long, r * 0.6);
+                soften(&mut piece, from, normal);
+            }
+        }
+    }
+    piece
+}
+
+/// Light falls on hair as on the surface that it stands on, nearly.
+fn soften(piece: &mut Piece, from: usize, normal: DVec3) {
+    for n in &mut piece.normals[from..] {
+        *n = (*n * 0.45 + normal).normalize_or(normal);
+    }
+}
+
+/// A loop of yarn: a bent ribbon.
+fn arch(piece: &mut Piece, at: DVec3, normal: DVec3, lay: DVec3, height: f64, r: f64) {
+    let across = normal.cross(lay);
+    let foot = 0.45 * height;
+    let path = [
+        at - lay * foot,
+        at - lay * (0.7 * foot) + normal * (0.75 * height),
+        at + lay * (0.7 * foot) + normal * height,
+        at + lay * foot,
+    ];
+    ribbon(piece, &path, &[r, r, r, r], across, normal);
+}
+
+/// A hair that rises and lies over.
+fn blade(piece: &mut Piece, at: DVec3, normal: DVec3, lay: DVec3, length: f64, r: f64) {
+    let path = [
+        at,
+        at + (normal * 0.30 + lay * 0.12) * length,
+        at + (normal * 0.48 + lay * 0.42) * length,
+        at + (normal * 0.50 + lay * 0.62) * length,
+        at + (normal * 0.42 + lay * 0.82) * length,
+    ];
+    ribbon(piece, &path, &[r, r, 0.8 * r, 0.5 * r, 0.05 * r], normal.cross(lay), normal);
+}
+
+fn ribbon(piece: &mut Piece, path: &[DVec3], half: &[f64], across: DVec3, normal: DVec3) {
+    let base = piece.positions.len() as u32;
+    let mut length = 0.0;
+    for (k, p) in path.iter().enumerate() {
+        if k > 0 {
+            length += p.distance(path[k - 1]);
+        }
+        for sign in [-1.0, 1.0] {
+            let n = (normal + across * (0.4 * sign)).normalize_or(normal);
+            push(piece, *p + across * (half[k] * sign), n, DVec2::new(half[k] * (1.0 + sign), length));
+        }
+    }
+    for k in 0..path.len() as u32 - 1 {
+        let a = base + 2 * k;
+        piece.triangles.extend([[a, a + 3, a + 1], [a, a + 2, a + 3]]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cushion;
+    use super::super::grid::testing::sound;
+    use super::*;
+
+    #[test]
+    fn hairs_cover_the_surface_within_the_cap() {
+        let child = cushion([1.2, 0.1, 0.8], 0.0, 0.0, 0.0, 0.02);
+        for kind in [FuzzKind::Pile, FuzzKind::Terry, FuzzKind::Boucle, FuzzKind::Fur] {
+            let hair = fuzz(&child, kind, 0.015, 1.0, 3);
+            sound(&hair);
+            assert!(hair.triangles.len() <= MAX_TRIANGLES && hair.triangles.len() > 15_000, "{kind:?}");
+            let (lo, hi) = hair.bounds().unwrap();
+            assert!(hi.y > 0.103 && hi.y < 0.13, "{kind:?}: {hi}");
+            assert!(lo.y > -0.03);
+            // Evenly: each quarter of the plan has its share.
+            let quarter = hair.positions.iter().filter(|p| p.x > 0.0 && p.z > 0.0).count() as f64;
+            let share = quarter / hair.positions.len() as f64;
+            assert!((0.23..0.27).contains(&share), "{kind:?}: {share}");
+            assert_eq!(hair, fuzz(&child, kind, 0.015, 1.0, 3));
+        }
+        assert!(fuzz(&Piece::default(), FuzzKind::Fur, 0.01, 1.0, 1).triangles.is_empty());
+    }
 }

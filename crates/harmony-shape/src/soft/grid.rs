@@ -116,8 +116,20 @@ fn tangents(points: &[DVec3], closed: bool) -> Vec<DVec3> {
     let n = points.len();
     (0..n)
         .map(|i| {
-            let before = if i > 0 { i - 1 } else if closed { n - 1 } else { 0 };
-            let after = if i + 1 < n { i + 1 } else if closed { 0 } else { n - 1 };
+            let before = if i > 0 {
+                i - 1
+            } else if closed {
+                n - 1
+            } else {
+                0
+            };
+            let after = if i + 1 < n {
+                i + 1
+            } else if closed {
+                0
+            } else {
+                n - 1
+            };
             (points[after] - points[before]).normalize_or(DVec3::Y)
         })
         .collect()
@@ -135,8 +147,8 @@ pub(super) fn tube(piece: &mut Piece, points: &[DVec3], radii: &[f64], sides: u3
     let length = lengths(points);
     let mut side = square_to(tangent[0]);
     let mut frames = Vec::with_capacity(n + 1);
-    for i in 0..n {
-        side = (side - tangent[i] * side.dot(tangent[i])).normalize_or(square_to(tangent[i]));
+    for t in &tangent {
+        side = (side - *t * side.dot(*t)).normalize_or(square_to(*t));
         frames.push(side);
     }
     // What twist is left where a closed tube meets itself is spread over its length.
@@ -190,6 +202,8 @@ pub(super) fn ball(piece: &mut Piece, centre: DVec3, right: DVec3, up: DVec3, ra
     let base = piece.positions.len() as u32;
     for j in 0..=rings {
         let (sj, cj) = libm::sincos(PI * f64::from(j) / f64::from(rings));
+        // Poles are one point, to the last bit.
+        let sj = if j == 0 || j == rings { 0.0 } else { sj };
         for k in 0..=sides {
             let (sk, ck) = libm::sincos(TAU * f64::from(k % sides) / f64::from(sides));
             let d = DVec3::new(sj * ck, -cj, sj * sk);

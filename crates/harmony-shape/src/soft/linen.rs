@@ -47,6 +47,13 @@ pub fn roll(width: f64, radius: f64, turns: f64, thick: f64) -> Piece {
     }
     let middle = Middle { points, flat, nu, nv: rows };
     let mut piece = middle.thickened(|_, _| half);
+    // The spiral draws in at once: made as wide as it was asked to be.
+    let (lo, hi) = piece.bounds().unwrap_or_default();
+    let fit = 2.0 * radius / (hi.z - lo.z).max(1e-6);
+    for p in &mut piece.positions {
+        p.y *= fit;
+        p.z = (p.z - f64::midpoint(lo.z, hi.z)) * fit;
+    }
     let low = piece.positions.iter().fold(f64::MAX, |m, p| m.min(p.y));
     for p in &mut piece.positions {
         p.y -= low;
@@ -93,7 +100,11 @@ pub fn folded(size: [f64; 2], layers: u32, thick: f64, seed: u32) -> Piece {
             let level = p.y / thick;
             // Layers sag between and slip against each other; more so higher up.
             let rise = thick * 0.16 * noise2(u * w / 0.09, p.x / 0.09 + 7.3 * level.floor(), seed);
-            let lift = thick * 0.10 * layers.min(8) as f64 * (level / layers as f64) * noise2(u * w / 0.2, p.x / 0.2, seed ^ 9);
+            let lift = thick
+                * 0.10
+                * layers.min(8) as f64
+                * (level / layers as f64)
+                * noise2(u * w / 0.2, p.x / 0.2, seed ^ 9);
             let slip = 0.006 * noise2(u * 3.0, level * 1.7, seed ^ 2);
             let narrow = 1.0 - 0.02 * (0.5 + 0.5 * noise2(level * 2.1, 0.3, seed ^ 4));
             points.push(DVec3::new((u - 0.5) * w * narrow, p.y + rise + lift, p.x + slip));

@@ -6,7 +6,7 @@
 //!
 //! * [`pillow`], [`cushion`], [`tuft`], [`quilt`], [`slump`], [`roll`], [`folded`]: upholstery and linen.
 //! * [`drape`], [`hang`]: cloth that falls and cloth that hangs; both give a [`Cloth`] with named hems.
-//! * [`fringe`], [`fuzz`], [`braid`], [`wicker`], [`wire_net`]: yarn, hair and basket work.
+//! * [`fringe`], [`fringe_on`] (lies on what is below), [`fuzz`], [`braid`], [`wicker`], [`wire_net`]: yarn, hair and basket work.
 //! * [`leaf`], [`plant`]: foliage.
 
 mod cloth;
@@ -30,7 +30,7 @@ mod weave;
 pub use cushion::cushion;
 pub use drape::{DrapeSpec, drape};
 pub use foliage::{Plant, PlantSpec, leaf, plant};
-pub use fringe::{FringeSpec, fringe};
+pub use fringe::{FringeSpec, fringe, fringe_on};
 pub use fuzz::fuzz;
 pub use hang::{HangSpec, hang};
 pub use linen::{folded, roll};

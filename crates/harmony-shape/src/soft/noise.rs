@@ -67,9 +67,7 @@ pub(super) fn noise3(p: DVec3, seed: u32) -> f64 {
         }
     };
     let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
-    let plane = |k: i64| {
-        mix(mix(corner(0, 0, k), corner(1, 0, k), u), mix(corner(0, 1, k), corner(1, 1, k), u), v)
-    };
+    let plane = |k: i64| mix(mix(corner(0, 0, k), corner(1, 0, k), u), mix(corner(0, 1, k), corner(1, 1, k), u), v);
     mix(plane(0), plane(1), w)
 }
 

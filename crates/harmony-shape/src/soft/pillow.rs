@@ -42,6 +42,8 @@ struct Bag {
     points: Vec<DVec3>,
     links: Vec<Link>,
     triangles: Vec<[usize; 3]>,
+    /// Particles of the seam.
+    seam: Vec<usize>,
 }
 
 /// A pillow lying flat on `y = 0`, closed, within its width, depth and thickness.
@@ -52,7 +54,7 @@ struct Bag {
 pub fn pillow(spec: &PillowSpec) -> Piece {
     let [w, d, t] = spec.size.map(|v| v.clamp(0.02, 4.0));
     let mut bag = Bag::sewn(spec, [w, d, t]);
-    bag.fill(0.50 * w * d * t, 260);
+    bag.fill(0.55 * w * d * t, 280);
     let mut sides = bag.sheets(spec, [w, d]);
     // Exactly the size asked for, standing on the floor; a pillow that lies there is flat below.
     let (mut lo, mut hi) = (DVec3::MAX, DVec3::MIN);
@@ -67,7 +69,7 @@ pub fn pillow(spec: &PillowSpec) -> Piece {
     let inner = DVec3::new(w - 2.0 * spec.piping, t, d - 2.0 * spec.piping).max(DVec3::splat(0.01));
     let scale = inner / (hi - lo).max(DVec3::splat(1e-6));
     for p in sides.iter_mut().flat_map(|s| &mut s.points) {
-        *p = (*p - DVec3::new((lo.x + hi.x) / 2.0, lo.y, (lo.z + hi.z) / 2.0)) * scale;
+        *p = (*p - DVec3::new(f64::midpoint(lo.x, hi.x), lo.y, f64::midpoint(lo.z, hi.z))) * scale;
     }
     let seam = sides[0].hems().named("all").unwrap_or_default();
     let [upper, lower] = sides;
@@ -129,8 +131,9 @@ impl Bag {
             }
         }
         let mut links = Vec::new();
-        let pucker = 0.035 + 0.045 * wrinkle;
-        for side in 0..2 {
+        let bend = 0.16 - 0.07 * wrinkle - 0.03 * wrinkle.powi(3);
+        let pucker = 0.02 + 0.03 * wrinkle;
+        for (side, index) in index.iter().enumerate() {
             let mut link = |a: (usize, usize), b: (usize, usize), give: f64| {
                 let seam = edge(a.0, a.1) && edge(b.0, b.1) && (a.0 == b.0 || a.1 == b.1);
                 if seam && side == 1 {
@@ -139,18 +142,23 @@ impl Bag {
                 let (p, q) = (pattern(a.0, a.1), pattern(b.0, b.1));
                 let m = (p + q) * 0.5;
                 // Cloth with more length in some places than in others crumples there.
-                let slack = if seam { -pucker } else { 0.05 * wrinkle * noise2(m.x / 0.07, m.y / 0.07 + 9.0 * side as f64, spec.seed ^ 3) };
+                let slack = if seam {
+                    -pucker
+                } else {
+                    0.02 * (wrinkle + wrinkle.powi(3))
+                        * noise2(m.x / 0.11, m.y / 0.11 + 9.0 * side as f64, spec.seed ^ 3)
+                };
                 let rest = p.distance(q) * (1.0 + slack);
-                links.push(Link { a: index[side][a.1 * nu + a.0], b: index[side][b.1 * nu + b.0], rest, give, thread: false });
+                links.push(Link { a: index[a.1 * nu + a.0], b: index[b.1 * nu + b.0], rest, give, thread: false });
             };
             for j in 0..nv {
                 for i in 0..nu {
-                    let steps = [(1, 0, 0.5), (0, 1, 0.5), (1, 1, 0.3), (2, 0, 0.03), (0, 2, 0.03)];
+                    let steps = [(1, 0, 0.5), (0, 1, 0.5), (1, 1, 0.3), (2, 0, bend), (0, 2, bend), (2, 2, 0.5 * bend)];
                     for (a, b, give) in steps {
                         if i + a < nu && j + b < nv {
                             link((i, j), (i + a, j + b), give);
-                            if a == 1 && b == 1 {
-                                link((i + 1, j), (i, j + 1), give);
+                            if a == b {
+                                link((i + a, j), (i, j + b), give);
                             }
                         }
                     }
@@ -164,12 +172,24 @@ impl Bag {
             for j in 1..deep {
                 let k = j * nu + middle;
                 let open = j as f64 / deep as f64;
-                links.push(Link { a: index[0][k], b: index[1][k], rest: t * (1.0 - dent * 0.9 * (1.0 - open)), give: 0.4, thread: true });
+                links.push(Link {
+                    a: index[0][k],
+                    b: index[1][k],
+                    rest: t * (1.0 - dent * 0.9 * (1.0 - open)),
+                    give: 0.4,
+                    thread: true,
+                });
             }
             // The edge itself is drawn down.
             let far = index[0][(nv * 3 / 5) * nu + middle];
             let length = pattern(middle, 0).distance(pattern(middle, nv * 3 / 5));
-            links.push(Link { a: index[0][middle], b: far, rest: length * (1.0 - 0.22 * dent), give: 0.4, thread: true });
+            links.push(Link {
+                a: index[0][middle],
+                b: far,
+                rest: length * (1.0 - 0.22 * dent),
+                give: 0.4,
+                thread: true,
+            });
         }
         let mut triangles = Vec::new();
         for j in 0..nv - 1 {
@@ -181,7 +201,8 @@ impl Bag {
                 triangles.extend([[a, b, c], [a, c, d]]);
             }
         }
-        Self { nu, nv, points, links, triangles }
+        let seam = (0..nu * nv).filter(|k| edge(k % nu, k / nu)).collect();
+        Self { nu, nv, points, links, triangles, seam }
     }
 
     /// Blows it up to a volume.
@@ -194,7 +215,9 @@ impl Bag {
             for (p, v) in self.points.iter_mut().zip(&velocity) {
                 *p += *v;
             }
-            for link in &self.links {
+            for k in 0..self.links.len() {
+                // There and back, so that no side is pulled first.
+                let link = &self.links[if step % 2 == 0 { k } else { self.links.len() - 1 - k }];
                 let d = self.points[link.b] - self.points[link.a];
                 let length = d.length();
                 if length < 1e-9 || (link.thread && length < link.rest) {
@@ -219,6 +242,10 @@ impl Bag {
                 *p += gradient[k] * push;
                 velocity[k] = (*p - before[k]) * 0.93;
             }
+            // The seam is stiffer than the cloth: it leaves its plane in long waves only.
+            for k in &self.seam {
+                self.points[*k].y *= 0.96;
+            }
         }
     }
 
@@ -237,7 +264,7 @@ impl Bag {
                 self.points[inner - 1]
             })
             .collect();
-        let smooth = if spec.wrinkle > 0.6 { 1 } else { 2 };
+        let smooth = if spec.wrinkle > 0.6 { 2 } else { 4 };
         [(upper, 0.0), (lower, w + 0.1)].map(|(points, shift)| {
             let flat = (0..nu * nv)
                 .map(|k| {
@@ -263,7 +290,11 @@ mod tests {
 
     #[test]
     fn pillows_are_closed_and_of_the_right_size() {
-        for s in [spec(), PillowSpec { piping: 0.005, ..spec() }, PillowSpec { dent: 0.8, ears: 1.0, wrinkle: 1.0, ..spec() }] {
+        for s in [
+            spec(),
+            PillowSpec { piping: 0.005, ..spec() },
+            PillowSpec { dent: 0.8, ears: 1.0, wrinkle: 1.0, ..spec() },
+        ] {
             let p = pillow(&s);
             sound(&p);
             let (lo, hi) = p.bounds().unwrap();
@@ -282,9 +313,8 @@ mod tests {
     fn a_blow_dents_the_upper_edge() {
         let edge = |dent| {
             let p = pillow(&PillowSpec { dent, wrinkle: 0.2, ..spec() });
-            let near = |x: f64| {
-                p.positions.iter().filter(|p| (p.x - x).abs() < 0.02).map(|p| p.z).fold(f64::MAX, f64::min)
-            };
+            let near =
+                |x: f64| p.positions.iter().filter(|p| (p.x - x).abs() < 0.02).map(|p| p.z).fold(f64::MAX, f64::min);
             near(0.0) - near(0.2).min(near(-0.2))
         };
         assert!(edge(1.0) > edge(0.0) + 0.02, "{} after {}", edge(1.0), edge(0.0));

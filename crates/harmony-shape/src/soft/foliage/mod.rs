@@ -1,14 +1,22 @@
 //! Leaves and plants.
 
+mod grow;
+mod leaf;
+mod stem;
+#[cfg(test)]
+mod tests;
+
 use crate::Piece;
 use crate::tree::PlantKind;
+
+pub use leaf::leaf;
 
 /// Arguments of [`plant`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlantSpec {
     /// How it grows.
     pub kind: PlantKind,
-    /// Height.
+    /// Height; of a vine the whole height, four fifths of which hang below `y = 0`.
     pub height: f64,
     /// Diameter.
     pub spread: f64,
@@ -29,19 +37,23 @@ pub struct Plant {
     pub flowers: Piece,
 }
 
-/// One leaf from the origin along +z, its upper side +y: an open sheet, to be drawn from both sides.
-///
-/// `size`: length and width. `shape`: `oval`, `lance`, `heart`, `round`, `lobed`, `blade`; anything else is `oval`.
-/// `fold_deg` folds the halves up along the midrib, `curl_deg` bends the tip down over the whole length.
-pub fn leaf(size: [f64; 2], shape: &str, fold_deg: f64, curl_deg: f64) -> Piece {
-    let _ = (size, shape, fold_deg, curl_deg);
-    Piece::default()
-}
-
 /// A plant without pot growing from the origin, within its height and diameter (a vine hangs below `y = 0` as well).
 ///
-/// `leaf`: a leaf to use instead of the usual one, from the origin along +z; it keeps its size.
+/// `leaf`: a leaf to use instead of the usual one, from the origin along +z, about as long as it is meant to be; it is
+/// scaled with the plant. Fronds of ferns and palms and blades of grass are always their own.
 pub fn plant(spec: &PlantSpec, leaf: Option<&Piece>) -> Plant {
-    let _ = (spec, leaf);
-    Plant::default()
+    let spec = &PlantSpec { height: spec.height.clamp(0.02, 12.0), spread: spec.spread.clamp(0.02, 12.0), ..*spec };
+    let mut growth = grow::Growth::new(spec, leaf);
+    match spec.kind {
+        PlantKind::Bush => growth.bush(),
+        PlantKind::Rosette => growth.rosette(),
+        PlantKind::Fern => growth.fern(),
+        PlantKind::Vine => growth.vine(),
+        PlantKind::Succulent => growth.succulent(),
+        PlantKind::Palm => growth.palm(),
+        PlantKind::Grass => growth.grass(),
+        PlantKind::Flowers => growth.flowers(),
+        PlantKind::Tree => growth.tree(),
+    }
+    growth.fitted()
 }
