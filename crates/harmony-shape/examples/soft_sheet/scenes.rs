@@ -15,8 +15,11 @@ const LILAC: [f64; 3] = [0.55, 0.48, 0.62];
 const RUST: [f64; 3] = [0.50, 0.20, 0.08];
 const WOOD: [f64; 3] = [0.35, 0.22, 0.12];
 
+/// A scene's name and what makes it.
+type Named = (&'static str, fn() -> Scene);
+
 /// All scenes by name.
-pub const ALL: &[(&str, fn() -> Scene)] = &[
+pub const ALL: &[Named] = &[
     ("bed", bed),
     ("duvet", duvet),
     ("throw", throw),

@@ -271,3 +271,6 @@ impl ShapeTree {
         assemble::assemble(self, ctx, &root)
     }
 }
+
+#[cfg(test)]
+mod tests;

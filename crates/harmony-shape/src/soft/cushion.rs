@@ -28,7 +28,7 @@ impl Form {
         let (cx, cy, cz) = (cos(p.x, self.half.x), cos(p.y, self.half.y), cos(p.z, self.half.z));
         // Full in the middle, drawn in towards the edges; corners stay a little pointed.
         let dome = (cx * cz).sqrt();
-        let top = (p.y / self.half.y + 1.0) / 2.0;
+        let top = f64::midpoint(p.y / self.half.y, 1.0);
         let soft = noise3(p / 0.16, 5) * 0.03 + noise3(p / 0.07, 6) * 0.012;
         let up = (self.crown * (dome + soft * dome) - self.sag * cx * cz) * top;
         let side = |v: f64, h: f64, along: f64| v * (1.0 - self.bulge / h * (1.0 - (cy * along).sqrt()));

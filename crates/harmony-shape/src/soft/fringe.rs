@@ -82,7 +82,7 @@ pub fn fringe_on(edge: &[DVec3], closed: bool, spec: &FringeSpec, below: &[&Piec
             FringeKind::Thread => threads(&mut piece, &fall, at, long, pitch, jitter, &mut dice),
             FringeKind::Tassel => tassel(&mut piece, &fall, at, long, pitch, jitter, &mut dice),
             FringeKind::Pompom => {
-                pompom(&mut piece, &fall, at, long, pitch, spec.seed.wrapping_add(k as u32), &mut dice)
+                pompom(&mut piece, &fall, at, long, pitch, spec.seed.wrapping_add(k as u32), &mut dice);
             }
             FringeKind::Lace => scallop(&mut piece, &fall, at, long, pitch),
         }

@@ -147,8 +147,8 @@ pub(super) fn tube(piece: &mut Piece, points: &[DVec3], radii: &[f64], sides: u3
     let length = lengths(points);
     let mut side = square_to(tangent[0]);
     let mut frames = Vec::with_capacity(n + 1);
-    for i in 0..n {
-        side = (side - tangent[i] * side.dot(tangent[i])).normalize_or(square_to(tangent[i]));
+    for t in &tangent {
+        side = (side - *t * side.dot(*t)).normalize_or(square_to(*t));
         frames.push(side);
     }
     // What twist is left where a closed tube meets itself is spread over its length.

@@ -48,7 +48,7 @@ impl Folds {
         let [w, _] = spec.size;
         let count = if spec.folds > 0 { f64::from(spec.folds) } else { (w / 0.12).round() }.clamp(1.0, 80.0);
         let mut dice = Dice::new(spec.seed, 41);
-        let widths: Vec<f64> = (0..count as usize).map(|_| 1.0 + 0.30 * dice.bell()).collect();
+        let widths: Vec<f64> = (0..count as usize).map(|_| 1.0 + 0.42 * dice.bell()).collect();
         let whole: f64 = widths.iter().sum();
         let mut sum = 0.0;
         let mut starts = vec![0.0];
@@ -57,7 +57,7 @@ impl Folds {
             starts.push(sum);
         }
         // Some folds give way to their neighbours on the way down.
-        let depth = (0..count as usize).map(|_| 1.0 + 0.45 * dice.bell()).collect();
+        let depth = (0..count as usize).map(|_| 1.0 + 0.65 * dice.bell()).collect();
         Self { spec: *spec, cloth: w * spec.gather.clamp(1.0, 4.0), count, starts, depth }
     }
 
@@ -66,7 +66,7 @@ impl Folds {
         let seed = self.spec.seed;
         // Phase of the unequal folds, drifting sideways a little on the way down.
         let drift =
-            0.30 / self.count * smoothstep(0.05, 1.0, down) * noise2(s * self.count * 0.35, down * 1.3, seed ^ 5);
+            0.45 / self.count * smoothstep(0.05, 1.0, down) * noise2(s * self.count * 0.35, down * 1.3, seed ^ 5);
         let at = (s + drift).clamp(0.0, 1.0);
         let k = (self.starts.partition_point(|v| *v <= at).max(1) - 1).min(self.depth.len() - 1);
         let t = (at - self.starts[k]) / (self.starts[k + 1] - self.starts[k]).max(1e-9);
@@ -106,7 +106,7 @@ impl Folds {
         let span = |scale: f64| angles.iter().map(|a| libm::cos(a * scale) * ds).sum::<f64>();
         let (mut lo, mut hi) = (0.0, 2.2);
         for _ in 0..26 {
-            let mid = (lo + hi) / 2.0;
+            let mid = f64::midpoint(lo, hi);
             if span(mid) > width {
                 lo = mid;
             } else {
@@ -165,7 +165,7 @@ pub fn hang(spec: &HangSpec) -> Cloth {
             let (mut p, _) = super::grid::along(&column, &lengths, s);
             if spec.tie == 0.0 {
                 // Free cloth: the hem is level but for a few millimetres.
-                p.y = h - s + 0.004 * noise1(i as f64 / nu as f64 * folds.count, spec.seed ^ 21) * s / h;
+                p.y = h - s + 0.004 * noise1(i as f64 / nu as f64 * folds.count, spec.seed ^ 0x21) * s / h;
             }
             points[j * nu + i] = p;
             flat[j * nu + i] = DVec2::new(folds.cloth * i as f64 / (nu - 1) as f64, s);
@@ -196,8 +196,8 @@ pub fn hang(spec: &HangSpec) -> Cloth {
 fn shape(spec: &HangSpec, folds: &Folds, nu: usize, down: f64) -> Vec<DVec2> {
     let [w, h] = spec.size;
     let sway = DVec2::new(
-        0.012 * noise1(down * 1.4, spec.seed ^ 31),
-        0.020 * smoothstep(0.1, 1.0, down) * noise1(down * 1.7 + 9.0, spec.seed ^ 33),
+        0.012 * noise1(down * 1.4, spec.seed ^ 0x31),
+        0.020 * smoothstep(0.1, 1.0, down) * noise1(down * 1.7 + 9.0, spec.seed ^ 0x33),
     );
     if spec.tie == 0.0 {
         // Free folds spread a little towards the hem.
@@ -207,7 +207,7 @@ fn shape(spec: &HangSpec, folds: &Folds, nu: usize, down: f64) -> Vec<DVec2> {
         return row.iter().map(|p| DVec2::new(p.x - width / 2.0, p.y) + sway * down.min(0.5)).collect();
     }
     let tied = 1.0 - spec.tie;
-    let bundle = (0.26 * w).min(0.22).max(0.08);
+    let bundle = (0.26 * w).clamp(0.08, 0.22);
     let below = (0.5 * w).max(bundle);
     // From the full width in a sweep to the bundle, then wider again.
     let width = if down < tied {
@@ -249,7 +249,7 @@ fn rings(folds: &Folds, cloth: &Middle) -> Piece {
     let mut piece = Piece { closed: true, ..Piece::default() };
     let n = cloth.nu;
     for k in 0..folds.count as usize {
-        let s = (folds.starts[k] + folds.starts[k + 1]) / 2.0;
+        let s = f64::midpoint(folds.starts[k], folds.starts[k + 1]);
         let at = cloth.points[((s * (n - 1) as f64) as usize).min(n - 1)];
         let r = 0.017;
         let ring: Vec<DVec3> = (0..20)

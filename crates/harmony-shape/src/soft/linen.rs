@@ -52,7 +52,7 @@ pub fn roll(width: f64, radius: f64, turns: f64, thick: f64) -> Piece {
     let fit = 2.0 * radius / (hi.z - lo.z).max(1e-6);
     for p in &mut piece.positions {
         p.y *= fit;
-        p.z = (p.z - (lo.z + hi.z) / 2.0) * fit;
+        p.z = (p.z - f64::midpoint(lo.z, hi.z)) * fit;
     }
     let low = piece.positions.iter().fold(f64::MAX, |m, p| m.min(p.y));
     for p in &mut piece.positions {

@@ -6,7 +6,7 @@
 //!
 //! * [`pillow`], [`cushion`], [`tuft`], [`quilt`], [`slump`], [`roll`], [`folded`]: upholstery and linen.
 //! * [`drape`], [`hang`]: cloth that falls and cloth that hangs; both give a [`Cloth`] with named hems.
-//! * [`fringe`], [`fuzz`], [`braid`], [`wicker`], [`wire_net`]: yarn, hair and basket work.
+//! * [`fringe`], [`fringe_on`] (lies on what is below), [`fuzz`], [`braid`], [`wicker`], [`wire_net`]: yarn, hair and basket work.
 //! * [`leaf`], [`plant`]: foliage.
 
 mod cloth;

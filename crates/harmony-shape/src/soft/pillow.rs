@@ -69,7 +69,7 @@ pub fn pillow(spec: &PillowSpec) -> Piece {
     let inner = DVec3::new(w - 2.0 * spec.piping, t, d - 2.0 * spec.piping).max(DVec3::splat(0.01));
     let scale = inner / (hi - lo).max(DVec3::splat(1e-6));
     for p in sides.iter_mut().flat_map(|s| &mut s.points) {
-        *p = (*p - DVec3::new((lo.x + hi.x) / 2.0, lo.y, (lo.z + hi.z) / 2.0)) * scale;
+        *p = (*p - DVec3::new(f64::midpoint(lo.x, hi.x), lo.y, f64::midpoint(lo.z, hi.z))) * scale;
     }
     let seam = sides[0].hems().named("all").unwrap_or_default();
     let [upper, lower] = sides;
@@ -131,9 +131,9 @@ impl Bag {
             }
         }
         let mut links = Vec::new();
-        let bend = 0.16 - 0.07 * wrinkle - 0.06 * wrinkle.powi(3);
+        let bend = 0.16 - 0.07 * wrinkle - 0.03 * wrinkle.powi(3);
         let pucker = 0.02 + 0.03 * wrinkle;
-        for side in 0..2 {
+        for (side, index) in index.iter().enumerate() {
             let mut link = |a: (usize, usize), b: (usize, usize), give: f64| {
                 let seam = edge(a.0, a.1) && edge(b.0, b.1) && (a.0 == b.0 || a.1 == b.1);
                 if seam && side == 1 {
@@ -149,13 +149,7 @@ impl Bag {
                         * noise2(m.x / 0.11, m.y / 0.11 + 9.0 * side as f64, spec.seed ^ 3)
                 };
                 let rest = p.distance(q) * (1.0 + slack);
-                links.push(Link {
-                    a: index[side][a.1 * nu + a.0],
-                    b: index[side][b.1 * nu + b.0],
-                    rest,
-                    give,
-                    thread: false,
-                });
+                links.push(Link { a: index[a.1 * nu + a.0], b: index[b.1 * nu + b.0], rest, give, thread: false });
             };
             for j in 0..nv {
                 for i in 0..nu {

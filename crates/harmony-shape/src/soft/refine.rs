@@ -1,6 +1,6 @@
 //! Finer triangles where a shape will be bent, and bending with the normals carried along.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DMat3, DVec3};
 
@@ -13,7 +13,7 @@ pub(super) fn refine(piece: &Piece, limit: f64, most: usize, wanted: impl Fn(DVe
     let mut out = piece.clone();
     for _ in 0..12 {
         let group = weld(&out.positions);
-        let mut marked: BTreeMap<(u32, u32), ()> = BTreeMap::new();
+        let mut marked: BTreeSet<(u32, u32)> = BTreeSet::new();
         let name = |a: u32, b: u32| {
             let (a, b) = (group[a as usize], group[b as usize]);
             (a.min(b), a.max(b))
@@ -25,7 +25,7 @@ pub(super) fn refine(piece: &Piece, limit: f64, most: usize, wanted: impl Fn(DVe
             }
             for k in 0..3 {
                 if p[k].distance(p[(k + 1) % 3]) > limit {
-                    marked.insert(name(t[k], t[(k + 1) % 3]), ());
+                    marked.insert(name(t[k], t[(k + 1) % 3]));
                 }
             }
         }
@@ -38,7 +38,7 @@ pub(super) fn refine(piece: &Piece, limit: f64, most: usize, wanted: impl Fn(DVe
             let mut mid = [None; 3];
             for k in 0..3 {
                 let (a, b) = (t[k], t[(k + 1) % 3]);
-                if marked.contains_key(&name(a, b)) {
+                if marked.contains(&name(a, b)) {
                     mid[k] = Some(*middle.entry((a.min(b), a.max(b))).or_insert_with(|| halfway(&mut out, a, b)));
                 }
             }

@@ -133,10 +133,10 @@ fn cuts(piece: &Piece, group: &[u32], axis: usize, plane: f64) -> Vec<Vec<(DVec3
             let mut line = vec![points[&start]];
             let mut at = start;
             while let Some(next) = links.get_mut(&at).and_then(Vec::pop) {
-                if let Some(back) = links.get_mut(&next) {
-                    if let Some(k) = back.iter().position(|b| *b == at) {
-                        back.swap_remove(k);
-                    }
+                if let Some(back) = links.get_mut(&next)
+                    && let Some(k) = back.iter().position(|b| *b == at)
+                {
+                    back.swap_remove(k);
                 }
                 line.push(points[&next]);
                 at = next;

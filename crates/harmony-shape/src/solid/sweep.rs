@@ -201,23 +201,47 @@ fn rows(sweep: &Sweep<'_>, points: &[DVec3], closed: bool, reach: f64) -> Vec<Ve
         let (sin, cos) = sin_cos(k * s);
         (sweep.rings[1] * (cos - 1.0) / 2.0, -sweep.rings[1] * k * sin / 2.0)
     };
-    let mut spans: Vec<Vec<Row>> = vec![Vec::new()];
-    for i in 0..=ends {
+    let place = |i: usize| {
         let inner = closed || (i > 0 && i < ends);
         let before = if i > 0 { i - 1 } else if closed { ends - 1 } else { 0 };
         let after = if i < ends { i } else if closed { 0 } else { ends - 1 };
-        let plane = if inner { (d[before] + d[after]).normalize_or(d[after]) } else { d[after] };
-        let bend = if inner { angle(d[before], d[after]) } else { 0.0 };
-        let s = along[i];
-        let growth = 1.0 + (sweep.taper - 1.0) * s / total;
-        let (ring, ring_slope) = wave(s);
-        let mut scale = growth + ring / reach.max(1e-9);
-        let half_tan = (bend / 2.0).min(1.4);
-        let tight = lengths[before].min(lengths[after]) / (2.0 * libm::tan(half_tan).max(1e-9));
-        if inner && bend > 0.02 && reach * scale > 0.95 * tight {
-            scale = (0.95 * tight / reach).max(0.05);
+        (inner, before, after, if inner { angle(d[before], d[after]) } else { 0.0 })
+    };
+    // sizes: taper and rings, less where the curve bends tighter than the section; changes of size are spread
+    let wanted: Vec<f64> = along.iter().map(|s| 1.0 + (sweep.taper - 1.0) * s / total + wave(*s).0 / reach.max(1e-9)).collect();
+    let mut scales = wanted.clone();
+    for (i, scale) in scales.iter_mut().enumerate() {
+        let (inner, before, after, bend) = place(i);
+        let tight = lengths[before].min(lengths[after]) / (2.0 * libm::tan((bend / 2.0).min(1.4)).max(1e-9));
+        if inner && bend > 0.02 && reach * *scale > 0.95 * tight {
+            *scale = (0.95 * tight / reach).max(0.05);
         }
-        let slope = (reach * (sweep.taper - 1.0) / total + ring_slope).clamp(-3.0, 3.0);
+    }
+    for _ in 0..if closed { 2 } else { 1 } {
+        for i in 1..=ends {
+            scales[i] = spread(scales[i], scales[i - 1], wanted[i - 1], lengths[i - 1] / reach);
+        }
+        for i in (0..ends).rev() {
+            scales[i] = spread(scales[i], scales[i + 1], wanted[i + 1], lengths[i] / reach);
+        }
+        if closed {
+            let least = scales[0].min(scales[ends]);
+            (scales[0], scales[ends]) = (least, least);
+        }
+    }
+    let mut spans: Vec<Vec<Row>> = vec![Vec::new()];
+    for i in 0..=ends {
+        let (inner, before, after, bend) = place(i);
+        let plane = if inner { (d[before] + d[after]).normalize_or(d[after]) } else { d[after] };
+        let s = along[i];
+        let scale = scales[i];
+        let slope = if (scale - wanted[i]).abs() < 1e-12 {
+            reach * (sweep.taper - 1.0) / total + wave(s).1
+        } else {
+            let (p, q) = (i.saturating_sub(1), (i + 1).min(ends));
+            reach * (scales[q] - scales[p]) / (along[q] - along[p]).max(1e-9)
+        };
+        let slope = slope.clamp(-3.0, 3.0);
         let lean = -slope / (1.0 + slope * slope).sqrt();
         let sharp = inner && bend > SHARP;
         let row = |k: usize, smooth: bool| {
@@ -248,6 +272,11 @@ fn rows(sweep: &Sweep<'_>, points: &[DVec3], closed: bool, reach: f64) -> Vec<Ve
     }
     spans.retain(|l| l.len() > 1);
     spans
+}
+
+/// A size next to one that was reduced: it may grow by 0.7 a length of the section's reach.
+fn spread(own: f64, near: f64, near_wanted: f64, step: f64) -> f64 {
+    if near < near_wanted - 1e-12 { own.min(near + 0.7 * step) } else { own }
 }
 
 fn carried((x, _): (DVec3, DVec3), from: DVec3, to: DVec3) -> (DVec3, DVec3) {

@@ -234,7 +234,7 @@ impl<'a> Growth<'a> {
     pub fn vine(&mut self) {
         let [h, r] = [self.spec.height, self.spec.spread / 2.0];
         let n = self.count(14, 60);
-        let each = (300 / n).clamp(6, 34);
+        let each = (230 / n).clamp(6, 34);
         let leaf = (0.40 * r).clamp(0.02, 0.12);
         let form = Form {
             length: leaf,
@@ -255,10 +255,10 @@ impl<'a> Growth<'a> {
             let length = 0.25 * h + r * 0.6 + 0.80 * h * share;
             let drift = out.cross(DVec3::Y) * (5.0 * self.dice.bell()) + out * (2.5 * self.dice.bell());
             let reach = r * (0.55 + 0.35 * self.dice.unit());
-            let stem = Stem::grown(out * (0.08 * r), aim(angle, 1.05), length, 26, |t| {
+            let stem = Stem::grown(out * (0.08 * r), aim(angle, 0.75), length, 26, |t| {
                 // Up, over, and down: gravity wins once it is outside.
                 let bend = (length / reach.max(0.05)) * 1.1;
-                -DVec3::Y * bend * (0.5 + t) + drift * libm::sin(9.0 * t + angle)
+                -DVec3::Y * bend * (0.8 + t) + drift * libm::sin(9.0 * t + angle)
             });
             stem.draw(&mut self.plant.stems, 0.0022, 0.0010, 4);
             for m in 0..each {
@@ -466,19 +466,26 @@ impl<'a> Growth<'a> {
         let wide = points().fold(0.0_f64, |m, p| m.max((p.x * p.x + p.z * p.z).sqrt()));
         let PlantSpec { height, spread, kind, .. } = self.spec;
         let hangs = kind == crate::tree::PlantKind::Vine;
-        let stretch = height / if hangs { high - low } else { high }.max(1e-6);
+        // Of a vine a fifth stands above the pot, the rest hangs.
+        let stretch = if hangs { 0.2 * height } else { height } / high.max(1e-6);
+        let hanging = 0.8 * height / (-low).max(1e-6);
         let across = spread / 2.0 / wide.max(1e-6);
         // A plant that lies on the ground around its pot bends up rather than through it.
         let map = |p: DVec3| {
-            let y = p.y * stretch;
-            DVec3::new(p.x * across, if hangs { y } else { y.max(0.0) }, p.z * across)
+            let y = if p.y > 0.0 {
+                p.y * stretch
+            } else if hangs {
+                p.y * hanging
+            } else {
+                0.0
+            };
+            DVec3::new(p.x * across, y, p.z * across)
         };
         for piece in [&mut plant.leaves, &mut plant.stems, &mut plant.flowers] {
-            for p in &mut piece.positions {
+            for (p, n) in piece.positions.iter_mut().zip(&mut piece.normals) {
+                let up = if p.y < 0.0 && hangs { hanging } else { stretch };
+                *n = (*n / DVec3::new(across, up, across)).normalize_or(*n);
                 *p = map(*p);
-            }
-            for n in &mut piece.normals {
-                *n = (*n / DVec3::new(across, stretch, across)).normalize_or(*n);
             }
         }
         plant
@@ -492,7 +499,7 @@ fn fleshy(length: f64, width: f64, thick: f64, curl: f64) -> Piece {
     for j in 0..=rows {
         let t = f64::from(j) / f64::from(rows);
         let half = width / 2.0
-            * libm::pow(libm::sin(PI * libm::pow(t, 1.25) * 0.94 + 0.19), 0.7)
+            * libm::pow(libm::sin(PI * libm::pow(t, 1.25) * 0.94 + 0.18).max(0.0), 0.7)
             * if j == rows { 0.02 } else { 1.0 };
         let deep = thick / 2.0
             * libm::pow(libm::sin(PI * libm::pow(t, 0.8) * 0.97 + 0.09), 0.8)

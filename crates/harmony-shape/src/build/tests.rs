@@ -1,0 +1,307 @@
+use glam::{DVec2, DVec3};
+
+use super::*;
+use crate::material::MaterialSpec;
+use crate::tree::{Boolean, Curve, Face, JointKind, Kind, MAX_TRIANGLES, Node, NodeId, Section, ShapeTree, TreeError};
+
+#[derive(Default)]
+struct Maker {
+    tree: ShapeTree,
+}
+
+impl Maker {
+    fn material(&mut self, name: &str) -> u32 {
+        let json = serde_json::json!({ "name": name, "color": "#806040" });
+        self.tree.materials.push(serde_json::from_value::<MaterialSpec>(json).unwrap());
+        self.tree.materials.len() as u32 - 1
+    }
+
+    fn node(&mut self, name: &str, material: Option<u32>, kind: Kind) -> NodeId {
+        let line = self.tree.nodes.len() as u32 + 1;
+        let name = (!name.is_empty()).then(|| name.to_owned());
+        self.tree.nodes.push(Node { kind, name, material, line });
+        NodeId(line - 1)
+    }
+
+    fn cube(&mut self, name: &str, material: Option<u32>, size: [f64; 3]) -> NodeId {
+        let kind = Kind::Box { size, bevel: 0.0, segments: 2, taper: [1.0; 2], shear: [0.0; 2] };
+        self.node(name, material, kind)
+    }
+
+    fn at(&mut self, child: NodeId, to: [f64; 3]) -> NodeId {
+        let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], to];
+        self.node("", None, Kind::Placed { child, columns })
+    }
+
+    fn group(&mut self, name: &str, children: Vec<NodeId>) -> NodeId {
+        self.node(name, None, Kind::Group { children })
+    }
+
+    fn build(&self) -> BuiltShape {
+        let shape = self.tree.build(&BuildContext::default()).unwrap();
+        shape.mesh.check().unwrap();
+        assert_eq!(shape.mesh.metric_uvs.len(), shape.mesh.positions.len());
+        assert!(shape.mesh.uvs.iter().all(|u| u.min_element() >= 0.0 && u.max_element() <= 1.0));
+        shape
+    }
+}
+
+/// A table with a drawer: 4 legs as copies, a top, a lamp's light.
+fn table() -> Maker {
+    let mut m = Maker::default();
+    let (oak, steel) = (m.material("oak"), m.material("steel"));
+    let top = m.cube("top", Some(oak), [1.2, 0.04, 0.8]);
+    let top = m.at(top, [0.0, 0.7, 0.0]);
+    let leg = m.cube("leg", Some(steel), [0.05, 0.7, 0.05]);
+    let places = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+        .map(|(x, z)| [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.55 * x, 0.0, 0.35 * z]]);
+    let legs = m.node("legs", None, Kind::Copies { child: leg, places: places.to_vec() });
+    let drawer = m.cube("drawer", Some(oak), [0.4, 0.1, 0.6]);
+    let drawer = m.at(drawer, [0.0, 0.6, 0.05]);
+    let kind =
+        Kind::Joint { child: drawer, joint: JointKind::Slide, axis: [0.0, 0.0, 2.0], pivot: [0.0; 3], range: [0.0, 0.4] };
+    let drawer = m.node("", None, kind);
+    m.group("table", vec![top, legs, drawer]);
+    m
+}
+
+#[test]
+fn a_table_is_canonical_with_groups_names_joints_and_hulls() {
+    let shape = table().build();
+    let b = shape.mesh.bounds().unwrap();
+    assert!((b.min - DVec3::new(-0.6, 0.0, -0.4)).length() < 1e-6 && (b.max - DVec3::new(0.6, 0.74, 0.4)).length() < 1e-6);
+    assert_eq!(shape.slots, ["oak", "steel"]);
+    assert_eq!(shape.mesh.groups.len(), 2);
+    let names: Vec<&str> = shape.parts.iter().map(|p| p.name.as_str()).collect();
+    assert_eq!(names, ["top", "legs/leg", "drawer"]);
+    assert_eq!((shape.parts[1].instances, shape.parts[1].triangles), (4, 48));
+    assert_eq!(shape.convex.len(), 6);
+    let joint = &shape.joints[0];
+    assert_eq!((joint.parts.as_slice(), joint.axis), (&[2][..], DVec3::Z));
+    // a face's length in texture metres is its length
+    for t in shape.mesh.triangles() {
+        let [a, b, _] = t.map(|i| i as usize);
+        let (p, q) = (shape.mesh.positions[a], shape.mesh.positions[b]);
+        let uv = shape.mesh.metric_uvs[a].distance(shape.mesh.metric_uvs[b]);
+        assert!((p.distance(q) - uv).abs() < 1e-4);
+    }
+    assert!(lazy_signs(&shape, Some(DVec3::new(1.2, 0.74, 0.8))).is_empty(), "{:?}", lazy_signs(&shape, None));
+}
+
+#[test]
+fn charts_do_not_overlap_in_the_atlas() {
+    let shape = table().build();
+    let mut cells = vec![0_u32; 256 * 256];
+    for (k, t) in shape.mesh.triangles().enumerate() {
+        let [a, b, c] = t.map(|i| shape.mesh.uvs[i as usize].as_dvec2() * 256.0);
+        let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
+        for y in lo.y.floor() as usize..=(hi.y.ceil() as usize).min(255) {
+            for x in lo.x.floor() as usize..=(hi.x.ceil() as usize).min(255) {
+                let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+                let sides = [(a, b), (b, c), (c, a)].map(|(p0, p1)| (p1 - p0).perp_dot(p - p0));
+                let strictly = sides.iter().all(|s| *s > 1e-9) || sides.iter().all(|s| *s < -1e-9);
+                let cell = &mut cells[y * 256 + x];
+                assert!(!strictly || *cell == 0, "two triangles on one texel");
+                if strictly {
+                    *cell = k as u32 + 1;
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn materials_are_inherited_and_paint_wins_on_its_side() {
+    let mut m = Maker::default();
+    let (red, blue) = (m.material("red"), m.material("blue"));
+    let plain = m.cube("", None, [1.0; 3]);
+    let painted = m.node("box", None, Kind::Paint { child: plain, face: Face::Front, with: blue });
+    m.node("all", Some(red), Kind::Group { children: vec![painted] });
+    let shape = m.build();
+    assert_eq!(shape.slots, ["red", "blue"]);
+    assert_eq!(shape.mesh.groups.iter().map(|g| g.triangles.len()).collect::<Vec<_>>(), [10, 2]);
+    for i in shape.mesh.groups[1].triangles.iter().flatten() {
+        assert!((shape.mesh.positions[*i as usize].z - 0.5).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn things_stand_on_and_against_others() {
+    let mut m = Maker::default();
+    let floor = m.cube("floor", None, [2.0, 0.2, 2.0]);
+    let item = m.cube("item", None, [0.2, 0.3, 0.2]);
+    let on = m.node("", None, Kind::On { child: item, other: floor, u: 0.75, v: 0.25 });
+    let beside = m.node("beside", None, Kind::Against { child: item, other: floor, side: Face::Right });
+    m.group("", vec![floor, on, beside]);
+    let shape = m.build();
+    let part = |n: &str| shape.parts.iter().find(|p| p.name == n).unwrap();
+    let item = part("item");
+    let tree = |p: DVec3| p - shape.origin;
+    assert!(tree(item.low).distance(DVec3::new(0.4, 0.2, -0.6)) < 1e-6, "{}", tree(item.low));
+    assert!((tree(part("beside/item").low).x - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn stacks_rise_and_scattered_things_keep_apart() {
+    let mut m = Maker::default();
+    let book = m.cube("book", None, [0.2, 0.03, 0.15]);
+    m.node("stack", None, Kind::Stack { children: vec![book; 5], gap: 0.0, jitter: 0.0, seed: 1 });
+    assert!((m.build().size().y - 0.15).abs() < 1e-6);
+    let mut m = Maker::default();
+    let floor = m.cube("floor", None, [1.0, 0.1, 1.0]);
+    let ball = m.node("ball", None, Kind::Sphere { radii: [0.03; 3] });
+    let balls = m.node("", None, Kind::Scatter { children: vec![ball], on: floor, count: 30, gap: 0.02, seed: 7 });
+    m.group("", vec![floor, balls]);
+    let a = m.tree.build(&BuildContext::default()).unwrap();
+    let balls = a.parts.iter().find(|p| p.name == "ball").unwrap();
+    assert_eq!(balls.instances, 30);
+    assert!((balls.low.y - 0.1).abs() < 1e-4 && balls.gap == 0.0);
+    let b = m.tree.build(&BuildContext::default()).unwrap();
+    assert_eq!(a.mesh.positions, b.mesh.positions);
+    assert_eq!(a.mesh.uvs, b.mesh.uvs);
+}
+
+#[test]
+fn a_decal_lies_on_its_side_with_its_own_size() {
+    let mut m = Maker::default();
+    let (wall, print) = (m.material("wall"), m.material("print"));
+    let child = m.cube("board", Some(wall), [1.0, 0.8, 0.1]);
+    m.node("", None, Kind::Decal { child, face: Face::Front, with: print, at: [0.5, 0.75], size: [0.4, 0.2] });
+    let shape = m.build();
+    let print = &shape.mesh.groups[1];
+    assert_eq!(print.triangles.len(), 2);
+    for i in print.triangles.iter().flatten().map(|i| *i as usize) {
+        let p = shape.mesh.positions[i].as_dvec3();
+        assert!(p.z > 0.05 && p.z < 0.051);
+        // (0, 0) at the top left, v downwards
+        let uv = shape.mesh.metric_uvs[i].as_dvec2();
+        assert!(uv.distance(DVec2::new(p.x + 0.2, 0.7 - p.y)) < 1e-3, "{uv} at {p}");
+    }
+}
+
+#[test]
+fn booleans_shells_and_blends_work_in_trees() {
+    let mut m = Maker::default();
+    let a = m.cube("wall", None, [1.0, 1.0, 0.2]);
+    let b = m.cube("", None, [0.4, 0.5, 1.0]);
+    let b = m.at(b, [0.0, 0.25, 0.0]);
+    m.node("", None, Kind::Boolean { op: Boolean::Cut, a, b });
+    let shape = m.build();
+    let piece = crate::Piece {
+        positions: shape.mesh.positions.iter().map(|p| p.as_dvec3()).collect(),
+        triangles: shape.mesh.triangles().collect(),
+        ..crate::Piece::default()
+    };
+    assert!((piece.volume() - (0.2 - 0.4 * 0.5 * 0.2)).abs() < 1e-5);
+    let mut m = Maker::default();
+    let a = m.node("crate", None, Kind::Box { size: [0.4; 3], bevel: 0.01, segments: 4, taper: [1.0; 2], shear: [0.0; 2] });
+    m.node("", None, Kind::Shell { child: a, wall: 0.02, open: Some(Face::Top) });
+    // bottom and four sides leave the inside free
+    assert_eq!(m.build().convex.len(), 5);
+    let mut m = Maker::default();
+    let ball = m.node("ball", None, Kind::Sphere { radii: [0.2; 3] });
+    let curve = Curve { points: vec![[0.0, 0.2, 0.0], [0.5, 0.3, 0.0]], closed: false };
+    let section = Section::Round(0.06);
+    let kind = Kind::Sweep { curve, section, taper: 0.6, twist_deg: 0.0, rings: [0.0; 2], round_caps: true };
+    let arm = m.node("arm", None, kind);
+    m.node("", None, Kind::Blend { children: vec![ball, arm], radius: 0.08 });
+    let size = m.build().size();
+    assert!((size.y - 0.4).abs() < 0.02 && size.x > 0.7, "{size}");
+}
+
+#[test]
+fn templates_and_part_models_come_with_their_looks() {
+    let mut m = Maker::default();
+    let kind = Kind::Template { template: "chair".into(), size: [0.5, 0.9, 0.5], params: serde_json::Value::Null };
+    m.node("", None, kind);
+    let shape = m.build();
+    assert!(shape.size().distance(DVec3::new(0.5, 0.9, 0.5)) < 1e-3);
+    assert!(!shape.slots.is_empty() && !shape.convex.is_empty());
+    let bad = Kind::Template { template: "spaceship".into(), size: [1.0; 3], params: serde_json::Value::Null };
+    let mut m = Maker::default();
+    m.node("", None, bad);
+    assert!(m.tree.build(&BuildContext::default()).unwrap_err().to_string().contains("line 1: there is no template"));
+}
+
+#[test]
+fn what_is_wrong_is_told_with_its_line() {
+    let fails = |m: &Maker| m.tree.build(&BuildContext::default()).unwrap_err();
+    assert_eq!(fails(&Maker::default()), TreeError::Empty);
+    let mut m = Maker::default();
+    m.cube("", None, [1.0, f64::NAN, 1.0]);
+    assert!(matches!(fails(&m), TreeError::Number { line: 1, .. }));
+    let mut m = Maker::default();
+    m.cube("", Some(3), [1.0; 3]);
+    assert_eq!(fails(&m), TreeError::Material { material: 3, line: 1 });
+    let mut m = Maker::default();
+    m.group("", vec![NodeId(0)]);
+    assert_eq!(fails(&m), TreeError::Order { node: 0, child: 0, line: 1 });
+    // a cut of something open names the part
+    let mut m = Maker::default();
+    let curtain = Kind::Surf { points: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]], nu: 2, thick: 0.0, closed_u: false };
+    let a = m.node("curtain", None, curtain);
+    let b = m.cube("", None, [1.0; 3]);
+    m.node("", None, Kind::Boolean { op: Boolean::Cut, a, b });
+    let e = fails(&m);
+    assert_eq!(e.line(), 3);
+    assert!(e.to_string().contains("curtain"), "{e}");
+}
+
+#[test]
+fn bombs_are_refused_before_they_are_built() {
+    let mut m = Maker::default();
+    let mut child = m.cube("", None, [1.0; 3]);
+    let places = vec![[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]]; 100];
+    for _ in 0..6 {
+        child = m.node("", None, Kind::Copies { child, places: places.clone() });
+    }
+    assert!(matches!(m.tree.check(), Err(TreeError::TooMany { count, .. }) if count >= 100_000));
+    let mut m = Maker::default();
+    let curve = Curve { points: (0..2000).map(|k| [f64::from(k) * 0.01, 0.0, 0.0]).collect(), closed: false };
+    let kind = Kind::Sweep { curve, section: Section::Round(0.5), taper: 1.0, twist_deg: 0.0, rings: [0.0; 2], round_caps: false };
+    let pipe = m.node("pipe", None, kind);
+    m.node("", None, Kind::Copies { child: pipe, places: places[..20].to_vec() });
+    let e = m.tree.check().unwrap_err();
+    assert!(e.to_string().contains(&MAX_TRIANGLES.to_string()) && e.line() == 1, "{e}");
+}
+
+#[test]
+fn hovering_flickering_and_size_are_told() {
+    let mut m = Maker::default();
+    let a = m.cube("low", None, [1.0, 0.5, 1.0]);
+    let b = m.cube("high", None, [0.2, 0.2, 0.2]);
+    let b = m.at(b, [0.0, 0.6, 0.0]);
+    let c = m.cube("skin", None, [0.5, 0.5, 1.0]);
+    m.group("", vec![a, b, c]);
+    let shape = m.build();
+    let signs = lazy_signs(&shape, Some(DVec3::new(2.0, 0.8, 1.0))).join("; ");
+    assert!(signs.contains("high (line 2) by 100 mm"), "{signs}");
+    assert!(signs.contains("low and skin"), "{signs}");
+    assert!(signs.contains("1.00 m wide, 2.00 m were wanted") && !signs.contains("deep"), "{signs}");
+}
+
+#[test]
+fn fitting_stretches_a_little_and_scales_much() {
+    let mut shape = table().build();
+    let fit = shape.fit_to(DVec3::new(1.26, 0.74, 0.8));
+    assert!(!fit.uniform && (shape.size() - DVec3::new(1.26, 0.74, 0.8)).length() < 1e-5);
+    let fit = shape.fit_to(DVec3::new(2.52, 1.48, 1.6));
+    assert!(fit.uniform && (fit.scale - DVec3::splat(2.0)).length() < 1e-5);
+}
+
+#[test]
+fn a_hundred_nodes_take_little_time() {
+    let mut m = Maker::default();
+    let steel = m.material("steel");
+    let mut all = Vec::new();
+    for k in 0..100 {
+        let kind = Kind::Box { size: [0.1, 0.2, 0.1], bevel: 0.004, segments: 2, taper: [1.0; 2], shear: [0.0; 2] };
+        let b = m.node("bar", Some(steel), kind);
+        all.push(m.at(b, [f64::from(k) * 0.1, 0.0, 0.0]));
+    }
+    m.group("", all);
+    let start = std::time::Instant::now();
+    m.build();
+    // generous: shared machines and slow builds
+    assert!(start.elapsed().as_secs_f64() < 2.0, "{:?}", start.elapsed());
+}
