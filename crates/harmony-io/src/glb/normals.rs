@@ -1,8 +1,8 @@
-//! Normals for meshes that come without: smooth over gentle bends, sharp over creases.
+//! Normals for meshes that come without: smooth over gentle bends, sharp over creases; tangents for normal maps.
 
 use std::collections::BTreeMap;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3, Vec4};
 use harmony_mesh::Mesh;
 
 /// Faces that meet at a larger angle are shaded apart, degrees.
@@ -70,4 +70,32 @@ pub(super) fn creased(mesh: &Mesh) -> Mesh {
         out.groups.push(harmony_mesh::Group { material: group.material, triangles: copied });
     }
     out
+}
+
+/// Tangents as glTF has them: xyz along growing u, w the side of `cross(normal, tangent)` on which the image's top lies
+/// (against v). Means over the triangles at a vertex, weighted by area; without one, any direction in the surface.
+pub(super) fn tangents(positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2], indices: &[u32]) -> Vec<Vec4> {
+    let mut sums = vec![(Vec3::ZERO, Vec3::ZERO); positions.len()];
+    for t in indices.chunks_exact(3) {
+        let [a, b, c] = [t[0] as usize, t[1] as usize, t[2] as usize];
+        let (e, f) = (positions[b] - positions[a], positions[c] - positions[a]);
+        let (p, q) = (uvs[b] - uvs[a], uvs[c] - uvs[a]);
+        let det = p.x * q.y - q.x * p.y;
+        let area = e.cross(f).length();
+        if !(det.abs() > 1e-12 && area.is_finite()) {
+            continue;
+        }
+        let unit = |v: Vec3| v.normalize_or_zero() * area;
+        let (u, up) = (unit((e * q.y - f * p.y) / det), unit((e * q.x - f * p.x) / det));
+        for i in [a, b, c] {
+            sums[i].0 += u;
+            sums[i].1 += up;
+        }
+    }
+    let of = |(n, (u, up)): (&Vec3, (Vec3, Vec3))| {
+        let flat = (u - *n * n.dot(u)).try_normalize();
+        let tangent = flat.unwrap_or_else(|| n.any_orthonormal_vector());
+        tangent.extend(if n.cross(tangent).dot(up) < 0.0 { -1.0 } else { 1.0 })
+    };
+    normals.iter().zip(sums).map(of).collect()
 }

@@ -82,7 +82,9 @@ impl Writer {
             add("KHR_materials_emissive_strength", json!({ "emissiveStrength": strength }));
         }
         let names: Vec<String> = extensions.keys().cloned().collect();
-        names.iter().for_each(|name| self.uses(name));
+        for name in &names {
+            self.uses(name);
+        }
         if let Some(tile) = tile {
             extras.insert("tile".to_owned(), json!({ "size": tile.size, "turn": tile.turn }));
         }

@@ -341,6 +341,24 @@ fn a_scene_of_tiles_and_glass_is_written() {
 }
 
 #[test]
+fn tangents_run_along_u_and_know_the_images_top() {
+    // A floor: u along +x, v along +z, so that the image's top is towards -z; and its mirror image.
+    let positions = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 0.0, 1.0), Vec3::Z];
+    let triangles = [0, 2, 1, 0, 3, 2];
+    for side in [1.0, -1.0] {
+        let uvs: Vec<Vec2> = positions.iter().map(|p| Vec2::new(side * p.x, p.z) * 3.0).collect();
+        let got = normals::tangents(&positions, &[Vec3::Y; 4], &uvs, &triangles);
+        for t in got {
+            let (along, up) = (t.truncate(), Vec3::Y.cross(t.truncate()) * t.w);
+            assert!((along - Vec3::X * side).length() <= 1e-6 && (up - Vec3::NEG_Z).length() <= 1e-6, "{t}");
+        }
+    }
+    // Without coordinates there is still a tangent.
+    let got = normals::tangents(&positions, &[Vec3::Y; 4], &[Vec2::ZERO; 4], &triangles);
+    assert!(got.iter().all(|t| (t.truncate().length() - 1.0).abs() <= 1e-6 && t.y.abs() <= 1e-6 && t.w.abs() == 1.0));
+}
+
+#[test]
 fn equal_images_are_written_once() {
     let mesh = tiled_box();
     let mut other = tiled_box();

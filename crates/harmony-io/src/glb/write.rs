@@ -12,7 +12,7 @@ use super::document::{
     ARRAY_BUFFER, Accessor, Asset, Buffer, BufferView, Document, ELEMENT_ARRAY_BUFFER, FLOAT, MeshEntry, Node,
     Primitive, Scene, UNSIGNED_INT, UNSIGNED_SHORT,
 };
-use super::normals::unit;
+use super::normals::{tangents, unit};
 use super::surface::Embedded;
 use super::texture::{Files, tiled};
 use super::{GlbError, GlbNode, GlbScene, TextureEncoding, lights};
@@ -118,7 +118,7 @@ impl Writer {
         mesh.check().map_err(|source| GlbError::Mesh { node: name.to_owned(), source })?;
         let any_tile = mesh.groups.iter().any(|g| tiled(mesh, &mesh.materials[g.material]));
         // Without tiles all primitives share the vertices; with tiles each has its own, for their coordinates differ.
-        let shared = if any_tile { None } else { Some(self.attributes(mesh, None, None)) };
+        let shared = if any_tile { None } else { Some(self.attributes(mesh, None, None, &[])) };
         let mut primitives = Vec::new();
         for group in &mesh.groups {
             let distinct = |t: &&[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
@@ -129,12 +129,11 @@ impl Writer {
             let look = &mesh.materials[group.material];
             let tile = look.tile.as_deref().filter(|_| tiled(mesh, look));
             let material = self.material(look, tile)?;
-            let (attributes, count) = match &shared {
-                Some(attributes) => (attributes.clone(), mesh.positions.len()),
-                None => {
-                    let used = compact(&mut indices, mesh.positions.len());
-                    (self.attributes(mesh, Some(&used), tile), used.len())
-                }
+            let (attributes, count) = if let Some(attributes) = &shared {
+                (attributes.clone(), mesh.positions.len())
+            } else {
+                let used = compact(&mut indices, mesh.positions.len());
+                (self.attributes(mesh, Some(&used), tile, &indices), used.len())
             };
             primitives.push(Primitive {
                 attributes,
@@ -152,14 +151,22 @@ impl Writer {
         Ok(index)
     }
 
-    /// Vertices of a mesh, all or those named; texture coordinates of the tile where there is one.
-    fn attributes(&mut self, mesh: &Mesh, used: Option<&[u32]>, tile: Option<&Tile>) -> BTreeMap<String, usize> {
+    /// Vertices of a mesh, all or those named; texture coordinates of the tile where there is one, tangents by them and the
+    /// triangles where it has normals.
+    fn attributes(
+        &mut self,
+        mesh: &Mesh,
+        used: Option<&[u32]>,
+        tile: Option<&Tile>,
+        indices: &[u32],
+    ) -> BTreeMap<String, usize> {
         fn pick<T: Copy>(all: &[T], used: Option<&[u32]>) -> Vec<T> {
             used.map_or_else(|| all.to_vec(), |used| used.iter().map(|i| all[*i as usize]).collect())
         }
         let finite = |uv: Vec2| if uv.is_finite() { uv } else { Vec2::ZERO };
+        let positions = pick(&mesh.positions, used);
         let mut attributes = BTreeMap::new();
-        attributes.insert("POSITION".to_owned(), self.vectors(&pick(&mesh.positions, used), true));
+        attributes.insert("POSITION".to_owned(), self.vectors(&positions, true));
         let normals: Vec<Vec3> = pick(&mesh.normals, used).into_iter().map(|n| unit(n).unwrap_or(Vec3::Y)).collect();
         attributes.insert("NORMAL".to_owned(), self.vectors(&normals, false));
         let textured = mesh.groups.iter().any(|g| mesh.materials[g.material].texture.is_some());
@@ -171,6 +178,11 @@ impl Writer {
             None => None,
         };
         if let Some(uvs) = uvs {
+            if tile.is_some_and(|t| t.normal.is_some()) {
+                let all = tangents(&positions, &normals, &uvs, indices);
+                let flat: Vec<f32> = all.iter().flat_map(glam::Vec4::to_array).collect();
+                attributes.insert("TANGENT".to_owned(), self.floats(&flat, 4, None));
+            }
             let flat: Vec<f32> = uvs.iter().flat_map(Vec2::to_array).collect();
             attributes.insert("TEXCOORD_0".to_owned(), self.floats(&flat, 2, None));
         }
@@ -212,7 +224,7 @@ impl Writer {
             buffer_view: Some(view),
             component_type: FLOAT,
             count: values.len() / components,
-            kind: if components == 3 { "VEC3" } else { "VEC2" }.to_owned(),
+            kind: format!("VEC{components}"),
             min: range.map(|r| list(r.0)),
             max: range.map(|r| list(r.1)),
             ..Accessor::default()

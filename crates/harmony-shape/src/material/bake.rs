@@ -221,7 +221,7 @@ pub fn bake_tile(spec: &MaterialSpec, texel: Option<f64>) -> Tile {
         turn: field.turn_deg.to_radians() as f32,
         color: Arc::new(color),
         normal: normal_image(&field, bump).map(Arc::new),
-        surface: surface_image(&field, spec).map(Arc::new),
+        surface: Some(Arc::new(surface_image(&field, spec))),
     }
 }
 
@@ -271,7 +271,7 @@ fn normal_image(field: &Field, bump: f64) -> Option<RgbImage> {
 }
 
 /// Occlusion (none), roughness, metalness (the factor's own), at half the size.
-fn surface_image(field: &Field, spec: &MaterialSpec) -> Option<RgbImage> {
+fn surface_image(field: &Field, spec: &MaterialSpec) -> RgbImage {
     let factor = roughness_factor(spec);
     let (w, h) = (field.px[0] as usize, field.px[1] as usize);
     let at = |i: usize, j: usize| {
@@ -281,11 +281,11 @@ fn surface_image(field: &Field, spec: &MaterialSpec) -> Option<RgbImage> {
     let even = field.samples.iter().all(|s| s.rough.abs() < 5e-3);
     if even {
         let g = (spec.rough.clamp(ROUGHNESS.0, ROUGHNESS.1) / factor * 255.0).round() as u8;
-        return Some(RgbImage::from_pixel(4, 4, Pixel([255, g, 255])));
+        return RgbImage::from_pixel(4, 4, Pixel([255, g, 255]));
     }
-    Some(RgbImage::from_fn((w / 2).max(1) as u32, (h / 2).max(1) as u32, |x, y| {
+    RgbImage::from_fn((w / 2).max(1) as u32, (h / 2).max(1) as u32, |x, y| {
         let (i, j) = (2 * x as usize, 2 * y as usize);
         let mean = (at(i, j) + at(i + 1, j) + at(i, j + 1) + at(i + 1, j + 1)) / 4.0;
         Pixel([255, (mean / factor * 255.0).round().min(255.0) as u8, 255])
-    }))
+    })
 }

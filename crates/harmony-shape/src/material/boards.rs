@@ -159,7 +159,7 @@ pub(super) fn wood(space: &Space, p: &Pattern) -> Paint {
         let near = smooth(w * 0.82, w, t);
         let color = if near > 0.0 { mix(a.color, grain.at(id, t - w, y, strength).color, near) } else { a.color };
         let base = second.map_or(palette.main[0], |s| {
-            let dark = 1.0 - (color[0].min(1.0)).max(0.0);
+            let dark = 1.0 - color[0].clamp(0.0, 1.0);
             mix(palette.main[0], s, (dark * 1.6).clamp(0.0, 1.0))
         });
         let tone = libm::exp(sigma * gauss(id, 6) + 0.04 * along.at(u, v));

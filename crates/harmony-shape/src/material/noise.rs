@@ -132,7 +132,7 @@ impl Noise {
 /// The nearest points of a jittered lattice (Worley, SIGGRAPH 1996), periodic over the tile.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cells {
-    cells: [i64; 2],
+    count: [i64; 2],
     size: [f64; 2],
     jitter: f64,
     seed: u64,
@@ -156,7 +156,7 @@ impl Cells {
     pub(super) fn new(space: &Space, scale: [f64; 2], jitter: f64, salt: u64) -> Self {
         let n = [(space.w / scale[0]).round().max(1.0), (space.h / scale[1]).round().max(1.0)];
         Self {
-            cells: [n[0] as i64, n[1] as i64],
+            count: [n[0] as i64, n[1] as i64],
             size: [space.w / n[0], space.h / n[1]],
             jitter,
             seed: hash(space.seed, salt as i64, 13),
@@ -164,7 +164,7 @@ impl Cells {
     }
 
     fn place(&self, i: i64, j: i64) -> (f64, f64, u64) {
-        let id = hash(self.seed, i.rem_euclid(self.cells[0]), j.rem_euclid(self.cells[1]));
+        let id = hash(self.seed, i.rem_euclid(self.count[0]), j.rem_euclid(self.count[1]));
         let at = |k: i64, salt: u64| k as f64 + 0.5 + (unit(id, salt) - 0.5) * self.jitter;
         (at(i, 1), at(j, 2), id)
     }

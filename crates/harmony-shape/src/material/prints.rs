@@ -264,7 +264,7 @@ pub(super) fn quilting(space: &Space, p: &Pattern) -> Paint {
             let (s, t) = (x + y, y - x);
             let f = |q: f64| (q - q.round()).abs();
             let k = a * b / f64::hypot(a, b);
-            (f(s) * k, f(t) * k, if f(s) < f(t) { y * b / 0.866 } else { y * b / 0.866 })
+            (f(s) * k, f(t) * k, y * f64::hypot(a, b))
         } else {
             let f = |q: f64, side: f64| (q - q.round()).abs() * side;
             let dv = f(y, b);
