@@ -5,17 +5,38 @@ use std::sync::Arc;
 use glam::{DVec3, Vec2, Vec3};
 use image::{RgbImage, RgbaImage};
 
-/// A look that repeats over a surface at metric scale. Images wrap around; normals are in tangent space, +Y up.
+/// A look that repeats over a surface at metric scale. Images wrap around.
+///
+/// Tangent space is glTF's: x along the images' rows, y up their columns (against v), z out of the surface. With
+/// `t = dP/du` and `b = dP/dv` of the texture coordinates, the normal is `n.x t - n.y b + n.z N`, normalised.
 #[derive(Debug, Clone)]
 pub struct Tile {
     /// Width and height of the images on the surface, metres.
     pub size: [f32; 2],
+    /// Turn of the images on the surface, radians, u towards v: 0 for most, see [`Tile::uv`].
+    pub turn: f32,
     /// sRGB colour.
     pub color: Arc<RgbaImage>,
     /// Normals, as glTF has them.
     pub normal: Option<Arc<RgbImage>>,
     /// Red: occlusion, green: roughness, blue: metalness; multiplied with the material's factors.
     pub surface: Option<Arc<RgbImage>>,
+}
+
+impl Tile {
+    /// Texture coordinates of a place on the surface in metres ([`Mesh::metric_uvs`]).
+    pub fn uv(&self, metric: Vec2) -> Vec2 {
+        let (sin, cos) = (libm::sinf(self.turn), libm::cosf(self.turn));
+        let turned = Vec2::new(cos * metric.x + sin * metric.y, cos * metric.y - sin * metric.x);
+        turned / Vec2::from_array(self.size).max(Vec2::splat(1e-6))
+    }
+
+    /// The place in metres of texture coordinates: the inverse of [`Tile::uv`].
+    pub fn metric(&self, uv: Vec2) -> Vec2 {
+        let (sin, cos) = (libm::sinf(self.turn), libm::cosf(self.turn));
+        let flat = uv * Vec2::from_array(self.size);
+        Vec2::new(cos * flat.x - sin * flat.y, sin * flat.x + cos * flat.y)
+    }
 }
 
 /// How a group of triangles looks.

@@ -128,6 +128,8 @@ pub(super) struct MaterialEntry {
     pub name: String,
     pub pbr_metallic_roughness: Pbr,
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub normal_texture: Option<NormalRef>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub emissive_factor: Option<[f64; 3]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub emissive_texture: Option<TextureRef>,
@@ -139,6 +141,18 @@ pub(super) struct MaterialEntry {
     pub double_sided: bool,
     #[serde(skip_serializing_if = "Map::is_empty")]
     pub extensions: Map<String, Value>,
+    #[serde(skip_serializing_if = "Value::is_null")]
+    pub extras: Value,
+}
+
+#[derive(Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct NormalRef {
+    pub index: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tex_coord: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
 }
 
 #[derive(Debug, Default, Serialize, Deserialize)]

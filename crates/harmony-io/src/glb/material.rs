@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use glam::Vec2;
-use harmony_mesh::Material;
-use image::RgbaImage;
+use harmony_mesh::{Material, Tile};
+use image::{DynamicImage, RgbImage, RgbaImage};
 use serde_json::Value;
 
 use super::GlbError;
@@ -54,7 +54,7 @@ fn number(value: Option<&Value>) -> Option<f64> {
 }
 
 /// Linear value of an sRGB byte.
-fn linear(byte: f32) -> f32 {
+pub(super) fn linear(byte: f32) -> f32 {
     let c = byte / 255.0;
     if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
@@ -106,9 +106,20 @@ impl Materials {
             let gloss = number(extension("KHR_materials_pbrSpecularGlossiness", "glossinessFactor"));
             roughness = 1.0 - unit(gloss, 1.0);
         }
-        if let Some(map) = pbr.metallic_roughness_texture.as_ref().and_then(|r| self.texture(source, r.index)) {
+        let surface = pbr.metallic_roughness_texture.as_ref().and_then(|r| self.texture(source, r.index));
+        let tile = tile_place(&entry.extras).zip(texture.clone()).map(|((size, turn), color)| {
+            let normal = entry.normal_texture.as_ref().and_then(|r| self.texture(source, r.index));
+            Arc::new(Tile {
+                size,
+                turn,
+                color,
+                normal: normal.map(|n| opaque(&n)),
+                surface: surface.as_ref().map(|s| opaque(s)),
+            })
+        });
+        if let (Some(map), None) = (&surface, &tile) {
             // Our materials have one roughness and one metalness: the texture's means (green and blue).
-            let mean = mean(&map);
+            let mean = mean(map);
             roughness *= mean[1] / 255.0;
             metallic *= mean[2] / 255.0;
         }
@@ -145,6 +156,19 @@ impl Materials {
                 }
             }
         }
+        let mut transmission = unit(number(extension("KHR_materials_transmission", "transmissionFactor")), 0.0);
+        let map: Option<TextureRef> = extension("KHR_materials_transmission", "transmissionTexture")
+            .and_then(|t| serde_json::from_value(t.clone()).ok());
+        if let Some(map) = map.filter(|_| transmission > 0.0).and_then(|r| self.texture(source, r.index)) {
+            transmission *= mean(&map)[0] / 255.0;
+        }
+        // The alpha that was meant, where what is written is the fallback of a clear thing.
+        if let Some(alpha) = number(entry.extras.pointer("/harmony/alpha")).filter(|_| transmission > 0.0) {
+            base_color[3] = unit(Some(alpha), 1.0);
+        }
+        let sheen: [Option<f64>; 3] = std::array::from_fn(|k| {
+            number(extension("KHR_materials_sheen", "sheenColorFactor").and_then(|c| c.get(k)))
+        });
         let place = reference.and_then(|r| r.extensions.get("KHR_texture_transform"));
         let pair = |key: &str, default: f32| {
             let list = place.and_then(|p| p.get(key)).and_then(Value::as_array);
@@ -159,13 +183,13 @@ impl Materials {
             material: Material {
                 name: name.to_owned(),
                 base_color,
-                texture,
-                tile: None,
-                sheen: 0.0,
+                texture: if tile.is_some() { None } else { texture },
+                tile,
+                sheen: sheen.into_iter().flatten().fold(0.0, |most, c| most.max(unit(Some(c), 0.0))),
                 roughness,
                 metallic,
                 ior: number(extension("KHR_materials_ior", "ior")).map_or(1.5, |v| v.clamp(1.0, 3.0) as f32),
-                transmission: unit(number(extension("KHR_materials_transmission", "transmissionFactor")), 0.0),
+                transmission,
                 emissive,
                 double_sided: entry.double_sided,
             },
@@ -210,6 +234,17 @@ impl Materials {
         self.pixels_left -= pixels;
         Ok(picture::decode(bytes).map_err(|e| e.to_string())?.into_rgba8())
     }
+}
+
+/// Size in metres and turn of a tile, as our own files have them.
+fn tile_place(extras: &Value) -> Option<([f32; 2], f32)> {
+    let tile = extras.pointer("/harmony/tile")?;
+    let side = |k: usize| number(tile.get("size")?.get(k)).map(|v| v as f32).filter(|v| (1e-4..1e4).contains(v));
+    Some(([side(0)?, side(1)?], number(tile.get("turn")).unwrap_or(0.0) as f32))
+}
+
+fn opaque(image: &RgbaImage) -> Arc<RgbImage> {
+    Arc::new(DynamicImage::ImageRgba8(image.clone()).into_rgb8())
 }
 
 /// Mean of each colour channel, 0 to 255.

@@ -9,6 +9,8 @@ mod lights;
 mod material;
 mod normals;
 mod read;
+mod surface;
+mod texture;
 mod write;
 
 use std::path::Path;

@@ -194,6 +194,9 @@ impl Reader<'_> {
         for primitive in &entry.primitives {
             self.primitive(primitive, index, &mut mesh, &mut materials, &mut starts)?;
         }
+        if mesh.materials.iter().all(|m| m.tile.is_none()) {
+            mesh.metric_uvs.clear();
+        }
         let mesh = Arc::new(mesh);
         self.meshes[index] = Some(Arc::clone(&mesh));
         Ok(mesh)
@@ -261,7 +264,11 @@ impl Reader<'_> {
             Some(i) => mean_color(&self.source.floats::<3>(i, left)?),
             None => None,
         };
-        let mut part = Mesh { positions, uvs, ..Mesh::default() };
+        let metric_uvs = match look.material.tile.as_ref().filter(|_| has_uvs) {
+            Some(tile) => uvs.iter().map(|uv| tile.metric(*uv)).collect(),
+            None => vec![Vec2::ZERO; positions.len()],
+        };
+        let mut part = Mesh { positions, uvs, metric_uvs, ..Mesh::default() };
         part.groups = vec![Group { material: 0, triangles }];
         match normals {
             Some(normals) => {
@@ -277,8 +284,8 @@ impl Reader<'_> {
             None => part = creased(&part),
         }
         let mut material = look.material.clone();
-        if material.texture.is_some() && !has_uvs {
-            material.texture = None;
+        if (material.texture.is_some() || material.tile.is_some()) && !has_uvs {
+            (material.texture, material.tile) = (None, None);
             self.notes.push(format!("mesh {mesh_index}: a texture without coordinates was left out"));
         }
         if let Some(tint) = tint {
@@ -319,7 +326,8 @@ fn add_vertices<'p>(
         other.attributes == primitive.attributes
             && mesh.positions.get(span.clone()) == Some(&part.positions[..])
             && mesh.normals.get(span.clone()) == Some(&part.normals[..])
-            && mesh.uvs.get(span) == Some(&part.uvs[..])
+            && mesh.uvs.get(span.clone()) == Some(&part.uvs[..])
+            && mesh.metric_uvs.get(span) == Some(&part.metric_uvs[..])
     };
     if let Some((_, start)) = starts.iter().find(same) {
         return *start;
@@ -329,6 +337,7 @@ fn add_vertices<'p>(
     mesh.positions.append(&mut part.positions);
     mesh.normals.append(&mut part.normals);
     mesh.uvs.append(&mut part.uvs);
+    mesh.metric_uvs.append(&mut part.metric_uvs);
     start
 }
 

@@ -242,6 +242,138 @@ fn what_was_read_is_written_to_the_bit() {
     }
 }
 
+/// The box as before with a tile on its top: the sides have a texture, the top has metres.
+fn tiled_box() -> Mesh {
+    let mut mesh = crate_box(chequer(16));
+    mesh.metric_uvs = mesh.positions.iter().map(|p| Vec2::new(p.x * 3.0 + 0.2, p.z * 3.0)).collect();
+    let mut oak = Material::plain("oak", [1.0, 0.9, 0.8]);
+    (oak.sheen, oak.roughness) = (0.4, 0.8);
+    let map = |k: u8| Arc::new(image::RgbImage::from_fn(32, 16, |x, y| image::Rgb([k, (x * 8) as u8, (y * 16) as u8])));
+    oak.tile = Some(Arc::new(harmony_mesh::Tile {
+        size: [1.2, 0.6],
+        turn: 0.5,
+        color: Arc::new(RgbaImage::from_fn(32, 16, |x, y| Rgba([(x * 7) as u8, (y * 15) as u8, 90, 255]))),
+        normal: Some(map(128)),
+        surface: Some(map(255)),
+    }));
+    mesh.materials[1] = oak;
+    mesh
+}
+
+#[test]
+fn tiles_come_back_with_their_metres() {
+    let mesh = tiled_box();
+    let bytes = glb_bytes(&scene(&Arc::new(mesh.clone()))).unwrap();
+    let doc = document(&bytes);
+    let oak = doc["materials"].as_array().unwrap().iter().find(|m| m["name"] == "oak").unwrap();
+    for map in
+        ["/normalTexture", "/pbrMetallicRoughness/baseColorTexture", "/pbrMetallicRoughness/metallicRoughnessTexture"]
+    {
+        assert!(oak.pointer(map).is_some_and(|t| t["index"].is_u64()), "{map}");
+    }
+    let sheen = &oak["extensions"]["KHR_materials_sheen"]["sheenColorFactor"];
+    let most = sheen.as_array().unwrap().iter().map(|c| c.as_f64().unwrap()).fold(0.0, f64::max);
+    assert!((most - 0.4).abs() <= 1e-6, "{sheen}");
+    // The top's coordinates are metres, turned back by the tile's turn, in tiles; two corners by hand.
+    let back = read_glb(&bytes, &ReadLimits::default()).unwrap();
+    assert!(back.notes.is_empty(), "{:?}", back.notes);
+    let got = &back.nodes[0].mesh;
+    let (m, tile) = got.materials.iter().find_map(|m| m.tile.as_ref().map(|t| (m, t))).unwrap();
+    let want = mesh.materials[1].tile.as_ref().unwrap();
+    assert_eq!((m.name.as_str(), tile.size, tile.turn), ("oak", [1.2, 0.6], 0.5));
+    assert!((m.sheen - 0.4).abs() <= 1e-6 && (m.roughness - 0.8).abs() <= 1e-6 && m.texture.is_none());
+    assert_eq!((&tile.color, &tile.normal, &tile.surface), (&want.color, &want.normal, &want.surface));
+    let (sin, cos) = 0.5_f32.sin_cos();
+    let mut top = 0;
+    for (p, (uv, metric)) in got.positions.iter().zip(got.uvs.iter().zip(&got.metric_uvs)) {
+        let m = Vec2::new(p.x * 3.0 + 0.2, p.z * 3.0);
+        if p.y == 1.0 && (*metric - m).length() <= 1e-4 {
+            let by_hand = Vec2::new((cos * m.x + sin * m.y) / 1.2, (cos * m.y - sin * m.x) / 0.6);
+            assert!((*uv - by_hand).length() <= 1e-4);
+            top += 1;
+        }
+    }
+    assert!(top >= 4, "{top}");
+    assert_eq!(got.triangle_count(), mesh.triangle_count());
+    // Sides keep their texture and its coordinates.
+    assert!(got.materials.iter().any(|m| m.texture.is_some() && m.tile.is_none()));
+    // Written once more it stays what it is.
+    let again = read_glb(&glb_bytes(&scene(got)).unwrap(), &ReadLimits::default()).unwrap();
+    let again = &again.nodes[0].mesh;
+    assert_eq!((&again.positions, &again.groups.len()), (&got.positions, &got.groups.len()));
+    assert!(again.metric_uvs.iter().zip(&got.metric_uvs).all(|(a, b)| (*a - *b).length() <= 1e-5));
+}
+
+/// With `HARMONY_GLB_OUT` the scene is kept for the Khronos validator.
+#[test]
+fn a_scene_of_tiles_and_glass_is_written() {
+    let mut mesh = tiled_box();
+    mesh.append(&crate_box(chequer(80)));
+    let bytes = glb_bytes(&GlbScene { textures: TextureEncoding::Compact, ..scene(&Arc::new(mesh)) }).unwrap();
+    assert!(read_glb(&bytes, &ReadLimits::default()).unwrap().notes.is_empty());
+    if let Some(path) = std::env::var_os("HARMONY_GLB_OUT") {
+        std::fs::write(path, bytes).unwrap();
+    }
+}
+
+#[test]
+fn equal_images_are_written_once() {
+    let mesh = tiled_box();
+    let mut other = tiled_box();
+    other.materials[1].name = "oak of another object".into();
+    let mut scene = scene(&Arc::new(mesh));
+    let images = |scene: &GlbScene<'_>| document(&glb_bytes(scene).unwrap())["images"].as_array().unwrap().len();
+    let before = images(&scene);
+    scene.objects[1].mesh = Arc::new(other);
+    assert_eq!((before, images(&scene)), (4, 4), "a texture, a tile of three");
+    // A tile without metric coordinates cannot be laid: nothing of it is written.
+    let mut bare = tiled_box();
+    bare.metric_uvs.clear();
+    scene.objects.clear();
+    scene.shell[0].mesh = Arc::new(bare);
+    assert_eq!(images(&scene), 1);
+}
+
+#[test]
+fn clear_things_have_an_alpha_for_viewers_that_know_no_transmission() {
+    let mut mesh = crate_box(chequer(8));
+    mesh.materials[1].transmission = 1.0;
+    let bytes = glb_bytes(&scene(&Arc::new(mesh))).unwrap();
+    let doc = document(&bytes);
+    let glass = doc["materials"].as_array().unwrap().iter().find(|m| m["name"] == "glass").unwrap();
+    let alpha = glass["pbrMetallicRoughness"]["baseColorFactor"][3].as_f64().unwrap();
+    assert!(glass["alphaMode"] == "BLEND" && (0.25..=0.4).contains(&alpha), "{glass}");
+    assert_eq!(glass["extensions"]["KHR_materials_transmission"]["transmissionFactor"], 1.0);
+    let back = read_glb(&bytes, &ReadLimits::default()).unwrap();
+    let glass = back.nodes[0].mesh.materials.iter().find(|m| m.name == "glass").unwrap();
+    assert_eq!((glass.base_color[3], glass.transmission), (1.0, 1.0));
+    // Half transmission stands half way.
+    let mut mesh = crate_box(chequer(8));
+    mesh.materials[1].transmission = 0.5;
+    let doc = document(&glb_bytes(&scene(&Arc::new(mesh))).unwrap());
+    let glass = doc["materials"].as_array().unwrap().iter().find(|m| m["name"] == "glass").unwrap();
+    assert!(
+        (glass["pbrMetallicRoughness"]["baseColorFactor"][3].as_f64().unwrap() - (1.0 + alpha) / 2.0).abs() <= 1e-6
+    );
+}
+
+#[test]
+fn transmission_textures_are_averaged() {
+    let mesh = crate_box(chequer(8));
+    let bytes = glb_bytes(&scene(&Arc::new(mesh))).unwrap();
+    let mut doc = document(&bytes);
+    // The chequer's red is 200 and 30 in equal parts.
+    for m in doc["materials"].as_array_mut().unwrap() {
+        if m["name"] == "glass" {
+            m["extensions"]["KHR_materials_transmission"]["transmissionTexture"] = json!({ "index": 0 });
+        }
+    }
+    let text = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let back = read_glb(&glb(&doc, &bytes[28 + text..]), &ReadLimits::default()).unwrap();
+    let glass = back.nodes[0].mesh.materials.iter().find(|m| m.name == "glass").unwrap();
+    assert!((glass.transmission - 0.9 * 115.0 / 255.0).abs() <= 1e-3, "{}", glass.transmission);
+}
+
 /// A GLB file from a JSON document and a binary chunk.
 fn glb(doc: &Value, binary: &[u8]) -> Vec<u8> {
     let mut text = serde_json::to_vec(doc).unwrap();

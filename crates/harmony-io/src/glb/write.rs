@@ -1,34 +1,28 @@
 //! A [`GlbScene`] as bytes.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
-use std::sync::{Arc, LazyLock, Mutex, PoisonError, Weak};
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use harmony_mesh::{Material, Mesh};
-use image::{DynamicImage, RgbImage, RgbaImage};
-use rayon::prelude::*;
-use serde_json::{Map, Value, json};
+use harmony_mesh::{Mesh, Tile};
+use image::{RgbImage, RgbaImage};
+use serde_json::json;
 
 use super::document::{
-    ARRAY_BUFFER, Accessor, Asset, Buffer, BufferView, Document, ELEMENT_ARRAY_BUFFER, FLOAT, ImageEntry,
-    MaterialEntry, MeshEntry, Node, Pbr, Primitive, Scene, Texture, TextureRef, UNSIGNED_INT, UNSIGNED_SHORT,
+    ARRAY_BUFFER, Accessor, Asset, Buffer, BufferView, Document, ELEMENT_ARRAY_BUFFER, FLOAT, MeshEntry, Node,
+    Primitive, Scene, UNSIGNED_INT, UNSIGNED_SHORT,
 };
 use super::normals::unit;
+use super::surface::Embedded;
+use super::texture::{Files, tiled};
 use super::{GlbError, GlbNode, GlbScene, TextureEncoding, lights};
-use crate::picture::{rgb_jpeg, rgb_png, rgba_png};
 
-/// Quality of embedded JPEG textures.
-const JPEG_QUALITY: u8 = 92;
-/// A texture becomes JPEG when PNG is larger than that many times the JPEG.
-const JPEG_GAIN: f64 = 1.5;
-/// Smaller textures stay PNG, pixels.
-const JPEG_MIN_PIXELS: u32 = 64 * 64;
 /// Longest text of an extras-free name.
-const MAX_NAME: usize = 200;
+pub(super) const MAX_NAME: usize = 200;
 
 /// Puts a scene together.
 pub(super) fn glb_bytes(scene: &GlbScene<'_>) -> Result<Vec<u8>, GlbError> {
-    let mut w = Writer { textures: scene.textures, compressed: compressed(scene), ..Writer::default() };
+    let mut w = Writer { textures: scene.textures, files: Files::of(scene), ..Writer::default() };
     let mut roots = Vec::new();
     if !scene.shell.is_empty() {
         let children = scene.shell.iter().map(|n| w.mesh_node(n)).collect::<Result<Vec<_>, _>>()?;
@@ -66,63 +60,23 @@ pub(super) fn glb_bytes(scene: &GlbScene<'_>) -> Result<Vec<u8>, GlbError> {
     w.finish()
 }
 
+/// A file as it grows. Maps by address are looked up only, never iterated; their values keep the owner alive.
 #[derive(Default)]
-struct Writer {
-    doc: Document,
+pub(super) struct Writer {
+    pub(super) doc: Document,
     binary: Vec<u8>,
     textures: TextureEncoding,
-    /// Entry by mesh; looked up only, never iterated. The value keeps the pointer's owner alive.
     meshes: HashMap<*const Mesh, (Arc<Mesh>, usize)>,
-    images: HashMap<*const RgbaImage, (Arc<RgbaImage>, Embedded)>,
-    /// What [`compressed`] made; each is taken out once.
-    compressed: HashMap<*const RgbaImage, Compressed>,
-    materials: BTreeMap<String, usize>,
-}
-
-/// A texture in the file.
-#[derive(Debug, Clone, Copy)]
-struct Embedded {
-    /// `None` for an image without pixels.
-    texture: Option<usize>,
-    alpha: Alpha,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Alpha {
-    Opaque,
-    /// Cut-outs: nearly every texel is on or off.
-    Mask,
-    Blend,
-}
-
-/// A texture as it goes into the file.
-struct Compressed {
-    alpha: Alpha,
-    file: Result<(Arc<[u8]>, &'static str), GlbError>,
-}
-
-impl Compressed {
-    fn new(image: &Arc<RgbaImage>, encoding: TextureEncoding) -> Self {
-        let alpha = alpha_of(image);
-        Self { alpha, file: encoded(image, alpha, encoding) }
-    }
-}
-
-/// The textures of a scene, each on a core of its own: nothing else in a file takes as long.
-fn compressed(scene: &GlbScene<'_>) -> HashMap<*const RgbaImage, Compressed> {
-    let mut textures: Vec<&Arc<RgbaImage>> = Vec::new();
-    let mut known = HashSet::new();
-    for mesh in scene.shell.iter().chain(&scene.objects).map(|node| &node.mesh) {
-        let materials = mesh.groups.iter().filter_map(|group| mesh.materials.get(group.material));
-        let new = materials.filter_map(|material| material.texture.as_ref());
-        textures.extend(new.filter(|t| !t.is_empty() && known.insert(Arc::as_ptr(t))));
-    }
-    let made: Vec<Compressed> = textures.par_iter().map(|t| Compressed::new(t, scene.textures)).collect();
-    textures.into_iter().map(Arc::as_ptr).zip(made).collect()
+    pub(super) images: HashMap<*const RgbaImage, (Arc<RgbaImage>, Embedded)>,
+    pub(super) maps: HashMap<*const RgbImage, (Arc<RgbImage>, usize)>,
+    /// Textures by the bytes of their files.
+    pub(super) embedded: BTreeMap<Arc<[u8]>, usize>,
+    pub(super) files: Files,
+    pub(super) materials: BTreeMap<String, usize>,
 }
 
 impl Writer {
-    fn uses(&mut self, extension: &str) {
+    pub(super) fn uses(&mut self, extension: &str) {
         if !self.doc.extensions_used.iter().any(|e| e == extension) {
             self.doc.extensions_used.push(extension.to_owned());
         }
@@ -157,27 +111,29 @@ impl Writer {
             return Ok(*index);
         }
         mesh.check().map_err(|source| GlbError::Mesh { node: name.to_owned(), source })?;
-        let mut attributes = BTreeMap::new();
-        attributes.insert("POSITION".to_owned(), self.vectors(&mesh.positions, true));
-        let normals: Vec<Vec3> = mesh.normals.iter().map(|n| unit(*n).unwrap_or(Vec3::Y)).collect();
-        attributes.insert("NORMAL".to_owned(), self.vectors(&normals, false));
-        let textured = mesh.groups.iter().any(|g| mesh.materials[g.material].texture.is_some());
-        if textured || self.textures == TextureEncoding::Lossless {
-            let uvs: Vec<f32> =
-                mesh.uvs.iter().flat_map(|uv| if uv.is_finite() { *uv } else { Vec2::ZERO }.to_array()).collect();
-            attributes.insert("TEXCOORD_0".to_owned(), self.floats(&uvs, 2, None));
-        }
+        let any_tile = mesh.groups.iter().any(|g| tiled(mesh, &mesh.materials[g.material]));
+        // Without tiles all primitives share the vertices; with tiles each has its own, for their coordinates differ.
+        let shared = if any_tile { None } else { Some(self.attributes(mesh, None, None)) };
         let mut primitives = Vec::new();
         for group in &mesh.groups {
             let distinct = |t: &&[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
-            let indices: Vec<u32> = group.triangles.iter().filter(distinct).flatten().copied().collect();
+            let mut indices: Vec<u32> = group.triangles.iter().filter(distinct).flatten().copied().collect();
             if indices.is_empty() {
                 continue;
             }
-            let material = self.material(&mesh.materials[group.material])?;
+            let look = &mesh.materials[group.material];
+            let tile = look.tile.as_deref().filter(|_| tiled(mesh, look));
+            let material = self.material(look, tile)?;
+            let (attributes, count) = match &shared {
+                Some(attributes) => (attributes.clone(), mesh.positions.len()),
+                None => {
+                    let used = compact(&mut indices, mesh.positions.len());
+                    (self.attributes(mesh, Some(&used), tile), used.len())
+                }
+            };
             primitives.push(Primitive {
-                attributes: attributes.clone(),
-                indices: Some(self.indices(&indices, mesh.positions.len())),
+                attributes,
+                indices: Some(self.indices(&indices, count)),
                 material: Some(material),
                 ..Primitive::default()
             });
@@ -191,7 +147,32 @@ impl Writer {
         Ok(index)
     }
 
-    fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
+    /// Vertices of a mesh, all or those named; texture coordinates of the tile where there is one.
+    fn attributes(&mut self, mesh: &Mesh, used: Option<&[u32]>, tile: Option<&Tile>) -> BTreeMap<String, usize> {
+        fn pick<T: Copy>(all: &[T], used: Option<&[u32]>) -> Vec<T> {
+            used.map_or_else(|| all.to_vec(), |used| used.iter().map(|i| all[*i as usize]).collect())
+        }
+        let finite = |uv: Vec2| if uv.is_finite() { uv } else { Vec2::ZERO };
+        let mut attributes = BTreeMap::new();
+        attributes.insert("POSITION".to_owned(), self.vectors(&pick(&mesh.positions, used), true));
+        let normals: Vec<Vec3> = pick(&mesh.normals, used).into_iter().map(|n| unit(n).unwrap_or(Vec3::Y)).collect();
+        attributes.insert("NORMAL".to_owned(), self.vectors(&normals, false));
+        let textured = mesh.groups.iter().any(|g| mesh.materials[g.material].texture.is_some());
+        let uvs: Option<Vec<Vec2>> = match tile {
+            Some(tile) => Some(pick(&mesh.metric_uvs, used).into_iter().map(|m| finite(tile.uv(m))).collect()),
+            None if textured || self.textures == TextureEncoding::Lossless => {
+                Some(pick(&mesh.uvs, used).into_iter().map(finite).collect())
+            }
+            None => None,
+        };
+        if let Some(uvs) = uvs {
+            let flat: Vec<f32> = uvs.iter().flat_map(Vec2::to_array).collect();
+            attributes.insert("TEXCOORD_0".to_owned(), self.floats(&flat, 2, None));
+        }
+        attributes
+    }
+
+    pub(super) fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
         self.binary.resize(self.binary.len().next_multiple_of(4), 0);
         self.doc.buffer_views.push(BufferView {
             byte_offset: Some(self.binary.len()),
@@ -250,95 +231,6 @@ impl Writer {
         })
     }
 
-    /// The entry of a material; equal materials share one.
-    fn material(&mut self, material: &Material) -> Result<usize, GlbError> {
-        let unit = |v: f32, default: f64| if v.is_finite() { f64::from(v).clamp(0.0, 1.0) } else { default };
-        let embedded = match &material.texture {
-            Some(texture) => self.texture(texture)?,
-            None => Embedded { texture: None, alpha: Alpha::Opaque },
-        };
-        let factor = material.base_color.map(|c| unit(c, 1.0));
-        let mut extensions = Map::new();
-        let mut add = |name: &str, value: Value| extensions.insert(name.to_owned(), value);
-        let ior = f64::from(material.ior);
-        if ior.is_finite() && ior >= 1.0 && (ior - 1.5).abs() > 1e-6 {
-            add("KHR_materials_ior", json!({ "ior": ior }));
-        }
-        let transmission = unit(material.transmission, 0.0);
-        if transmission > 0.0 {
-            add("KHR_materials_transmission", json!({ "transmissionFactor": transmission }));
-        }
-        let emitted = material.emissive.map(|e| if e.is_finite() { f64::from(e).max(0.0) } else { 0.0 });
-        let strength = emitted.into_iter().fold(0.0, f64::max);
-        if strength > 1.0 {
-            add("KHR_materials_emissive_strength", json!({ "emissiveStrength": strength }));
-        }
-        for name in extensions.keys() {
-            if !self.doc.extensions_used.iter().any(|e| e == name) {
-                self.doc.extensions_used.push(name.clone());
-            }
-        }
-        let (alpha_mode, alpha_cutoff) = match embedded.alpha {
-            _ if factor[3] < 1.0 => (Some("BLEND"), None),
-            Alpha::Opaque => (None, None),
-            Alpha::Mask => (Some("MASK"), Some(0.5)),
-            Alpha::Blend => (Some("BLEND"), None),
-        };
-        let entry = MaterialEntry {
-            name: material.name.chars().take(MAX_NAME).collect(),
-            pbr_metallic_roughness: Pbr {
-                base_color_factor: Some(factor),
-                base_color_texture: embedded.texture.map(|index| TextureRef { index, ..TextureRef::default() }),
-                metallic_factor: Some(unit(material.metallic, 0.0)),
-                roughness_factor: Some(unit(material.roughness, 0.6)),
-                metallic_roughness_texture: None,
-            },
-            emissive_factor: (strength > 0.0).then(|| emitted.map(|e| e / strength.max(1.0))),
-            alpha_mode: alpha_mode.map(str::to_owned),
-            alpha_cutoff,
-            double_sided: material.double_sided,
-            extensions,
-            ..MaterialEntry::default()
-        };
-        let key = serde_json::to_string(&entry)?;
-        let next = self.doc.materials.len();
-        let index = *self.materials.entry(key).or_insert(next);
-        if index == next {
-            self.doc.materials.push(entry);
-        }
-        Ok(index)
-    }
-
-    fn texture(&mut self, image: &Arc<RgbaImage>) -> Result<Embedded, GlbError> {
-        if let Some((_, embedded)) = self.images.get(&Arc::as_ptr(image)) {
-            return Ok(*embedded);
-        }
-        let made = self.compressed.remove(&Arc::as_ptr(image));
-        let Compressed { alpha, file } = made.unwrap_or_else(|| Compressed::new(image, self.textures));
-        let texture = if image.is_empty() {
-            None
-        } else {
-            let (bytes, mime) = file?;
-            let view = self.view(&bytes, None);
-            self.doc.images.push(ImageEntry {
-                name: format!("texture_{}", self.doc.images.len()),
-                buffer_view: Some(view),
-                mime_type: Some(mime.to_owned()),
-                uri: None,
-            });
-            if self.doc.samplers.is_empty() {
-                // Linear with mipmaps, repeating.
-                self.doc.samplers.push(json!({ "magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 10497 }));
-            }
-            let source = Some(self.doc.images.len() - 1);
-            self.doc.textures.push(Texture { sampler: Some(0), source, ..Texture::default() });
-            Some(self.doc.textures.len() - 1)
-        };
-        let embedded = Embedded { texture, alpha };
-        self.images.insert(Arc::as_ptr(image), (Arc::clone(image), embedded));
-        Ok(embedded)
-    }
-
     fn finish(mut self) -> Result<Vec<u8>, GlbError> {
         self.binary.resize(self.binary.len().next_multiple_of(4), 0);
         if !self.binary.is_empty() {
@@ -370,60 +262,18 @@ impl Writer {
     }
 }
 
-fn alpha_of(image: &RgbaImage) -> Alpha {
-    let (mut clear, mut between) = (0_usize, 0_usize);
-    for p in image.pixels() {
-        match p.0[3] {
-            255 => {}
-            0..=8 => clear += 1,
-            _ => between += 1,
-        }
+/// Numbers the vertices that indices use from 0 in their own order; which they are.
+fn compact(indices: &mut [u32], count: usize) -> Vec<u32> {
+    let mut place = vec![u32::MAX; count];
+    for i in indices.iter() {
+        place[*i as usize] = 0;
     }
-    match (clear, between) {
-        (0, 0) => Alpha::Opaque,
-        // Soft rims of cut-outs are a small part of them.
-        (c, b) if b <= (c / 8).max(image.as_raw().len() / 4 / 50) && c > 0 => Alpha::Mask,
-        _ => Alpha::Blend,
+    let used: Vec<u32> = (0..count as u32).filter(|i| place[*i as usize] == 0).collect();
+    for (k, i) in used.iter().enumerate() {
+        place[*i as usize] = k as u32;
     }
-}
-
-fn encoded(
-    image: &Arc<RgbaImage>,
-    alpha: Alpha,
-    encoding: TextureEncoding,
-) -> Result<(Arc<[u8]>, &'static str), GlbError> {
-    let png = lossless(image, alpha)?;
-    if alpha == Alpha::Opaque
-        && encoding == TextureEncoding::Compact
-        && image.width() * image.height() >= JPEG_MIN_PIXELS
-    {
-        let jpeg = rgb_jpeg(&without_alpha(image), JPEG_QUALITY)?;
-        if png.len() as f64 > JPEG_GAIN * jpeg.len() as f64 {
-            return Ok((jpeg.into(), "image/jpeg"));
-        }
+    for i in indices.iter_mut() {
+        *i = place[*i as usize];
     }
-    Ok((png, "image/png"))
-}
-
-/// The texture as PNG, made once as long as somebody holds it: a mesh is written with its answer, as an object, and in the
-/// scene.
-fn lossless(image: &Arc<RgbaImage>, alpha: Alpha) -> Result<Arc<[u8]>, GlbError> {
-    /// By address, which stays that texture's own as long as the `Weak` is here.
-    type Known = HashMap<usize, (Weak<RgbaImage>, Arc<[u8]>)>;
-    static KNOWN: LazyLock<Mutex<Known>> = LazyLock::new(Mutex::default);
-    let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-    let key = Arc::as_ptr(image) as usize;
-    if let Some((_, file)) = known().get(&key) {
-        return Ok(Arc::clone(file));
-    }
-    let file = if alpha == Alpha::Opaque { rgb_png(&without_alpha(image))? } else { rgba_png(image)? };
-    let file: Arc<[u8]> = file.into();
-    let mut known = known();
-    known.retain(|_, (texture, _)| texture.strong_count() > 0);
-    known.insert(key, (Arc::downgrade(image), Arc::clone(&file)));
-    Ok(file)
-}
-
-fn without_alpha(image: &RgbaImage) -> RgbImage {
-    DynamicImage::ImageRgba8(image.clone()).into_rgb8()
+    used
 }
