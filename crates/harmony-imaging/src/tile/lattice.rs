@@ -236,6 +236,21 @@ impl Lattice {
         (lattice.explained(ratios) >= EXPLAINED).then_some(lattice)
     }
 
+    /// A picture of one period, laid out by the map from texels to its coordinates (0 to 1 across and down). `None`
+    /// when it has no area or the map is singular.
+    pub(super) fn printed(picture: &image::RgbaImage, cell_from_texel: DMat2) -> Option<Self> {
+        let (width, height) = (picture.width() as usize, picture.height() as usize);
+        let sound = cell_from_texel.is_finite() && cell_from_texel.determinant().abs() > 1e-12;
+        if width == 0 || height == 0 || !sound {
+            return None;
+        }
+        let n = (width * height) as f32;
+        let sum = picture.pixels().fold([0.0_f32; 3], |s, p| std::array::from_fn(|c| s[c] + f32::from(p.0[c])));
+        let mean = sum.map(|s| (s / n).max(1.0));
+        let cell = picture.pixels().map(|p| std::array::from_fn(|c| f32::from(p.0[c]) / mean[c])).collect();
+        Some(Self { cell_from_texel, width, height, cell })
+    }
+
     /// The same periods, averaged anew (the light is known better now).
     pub(super) fn averaged_again(&self, ratios: &Ratios<'_>) -> Option<Self> {
         let texel_from_cell = self.cell_from_texel.inverse();

@@ -6,7 +6,7 @@
 //! cupboard. Away from what was seen it settles at the typical colour, neither darker nor lighter because the photo ends
 //! there. The tile has an even brightness, so that it can be laid anywhere, on other surfaces as well.
 
-use glam::DVec2;
+use glam::{DMat2, DVec2};
 use image::{Rgba, RgbaImage};
 
 use super::base::{self, Base, Color, Smoothing};
@@ -95,6 +95,16 @@ impl Look {
     #[must_use]
     pub fn unpatterned(&self) -> Self {
         Self { pattern: None, ..self.clone() }
+    }
+
+    /// The same colour with a picture of one period instead of what was seen: `cell_from_texel` gives the place in the
+    /// picture (0 to 1 across and down) of a texel. A picture without area changes nothing.
+    #[must_use]
+    pub fn printed(&self, picture: &RgbaImage, cell_from_texel: DMat2, seed: u64) -> Self {
+        match Lattice::printed(picture, cell_from_texel) {
+            Some(pattern) => Self { color: self.color, pattern: Some(pattern), tile: Tile::grain(seed) },
+            None => self.clone(),
+        }
     }
 
     /// The periods of its pattern, texels, when it has one.
@@ -235,6 +245,24 @@ impl Survey {
     /// The whole surface: the photo where it was seen, and, with a soft border, the material elsewhere; opaque.
     pub fn complete(&self) -> RgbaImage {
         self.completed(|x, y, _| self.look.times(x, y, self.field.at(x, y)))
+    }
+
+    /// [`Survey::complete`] with another pattern under the light that was seen.
+    pub fn complete_as(&self, look: &Look) -> RgbaImage {
+        self.completed(|x, y, _| look.times(x, y, self.field.at(x, y)))
+    }
+
+    /// What was seen, its uneven light taken out; alpha 255 where it was kept.
+    pub fn delit(&self) -> RgbaImage {
+        RgbaImage::from_fn(self.texture.width(), self.texture.height(), |x, y| {
+            let p = self.texture.get_pixel(x, y).0;
+            let field = self.field.at(x, y);
+            let [r, g, b, _] = opaque(std::array::from_fn(|c| {
+                f32::from(p[c]) / field[c].max(1.0) * self.look.color[c]
+            }))
+            .0;
+            if p[3] < KEPT { Rgba([0; 4]) } else { Rgba([r, g, b, 255]) }
+        })
     }
 
     /// What was seen, in another material: for a surface of which too little was seen to tell its own.

@@ -111,3 +111,19 @@ fn other_surfaces_are_painted_in_the_same_colour() {
     assert!((mean - 172.0).abs() < 2.0, "{mean}");
     assert!(Survey::of(&RgbaImage::new(50, 50), &[true; 2500], 100.0, Grain::Fine, 7).is_none());
 }
+
+#[test]
+fn a_printed_pattern_lies_at_its_size_under_the_light_that_was_seen() {
+    // A floor of 160 that darkens to 80 along x; stripes of 10 texels, one in ten dark.
+    let texture = RgbaImage::from_fn(300, 200, |x, _| opaque([160.0 - 80.0 * x as f32 / 300.0; 3]));
+    let survey = survey(&texture);
+    let delit = survey.delit();
+    assert!(delit.get_pixel(40, 100).0[0].abs_diff(delit.get_pixel(260, 100).0[0]) < 6);
+    let stripes = RgbaImage::from_fn(10, 1, |x, _| opaque([if x == 0 { 20.0 } else { 200.0 }; 3]));
+    let look = survey.look.printed(&stripes, DMat2::from_diagonal(DVec2::new(0.1, 0.1)), 3);
+    let painted = look.paint(60, 20);
+    let dark: Vec<u32> = (0..60).filter(|x| painted.get_pixel(*x, 7).0[0] < 70).collect();
+    assert_eq!(dark, [0, 10, 20, 30, 40, 50]);
+    let mean = painted.pixels().map(|p| f64::from(p.0[0])).sum::<f64>() / 1200.0;
+    assert!((mean - f64::from(look.color[0])).abs() < 4.0, "{mean}");
+}
