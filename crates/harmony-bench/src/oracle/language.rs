@@ -36,6 +36,8 @@ impl VisionLanguage for Oracle {
                 Some(QuestionKind::Fronts) => json!(self.fronts(facts)),
                 Some(QuestionKind::Orient) => json!(self.orient(facts)),
                 Some(QuestionKind::Review) => json!(self.review(facts)),
+                Some(QuestionKind::Lights) => self.lights(facts),
+                Some(QuestionKind::LightingReview) => Self::confirm_light(facts),
                 _ => {
                     return Err(RoleError::NotCapable {
                         player: "oracle".to_owned(),
@@ -54,7 +56,7 @@ fn level(facts: &Value) -> Level {
 
 impl Oracle {
     /// A relative error of one sigma.
-    fn factor(&self, purpose: &str, sigma: f64) -> f64 {
+    pub(super) fn factor(&self, purpose: &str, sigma: f64) -> f64 {
         1.0 + sigma * self.draws.normal(purpose).clamp(-2.5, 2.5)
     }
 
