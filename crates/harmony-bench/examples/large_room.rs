@@ -33,6 +33,7 @@ fn main() {
     println!("{}: {} objects in view, meshes of {faces} faces", truth.name, truth.visible().count());
 
     let play = Play {
+        path_tracer: false,
         truth: &truth,
         oracle: Arc::clone(&oracle),
         settings: Settings::default(),

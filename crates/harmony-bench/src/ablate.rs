@@ -313,6 +313,7 @@ mod tests {
             title: "no rooms".to_owned(),
             level: None,
             exact_height: false,
+            meshes: None,
             changes: Vec::new(),
             absent: Vec::new(),
             raw: Vec::new(),

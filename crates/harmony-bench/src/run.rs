@@ -9,13 +9,15 @@ use harmony_pipeline::{ProgressSink, RunOutcome, RunRequest, Settings, Warnings}
 use serde::{Deserialize, Serialize};
 
 use crate::metrics::similarity::Looking;
-use crate::oracle::{Noise, NoiseLevel, Oracle};
+use crate::oracle::{Meshes, Noise, NoiseLevel, Oracle};
 use crate::score::{Prediction, RoomScore, ScoreOptions, pictures, score};
 use crate::truth::{TruthError, TruthRoom};
 use crate::views::{Lit, LitOptions, judge_case};
 
-/// Index of the last phase that the benchmark needs: decorations. Lighting asks questions that the truth can't answer.
+/// Index of the last phase that the geometry needs: decorations.
 const LAST_PHASE: usize = 4;
+/// Index of the phase of materials and light.
+const LIGHT_PHASE: usize = 5;
 
 /// What to run.
 #[derive(Debug, Clone)]
@@ -44,8 +46,10 @@ pub struct BenchRequest {
     pub keep: bool,
     /// Networks that compare pictures.
     pub looking: Looking,
-    /// Lit pictures are judged too, at this size.
+    /// Runs go on through materials and light, and lit pictures are judged too, at this size.
     pub lit: Option<LitOptions>,
+    /// What the oracle's meshes are made of.
+    pub meshes: Meshes,
 }
 
 /// Scores of a benchmark, as measured and after scale alignment.
@@ -60,6 +64,9 @@ pub struct BenchResult {
     /// Changes to the settings, `key=value`.
     #[serde(default)]
     pub changes: Vec<String>,
+    /// What the oracle's meshes were made of; `None` when only results were judged, and in older files.
+    #[serde(default)]
+    pub meshes: Option<Meshes>,
     /// What was not measured, and why.
     #[serde(default)]
     pub absent: Vec<String>,
@@ -159,6 +166,7 @@ pub async fn run(
         level: Some(request.level),
         exact_height: request.exact_height,
         changes: request.changes.clone(),
+        meshes: Some(request.meshes),
         absent,
         raw,
         aligned,
@@ -271,6 +279,7 @@ pub async fn judge_finished(
         level: None,
         exact_height: false,
         changes: Vec::new(),
+        meshes: None,
         absent,
         raw,
         aligned,
@@ -383,15 +392,19 @@ async fn one(
     out: &Path,
     offline: &Cast,
 ) -> Result<Option<String>, BenchError> {
-    let oracle = Arc::new(Oracle::new(truth.clone(), request.noise, seed, request.exact_height));
+    let photo = harmony_io::picture::read(&truth.photo())
+        .map_err(|e| BenchError::Photo { room: truth.name.clone(), reason: e.to_string() })?;
+    let oracle = Oracle::new(truth.clone(), request.noise, seed, request.exact_height);
+    let oracle = Arc::new(oracle.with_meshes(request.meshes, Arc::new(photo.into_rgb8())));
     let level = request.level.name();
     let play = Play {
         truth,
         oracle,
         settings: request.settings.clone(),
-        until: LAST_PHASE,
+        until: if request.lit.is_some() { LIGHT_PHASE } else { LAST_PHASE },
+        path_tracer: request.lit.is_some(),
         profile: format!("oracle, noise {level}"),
-        further_inputs: format!("{level} {seed}"),
+        further_inputs: format!("{level} {seed} {}", request.meshes.name()),
     };
     let silent: ProgressSink = Arc::new(|_| {});
     let outcome = Box::pin(play.run(out, offline, &silent)).await?;
@@ -408,6 +421,8 @@ pub struct Play<'a> {
     pub settings: Settings,
     /// Index of the last phase; what the oracle has no answer to is answered by this program's own rules.
     pub until: usize,
+    /// The last phase may render with the path tracer.
+    pub path_tracer: bool,
     /// Who plays, in words.
     pub profile: String,
     /// What the oracle's answers depend on.
@@ -442,7 +457,7 @@ impl Play<'_> {
             settings: self.settings,
             until: self.until,
             boxes_from_vlm: false,
-            path_tracer: false,
+            path_tracer: self.path_tracer,
             further_inputs: self.further_inputs,
         };
         Box::pin(harmony_pipeline::run(&run, &calls, &warnings, progress)).await.map_err(|e| failed(e.to_string()))

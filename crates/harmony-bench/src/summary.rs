@@ -312,6 +312,8 @@ pub fn number(v: f64) -> String {
         "-".to_owned()
     } else if v.abs() >= 100.0 {
         format!("{v:.0}")
+    } else if v != 0.0 && v.abs() < 0.1 {
+        format!("{v:.4}")
     } else {
         format!("{v:.3}")
     }

@@ -407,6 +407,53 @@ fn meshes(path: &Path) -> Result<Arrays, TruthError> {
     Ok(out)
 }
 
+/// Kinds of [`TruthLight`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TruthLightKind {
+    /// A rectangle.
+    Area,
+    /// A bulb.
+    Point,
+    /// The sun.
+    Sun,
+}
+
+/// A light of the room.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TruthLight {
+    /// What it is.
+    pub kind: TruthLightKind,
+    /// Room frame, metres; zero for the sun.
+    pub position: DVec3,
+    /// Watts; W/m2 for the sun.
+    pub power: f64,
+    /// Linear RGB.
+    pub color: DVec3,
+    /// The object that it belongs to; `None` for the fill behind the camera and the sun.
+    pub owner: Option<String>,
+}
+
+/// The lights of a room's `room.json`; none where there is no such file or list.
+pub fn lights_of(folder: &Path) -> Vec<TruthLight> {
+    let Ok(room) = json(&folder.join("room.json")) else { return Vec::new() };
+    let one = |l: &Value| {
+        let (kind, power) = match l["type"].as_str()? {
+            "area" => (TruthLightKind::Area, "watts"),
+            "point" => (TruthLightKind::Point, "watts"),
+            "sun" => (TruthLightKind::Sun, "strength"),
+            _ => return None,
+        };
+        Some(TruthLight {
+            kind,
+            position: vec3(&l["position"]).unwrap_or(DVec3::ZERO),
+            power: l[power].as_f64()?,
+            color: vec3(&l["color"]).unwrap_or(DVec3::ONE),
+            owner: l["owner"].as_str().map(str::to_owned),
+        })
+    };
+    room["lights"].as_array().into_iter().flatten().filter_map(one).collect()
+}
+
 /// All truth rooms of a folder (or the folder itself, when it is one), sorted by name.
 ///
 /// # Errors

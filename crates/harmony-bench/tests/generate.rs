@@ -29,8 +29,20 @@ fn rooms() -> &'static [GeneratedRoom] {
 fn files(room: &GeneratedRoom) -> BTreeMap<String, Vec<u8>> {
     let folder = tempfile::tempdir().unwrap();
     write(room, folder.path()).unwrap();
-    let entries = std::fs::read_dir(folder.path()).unwrap().map(Result::unwrap);
-    entries.map(|e| (e.file_name().into_string().unwrap(), std::fs::read(e.path()).unwrap())).collect()
+    let mut out = BTreeMap::new();
+    let mut folders = vec![folder.path().to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in std::fs::read_dir(next).unwrap().map(Result::unwrap) {
+            if entry.path().is_dir() {
+                folders.push(entry.path());
+                continue;
+            }
+            let path = entry.path();
+            let name = path.strip_prefix(folder.path()).unwrap().to_str().unwrap().to_owned();
+            out.insert(name, std::fs::read(entry.path()).unwrap());
+        }
+    }
+    out
 }
 
 #[test]
@@ -47,6 +59,14 @@ fn a_seed_means_the_same_bytes_and_another_one_another_room() {
         "photo.jpg",
         "points.npz",
         "room.json",
+        "views/1/camera.json",
+        "views/1/depth.png",
+        "views/1/instances.png",
+        "views/1/photo.jpg",
+        "views/2/camera.json",
+        "views/2/depth.png",
+        "views/2/instances.png",
+        "views/2/photo.jpg",
     ];
     assert_eq!(names, expected);
     for name in expected {
@@ -190,4 +210,49 @@ fn cameras_face_the_back_wall_from_inside() {
         assert!((0.0..=18.0).contains(&room.camera_pitch.to_degrees()));
         assert!((59.9..=90.1).contains(&room.camera.horizontal_fov().to_degrees()));
     }
+}
+
+/// What the photo and a view both show looks alike in both, for light, exposure and frames are one room's.
+#[test]
+fn views_show_the_same_room_at_the_photos_exposure() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut shares = Vec::new();
+    for room in &rooms()[..6] {
+        let folder = folder.path().join(&room.name);
+        write(room, &folder).unwrap();
+        let truth = harmony_bench::truth::TruthRoom::load(&folder).unwrap();
+        let views = truth.views().unwrap();
+        assert_eq!(views.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["1", "2"], "{}", room.name);
+        for (view, made) in views.iter().zip(&room.views) {
+            let eye = view.camera.centre();
+            let inside = eye.cmpgt(DVec3::ZERO).all() && eye.cmplt(room.extents.as_vec()).all();
+            assert!(inside && eye.distance(room.camera.centre()) > 0.4, "{} {}: {eye}", room.name, view.name);
+            let seen = harmony_bench::views::seen_by_photo(&truth, view);
+            shares.push(seen.count() as f64 / seen.size().pixels() as f64);
+            let mut off = Vec::new();
+            for y in 0..seen.size().height {
+                for x in 0..seen.size().width {
+                    let i = (y * seen.size().width + x) as usize;
+                    if !seen.get(i64::from(x), i64::from(y)) {
+                        continue;
+                    }
+                    let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+                    let point = view.camera.unproject(pixel, f64::from(view.depth[i]));
+                    if view.ids[i] == 1 {
+                        assert!(point.y.abs() < 0.01, "the floor lies at {point}");
+                    }
+                    let p = truth.camera.project(point).unwrap();
+                    let there = room.photo.get_pixel(p.x as u32, p.y as u32).0;
+                    let here = made.photo.get_pixel(x, y).0;
+                    off.push(f64::from(here[1].abs_diff(there[1])));
+                }
+            }
+            off.sort_by(f64::total_cmp);
+            let median = off[off.len() / 2];
+            // Noise of the sensor is about 2 of 255, light is noisy by as much again at this size.
+            assert!(median <= 8.0, "{} {}: {median} of 255", room.name, view.name);
+        }
+    }
+    let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+    assert!((0.3..0.9).contains(&mean), "{shares:?}");
 }

@@ -71,6 +71,7 @@ fn result(raw: Vec<RoomScore>) -> BenchResult {
     BenchResult {
         title: "made up".to_owned(),
         level: None,
+        meshes: None,
         exact_height: true,
         changes: vec!["review_rounds=0".to_owned()],
         absent: vec!["LPIPS is not measured: <no weights>".to_owned()],

@@ -7,9 +7,9 @@ use glam::{DVec3, Vec3};
 use harmony_io::picture::{PictureError, rgb_jpeg, write_depth_png};
 use harmony_io::{FileError, write_atomic, write_json};
 use harmony_mesh::Mesh;
-use harmony_scene::{Surface, Wall};
+use harmony_scene::{Camera, ImageSize, Surface, Wall};
 use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder};
+use image::{ExtendedColorType, ImageEncoder, RgbImage};
 use serde_json::{Value, json};
 
 use super::archive::{Entry, archive};
@@ -37,18 +37,11 @@ pub enum GenerateError {
 /// [`GenerateError`].
 pub fn write(room: &GeneratedRoom, folder: &Path) -> Result<(), GenerateError> {
     std::fs::create_dir_all(folder).map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
-    let size = room.camera.size;
-    write_atomic(&folder.join("photo.jpg"), &rgb_jpeg(&room.photo, room.jpeg_quality)?)?;
-    write_json(&folder.join("camera.json"), &camera(room))?;
+    write_pictures(folder, &room.photo, &room.depth, &room.ids, room.jpeg_quality)?;
+    write_json(&folder.join("camera.json"), &camera(&room.camera, room.camera_yaw, room.camera_pitch))?;
     write_json(&folder.join("room.json"), &room_json(room))?;
     let list: Vec<Value> = room.objects.iter().map(object).collect();
     write_json(&folder.join("objects.json"), &json!({ "scene": room.name, "objects": list }))?;
-    write_depth_png(&folder.join("depth.png"), size, &room.depth)?;
-    let mut ids = Vec::new();
-    PngEncoder::new(&mut ids)
-        .write_image(&room.ids, size.width, size.height, ExtendedColorType::L8)
-        .map_err(GenerateError::Ids)?;
-    write_atomic(&folder.join("instances.png"), &ids)?;
     let points = [
         Entry::points("xyz", &room.points.xyz),
         Entry::numbers("id", &room.points.id),
@@ -64,7 +57,31 @@ pub fn write(room: &GeneratedRoom, folder: &Path) -> Result<(), GenerateError> {
     }
     write_atomic(&folder.join("meshes.npz"), &archive(&meshes))?;
     write_atomic(&folder.join("credits.txt"), credits(room).as_bytes())?;
+    for view in &room.views {
+        let folder = folder.join("views").join(view.name);
+        std::fs::create_dir_all(&folder).map_err(|source| FileError::Write { path: folder.clone(), source })?;
+        write_pictures(&folder, &view.photo, &view.depth, &view.ids, room.jpeg_quality)?;
+        write_json(&folder.join("camera.json"), &camera(&view.camera, view.yaw, view.pitch))?;
+    }
     Ok(())
+}
+
+/// `photo.jpg`, `depth.png` and `instances.png`.
+fn write_pictures(
+    folder: &Path,
+    photo: &RgbImage,
+    depth: &[f32],
+    ids: &[u8],
+    quality: u8,
+) -> Result<(), GenerateError> {
+    let size = ImageSize::new(photo.width(), photo.height());
+    write_atomic(&folder.join("photo.jpg"), &rgb_jpeg(photo, quality)?)?;
+    write_depth_png(&folder.join("depth.png"), size, depth)?;
+    let mut png = Vec::new();
+    PngEncoder::new(&mut png)
+        .write_image(ids, size.width, size.height, ExtendedColorType::L8)
+        .map_err(GenerateError::Ids)?;
+    Ok(write_atomic(&folder.join("instances.png"), &png)?)
 }
 
 /// Equal positions made one.
@@ -93,8 +110,7 @@ fn list(v: DVec3, digits: i32) -> Value {
     json!(v.to_array().map(|c| round(c, digits)))
 }
 
-fn camera(room: &GeneratedRoom) -> Value {
-    let c = &room.camera;
+fn camera(c: &Camera, yaw: f64, pitch: f64) -> Value {
     let k = &c.intrinsics;
     let rows = c.rotation.transpose();
     json!({
@@ -105,8 +121,8 @@ fn camera(room: &GeneratedRoom) -> Value {
         "t": list(c.translation, 9),
         "center": list(c.centre(), 9),
         "hfov_deg": round(c.horizontal_fov().to_degrees(), 4),
-        "yaw_deg": round(room.camera_yaw.to_degrees(), 4),
-        "pitch_down_deg": round(room.camera_pitch.to_degrees(), 4),
+        "yaw_deg": round(yaw.to_degrees(), 4),
+        "pitch_down_deg": round(pitch.to_degrees(), 4),
         "roll_deg": 0.0,
         "convention": "OpenCV; x_cam = R x_room + t; the centre of the top-left pixel is (0.5, 0.5)",
         "distortion": null,

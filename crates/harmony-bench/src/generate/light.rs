@@ -8,6 +8,7 @@ use harmony_scene::{Camera, Extents, Ray, Wall};
 use image::RgbImage;
 use rayon::prelude::*;
 
+use super::develop::{Exposure, develop};
 use super::dice::{Dice, hash, hash_unit};
 
 /// A rectangle or a point that shines.
@@ -54,14 +55,14 @@ pub(super) struct Lit<'a> {
 
 /// One shaded point.
 #[derive(Debug, Clone, Copy, Default)]
-struct Point {
+pub(super) struct Point {
     place: Vec3,
     normal: Vec3,
     light: Vec3,
     /// Gives its own light: taken as it is.
-    glows: bool,
+    pub(super) glows: bool,
     /// What of it leaves towards the camera.
-    gleam: f32,
+    pub(super) gleam: f32,
 }
 
 /// Every second pixel is lit.
@@ -71,8 +72,14 @@ const GATHER: u32 = 8;
 /// Shadow rays a window.
 const WINDOW_RAYS: u32 = 3;
 
-/// The photo from the flat colours of `frame`.
-pub(super) fn photo(dice: &mut Dice, camera: &Camera, frame: &Frame, room: &Lit) -> RgbImage {
+/// The photo from the flat colours of `frame`, and how it was exposed; `like` takes the exposure of another one.
+pub(super) fn photo(
+    dice: &mut Dice,
+    camera: &Camera,
+    frame: &Frame,
+    room: &Lit,
+    like: Option<Exposure>,
+) -> (RgbImage, Exposure) {
     let (all, blockers) = (Bvh::new(room.all), Bvh::new(room.blockers));
     let glows: Vec<bool> = room
         .all
@@ -118,7 +125,7 @@ pub(super) fn photo(dice: &mut Dice, camera: &Camera, frame: &Frame, room: &Lit)
         .into_par_iter()
         .map(|i| smoothed(&coarse, [hw, hh], &points[i as usize], [i % w / STEP, i / w / STEP]))
         .collect();
-    develop(dice, frame, &points, &lit)
+    develop(dice, frame, &points, &lit, like)
 }
 
 fn smooth_normal(mesh: &Mesh, t: [u32; 3], at: Vec3, flat: Vec3) -> Vec3 {
@@ -306,53 +313,6 @@ fn smoothed(coarse: &[Point], size: [u32; 2], p: &Point, at: [u32; 2]) -> Vec3 {
     } else {
         coarse[(at[1].min(size[1] - 1) * size[0] + at[0].min(size[0] - 1)) as usize].light
     }
-}
-
-fn decode(c: u8) -> f32 {
-    let v = f32::from(c) / 255.0;
-    if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-}
-
-fn encode(v: f32) -> f32 {
-    if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
-}
-
-/// Exposure, a soft shoulder and sensor noise.
-fn develop(dice: &mut Dice, frame: &Frame, points: &[Point], lit: &[Vec3]) -> RgbImage {
-    let table: Vec<f32> = (0..=255).map(decode).collect();
-    let albedo = |i: usize| {
-        let p = &frame.color.as_raw()[i * 4..i * 4 + 3];
-        Vec3::new(table[usize::from(p[0])], table[usize::from(p[1])], table[usize::from(p[2])])
-    };
-    let mut bright: Vec<f32> = (0..points.len())
-        .step_by(7)
-        .filter(|i| !points[*i].glows)
-        .map(|i| (albedo(i) * lit[i]).dot(Vec3::new(0.21, 0.72, 0.07)))
-        .collect();
-    bright.sort_by(f32::total_cmp);
-    let middle = bright.get(bright.len() * 55 / 100).copied().unwrap_or(0.2).max(1e-3);
-    let high = bright.get(bright.len() * 97 / 100).copied().unwrap_or(1.0).max(1e-3);
-    let exposure = (dice.f(0.2, 0.27) / middle).min(1.6 / high);
-    let warmth = dice.f(-0.04, 0.06);
-    let (noise, seed) = (dice.f(0.004, 0.011), dice.number());
-    let width = frame.size.width;
-    let mut out = RgbImage::new(width, frame.size.height);
-    out.as_mut().par_chunks_mut(3 * width as usize).enumerate().for_each(|(y, row)| {
-        for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
-            let i = y * width as usize + x;
-            let glow = if points[i].glows { Vec3::splat(points[i].gleam / exposure.max(0.01)) } else { lit[i] };
-            let c = albedo(i) * glow * exposure * Vec3::new(1.0 + warmth, 1.0, 1.0 - warmth);
-            for (k, v) in pixel.iter_mut().enumerate() {
-                let (x, y) = (x as u32, y as u32);
-                let bell = (0..3).map(|n| hash_unit(x, y, seed ^ (k as u32 * 3 + n + 1))).sum::<f32>() - 1.5;
-                // A shoulder that leaves dark and middle tones as they are.
-                let c = c[k].max(0.0);
-                let toned = if c > 0.6 { 0.6 + 0.4 * (1.0 - (-(c - 0.6) / 0.4).exp()) } else { c };
-                *v = ((encode(toned) + bell * 2.0 * noise) * 255.0 + 0.5).clamp(0.0, 255.0) as u8;
-            }
-        }
-    });
-    out
 }
 
 /// All instances as one mesh in room coordinates; `keep` says which (instance, material) belong to it.

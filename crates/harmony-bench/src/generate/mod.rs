@@ -9,6 +9,7 @@
 
 mod archive;
 mod collide;
+mod develop;
 mod dice;
 mod files;
 mod furnish;
@@ -22,6 +23,7 @@ mod shell;
 mod solid;
 mod truth;
 mod view;
+mod views;
 
 use std::sync::Arc;
 
@@ -36,6 +38,7 @@ pub use layout::Level;
 pub use light::{LightKind, RoomLight};
 pub use rooms::RoomKind;
 pub use truth::{FloorCorner, SurfacePoints};
+pub use views::GeneratedView;
 
 use collide::Body;
 use dice::Dice;
@@ -62,6 +65,8 @@ pub struct GeneratorSettings {
     pub shell_points: usize,
     /// Quality of the photo's JPEG, 1 to 100.
     pub jpeg_quality: u8,
+    /// Whether the room is shown from two other places, too.
+    pub views: bool,
 }
 
 impl Default for GeneratorSettings {
@@ -75,6 +80,7 @@ impl Default for GeneratorSettings {
             points: 100_000,
             shell_points: 20_000,
             jpeg_quality: 92,
+            views: true,
         }
     }
 }
@@ -181,6 +187,8 @@ pub struct GeneratedRoom {
     pub photo: RgbImage,
     /// Quality of the JPEG.
     pub jpeg_quality: u8,
+    /// The room from where the photo was not taken, for judging alone.
+    pub views: Vec<GeneratedView>,
     /// Points on the objects in view.
     pub points: SurfacePoints,
     /// Points on the shell.
@@ -275,8 +283,7 @@ impl Draft {
         let (plan, camera) = (&self.plan, self.view.camera);
         let dice = &mut self.dice;
         let instances = view::instances(&self.shell, plan);
-        let options = RenderOptions { multisample: true, background: [120, 140, 160, 255], ..RenderOptions::default() };
-        let frame = render(&camera, &instances, &options);
+        let frame = flat(&camera, &instances);
         let lights = light::lights(dice, plan);
         let all = light::merged(&instances, |_, _| true);
         let blockers = light::merged(&instances, |i, m| i.id >= 10 && m.emissive == [0.0; 3]);
@@ -288,7 +295,9 @@ impl Draft {
         }
         faces[3] = linear(self.palette.walls[1]);
         let lit = light::Lit { extents: plan.extents, lights: &lights, faces, all: &all, blockers: &blockers };
-        let photo = light::photo(dice, &camera, &frame, &lit);
+        let (photo, exposure) = light::photo(dice, &camera, &frame, &lit, None);
+        let views =
+            if settings.views { views::shown(seed, plan, &camera, &instances, &lit, exposure) } else { Vec::new() };
         let seen = truth::seen(&camera, &instances, &frame);
         let solids = light::merged(&instances, |i, _| i.id >= 10);
         let corners = truth::corners(&camera, plan, &solids);
@@ -305,13 +314,24 @@ impl Draft {
             lights,
             corners,
             depth: frame.depth,
-            ids: frame.ids.iter().map(|id| u8::try_from(*id).unwrap_or(u8::MAX)).collect(),
+            ids: bytes(&frame.ids),
             photo,
             jpeg_quality: settings.jpeg_quality,
+            views,
             points: truth::object_points(dice, &instances, &seen, settings.points),
             shell_points: truth::shell_points(dice, plan, settings.shell_points),
         }
     }
+}
+
+/// The room's own colours, before light.
+fn flat(camera: &Camera, instances: &[harmony_render::Instance<'_>]) -> harmony_render::Frame {
+    let options = RenderOptions { multisample: true, background: [120, 140, 160, 255], ..RenderOptions::default() };
+    render(camera, instances, &options)
+}
+
+fn bytes(ids: &[u32]) -> Vec<u8> {
+    ids.iter().map(|id| u8::try_from(*id).unwrap_or(u8::MAX)).collect()
 }
 
 fn mean_color(mesh: &Mesh) -> glam::Vec3 {

@@ -43,6 +43,8 @@ impl VisionLanguage for Oracle {
                 // It writes no programs, and has nothing against the shapes that there are.
                 Some(QuestionKind::Programs) => json!(harmony_prompts::ProgramsAnswer::default()),
                 Some(QuestionKind::SecondLook) => json!(harmony_prompts::SecondLookAnswer::default()),
+                Some(QuestionKind::Lights) => self.lights(facts),
+                Some(QuestionKind::LightingReview) => Self::confirm_light(facts),
                 _ => {
                     return Err(RoleError::NotCapable {
                         player: "oracle".to_owned(),
@@ -61,7 +63,7 @@ fn level(facts: &Value) -> Level {
 
 impl Oracle {
     /// A relative error of one sigma.
-    fn factor(&self, purpose: &str, sigma: f64) -> f64 {
+    pub(super) fn factor(&self, purpose: &str, sigma: f64) -> f64 {
         1.0 + sigma * self.draws.normal(purpose).clamp(-2.5, 2.5)
     }
 

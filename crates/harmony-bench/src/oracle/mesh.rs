@@ -9,7 +9,9 @@ use harmony_roles::{GeneratedMesh, MeshFrame, MeshGenerator, MeshRequest, Player
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-use super::{Oracle, card, normal};
+use super::degrade::degraded;
+use super::paint::{Unseen, painted};
+use super::{Meshes, Oracle, card, normal};
 use crate::truth::TruthObject;
 
 /// Longest side of a generated mesh, generator's units: models fill a cube of side 2 nearly.
@@ -51,12 +53,18 @@ impl Oracle {
         self.draws.rng(&format!("quarters {}", kind(object))).random_range(0..4)
     }
 
-    /// An object as the generator gives it, in the generator's frame and unit; its vertices are those of the truth in order, unless
-    /// [`Oracle::with_faces`] wants others.
+    /// An object as the generator gives it, in the generator's frame and unit. Grey meshes have the vertices of the
+    /// truth in order, unless [`Oracle::with_faces`] wants others; painted ones have three for each triangle.
     pub fn generated(&self, object: &TruthObject) -> Mesh {
-        let mut mesh = match self.faces {
-            Some(faces) => super::dense::densified(&object.mesh, faces),
-            None => (*object.mesh).clone(),
+        let mut mesh = match (self.faces, &self.photo, self.meshes) {
+            (Some(faces), ..) => super::dense::densified(&object.mesh, faces),
+            (None, Some(photo), Meshes::Truth) => painted(&self.room, photo, object, Unseen::Mean),
+            (None, Some(photo), Meshes::Degraded) => {
+                let mesh = painted(&self.room, photo, object, Unseen::Front);
+                let mut rng = self.draws.rng(&format!("degraded {}", kind(object)));
+                degraded(&mesh, self.towards_camera(object), &mut rng)
+            }
+            _ => (*object.mesh).clone(),
         };
         // Equal models have equal tilts and scales, as one generated mesh copied: a set stays a set.
         let mut rng = self.draws.rng(&format!("mesh {}", kind(object)));
@@ -76,14 +84,20 @@ impl Oracle {
         mesh
     }
 
+    /// Direction from an object's middle to the camera, in its canonical frame.
+    fn towards_camera(&self, object: &TruthObject) -> DVec3 {
+        let centre = DVec3::new(0.0, object.size.y / 2.0, 0.0);
+        let camera = DMat3::from_rotation_y(-object.yaw) * (self.room.camera.centre() - object.position) - centre;
+        camera.try_normalize().unwrap_or(DVec3::Z)
+    }
+
     /// Displaces what the camera does not see by a smooth random field.
     fn make_up_back(&self, object: &TruthObject, mesh: &mut Mesh, rng: &mut ChaCha8Rng) {
         if self.noise.back_side <= 0.0 {
             return;
         }
         let centre = DVec3::new(0.0, object.size.y / 2.0, 0.0);
-        let camera = DMat3::from_rotation_y(-object.yaw) * (self.room.camera.centre() - object.position) - centre;
-        let towards = camera.try_normalize().unwrap_or(DVec3::Z);
+        let towards = self.towards_camera(object);
         let waves: Vec<(DVec3, DVec3, f64)> = (0..6)
             .map(|_| {
                 let k = DVec3::new(normal(rng), normal(rng), normal(rng)) * 5.0;

@@ -6,10 +6,14 @@
 //! room width and depth 10 % off, camera hints 8 % off, directions of fronts 10 degrees off and rounded to 15,
 //! and a review that notices 70 % of gross faults and raises a false alarm for 3 % of the objects.
 
+mod atlas;
+mod degrade;
 mod dense;
 mod language;
+mod lights;
 mod mesh;
 mod noise;
+mod paint;
 mod review;
 mod vision;
 
@@ -17,14 +21,14 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use harmony_calls::Cast;
-use harmony_roles::PlayerCard;
+use harmony_roles::{MeshGenerator, PlayerCard};
 use harmony_scene::{ImageSize, Level, PixelBox};
 use rand_chacha::ChaCha8Rng;
 
 pub use noise::{Draws, Noise, NoiseLevel, normal, smooth_field};
 
 use crate::spent::{Meter, Seconds};
-use crate::truth::{FEWEST_PIXELS, TruthRoom};
+use crate::truth::{FEWEST_PIXELS, TruthLight, TruthRoom};
 
 /// Other names for a kind of object.
 const SYNONYMS: [(&str, &str); 24] = [
@@ -54,6 +58,46 @@ const SYNONYMS: [(&str, &str); 24] = [
     ("books", "stack of books"),
 ];
 
+/// What plays the mesh generator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Meshes {
+    /// The true meshes, painted with what the photo shows of them, the rest in their mean colour.
+    #[default]
+    Truth,
+    /// Part models with paint from the photo, as a user without a generator has them: this program's own player.
+    Part,
+    /// The true meshes as a generator leaves them at its worse: tilted, thin parts thick, the front on the back, bits
+    /// in the air.
+    Degraded,
+    /// The true meshes in grey, as before appearance was measured.
+    Grey,
+}
+
+impl Meshes {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Truth, Self::Part, Self::Degraded, Self::Grey];
+
+    /// In a word.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Truth => "truth",
+            Self::Part => "part",
+            Self::Degraded => "degraded",
+            Self::Grey => "grey",
+        }
+    }
+}
+
+impl std::str::FromStr for Meshes {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let names = || Self::ALL.map(Self::name).join(", ");
+        Self::ALL.into_iter().find(|m| m.name() == text).ok_or_else(|| format!("meshes are {}", names()))
+    }
+}
+
 /// The oracle of one room.
 #[derive(Debug)]
 pub struct Oracle {
@@ -68,6 +112,12 @@ pub struct Oracle {
     known: Mutex<BTreeMap<String, usize>>,
     /// Generated meshes have so many faces and a texture; else those of the truth and none.
     faces: Option<usize>,
+    /// What the meshes are made of.
+    meshes: Meshes,
+    /// The photo, where meshes are painted with it.
+    photo: Option<Arc<image::RgbImage>>,
+    /// Its lights.
+    lights: Vec<TruthLight>,
     /// What its answers have cost.
     spent: Meter,
 }
@@ -77,7 +127,26 @@ impl Oracle {
     pub fn new(room: TruthRoom, noise: Noise, seed: u64, exact_height: bool) -> Self {
         let boxes = room.objects.iter().map(|o| o.bounds(&room)).collect();
         let draws = Draws::new(seed, &room.name);
-        Self { room, noise, draws, exact_height, boxes, known: Mutex::default(), faces: None, spent: Meter::default() }
+        let lights = crate::truth::lights_of(&room.folder);
+        Self {
+            room,
+            noise,
+            draws,
+            exact_height,
+            boxes,
+            known: Mutex::default(),
+            faces: None,
+            meshes: Meshes::Grey,
+            photo: None,
+            lights,
+            spent: Meter::default(),
+        }
+    }
+
+    /// The same with other meshes; [`Meshes::Truth`] and [`Meshes::Degraded`] are painted with `photo`.
+    #[must_use]
+    pub fn with_meshes(self, meshes: Meshes, photo: Arc<image::RgbImage>) -> Self {
+        Self { meshes, photo: Some(photo), ..self }
     }
 
     /// The same with generated meshes of so many faces, textured.
@@ -94,9 +163,13 @@ impl Oracle {
     /// The whole cast; the roles that an oracle cannot play better are this program's own.
     pub fn cast(self: &Arc<Self>, offline: &Cast) -> Cast {
         let player: Arc<Self> = Arc::clone(self);
+        let mesh_generator: Arc<dyn MeshGenerator> = match self.meshes {
+            Meshes::Part => Arc::clone(&offline.mesh_generator),
+            _ => player.clone(),
+        };
         Cast {
             vision_language: player.clone(),
-            mesh_generator: player.clone(),
+            mesh_generator,
             geometry_estimator: player.clone(),
             detector: player.clone(),
             segmenter: player,

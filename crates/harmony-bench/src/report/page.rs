@@ -54,6 +54,10 @@ pub fn page(result: &BenchResult, out: &Path) -> String {
     } else {
         format!("changed settings: {}", result.changes.join(", "))
     };
+    let changes = match result.meshes {
+        Some(meshes) => format!("meshes {}; {changes}", meshes.name()),
+        None => changes,
+    };
     let (met, missed) = figures.iter().fold((0, 0), |(a, b), f| match f.met() {
         Some(true) => (a + 1, b),
         Some(false) => (a, b + 1),

@@ -198,3 +198,91 @@ fn outlines(truth: &TruthRoom, view: &TruthView, run: &Prediction, scores: &[Obj
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{DVec3, Vec2, Vec3};
+    use harmony_mesh::{Group, Material, Mesh};
+    use harmony_scene::{Camera, Extents, ImageSize, Intrinsics};
+    use image::Rgb;
+
+    use super::*;
+
+    /// A wall at z = 0, 4 m wide and 2 m high, that a camera at 2 m sees from side to side with half a metre of
+    /// nothing above and below: of 60 rows 40 show it.
+    fn judged(flip: bool) -> JudgedView {
+        let size = ImageSize::new(80, 60);
+        let camera = Camera::looking(size, Intrinsics::centred(size, 40.0), DVec3::new(2.0, 1.0, 2.0), DVec3::NEG_Z);
+        let corners = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]];
+        let triangles = [[0, 1, 2], [0, 2, 3]].map(|[a, b, c]: [u32; 3]| if flip { [a, c, b] } else { [a, b, c] });
+        let mut shell = Mesh {
+            positions: corners.iter().map(|[x, y]| Vec3::new(*x, *y, 0.0)).collect(),
+            uvs: vec![Vec2::ZERO; 4],
+            groups: vec![Group { material: 0, triangles: triangles.to_vec() }],
+            materials: vec![Material::plain("wall", harmony_mesh::linear_rgb([153; 3]))],
+            ..Mesh::default()
+        };
+        shell.recompute_normals();
+        // Glows in viewers; the judge draws its base colour.
+        shell.materials[0].emissive = [5.0; 3];
+        let extents = Extents { width: 4.0, height: 3.0, depth: 4.0 };
+        let folder = tempfile::tempdir().unwrap();
+        let view = folder.path().join("views").join("1");
+        std::fs::create_dir_all(&view).unwrap();
+        let photo = image::RgbImage::from_pixel(80, 60, Rgb([51; 3]));
+        harmony_io::picture::write_rgb_png(&view.join("photo.jpg"), &photo).unwrap();
+        let depth = vec![2.0; size.pixels()];
+        harmony_io::picture::write_depth_png(&view.join("depth.png"), size, &depth).unwrap();
+        image::GrayImage::from_pixel(80, 60, image::Luma([3])).save(view.join("instances.png")).unwrap();
+        let r = camera.rotation.transpose();
+        let rows = [r.x_axis.to_array(), r.y_axis.to_array(), r.z_axis.to_array()];
+        let json = serde_json::json!({
+            "width": 80, "height": 60, "K": [[40.0, 0.0, 40.0], [0.0, 40.0, 30.0], [0.0, 0.0, 1.0]],
+            "R": rows, "t": camera.translation.to_array(),
+        });
+        std::fs::write(view.join("camera.json"), json.to_string()).unwrap();
+        let truth = TruthRoom {
+            name: "wall".to_owned(),
+            folder: folder.path().to_owned(),
+            camera,
+            extents,
+            walls: Vec::new(),
+            openings: Vec::new(),
+            objects: Vec::new(),
+            ids: vec![3; size.pixels()],
+            // The photo knows the left half alone.
+            depth: (0..size.pixels()).map(|i| if i % 80 < 40 { 2.0 } else { 9.0 }).collect(),
+        };
+        let run = Prediction {
+            folder: folder.path().to_owned(),
+            camera,
+            extents,
+            corner: DVec3::ZERO,
+            objects: Vec::new(),
+            shell: Arc::new(shell),
+        };
+        judge(&truth, &run, &[], 0.0, &Looking::default()).unwrap().remove(0)
+    }
+
+    #[test]
+    fn a_wall_of_one_colour_has_the_loss_of_its_pixels() {
+        let score = judged(false).score;
+        // sRGB 153 against 51 on two thirds, black against 51 on the rest: 0.4 and 0.2 squared.
+        let expected = 2.0 / 3.0 * 0.16 + 0.04 / 3.0;
+        assert!((score.flat.all.pl - expected).abs() < 1e-3, "{}", score.flat.all.pl);
+        assert!((score.nothing - 1.0 / 3.0).abs() < 1e-9);
+        let (seen, unseen) = (score.flat.seen.unwrap(), score.flat.unseen.unwrap());
+        assert_eq!((seen.share, unseen.share), (0.5, 0.5));
+        assert!((seen.pl - expected).abs() < 1e-3 && (unseen.pl - expected).abs() < 1e-3);
+        assert!(score.objects.is_empty() && score.lit.is_none());
+    }
+
+    #[test]
+    fn walls_are_seen_from_their_front_alone() {
+        let score = judged(true).score;
+        assert_eq!(score.nothing, 1.0);
+        assert!((score.flat.all.pl - 0.04).abs() < 1e-9);
+    }
+}

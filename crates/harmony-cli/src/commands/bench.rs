@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use harmony_bench::ablate::{self, AblationError, ablate};
 use harmony_bench::compare::{compare, text as comparison};
 use harmony_bench::generate::{GeneratorSettings, generate, write as write_room};
-use harmony_bench::oracle::NoiseLevel;
+use harmony_bench::oracle::{Meshes, NoiseLevel};
 use harmony_bench::overrides::{OverrideError, with_change, with_changes};
 use harmony_bench::report::write_tables;
 use harmony_bench::run::{BenchRequest, BenchResult, Judging, judge_finished, read_result, run as run_bench};
@@ -81,7 +81,12 @@ struct RunArgs {
     /// Keep the run folders (true, false); the tables and the pictures of the cases stay in any case.
     #[arg(long, default_value_t = true, default_missing_value = "true", num_args = 0..=1, action = clap::ArgAction::Set)]
     keep: bool,
-    /// Judge lit pictures, too, from the photo's place and from the room's other views; needs Blender.
+    /// What the generator's meshes are made of: truth (painted from the photo), part (part models, paint from the
+    /// photo), degraded (as a generator leaves them at its worse), grey.
+    #[arg(long, default_value = "truth")]
+    meshes: Meshes,
+    /// Go on through materials and light, and judge lit pictures, too, from the photo's place and from the room's
+    /// other views; needs Blender.
     #[arg(long)]
     lit: bool,
 }
@@ -220,6 +225,7 @@ fn request(args: &RunArgs) -> Result<BenchRequest> {
         keep: args.keep,
         looking: networks::looking(&models::store(&config.models, None)),
         lit: args.lit.then(LitOptions::default),
+        meshes: args.meshes,
     })
 }
 
@@ -327,7 +333,8 @@ fn about(result: &BenchResult) -> String {
         (_, false) => " (room height as noisy as the rest)",
     };
     let changes = if result.changes.is_empty() { String::new() } else { format!(", {}", result.changes.join(", ")) };
-    format!("{}{height}{changes}", result.title)
+    let meshes = result.meshes.map_or_else(String::new, |m| format!(", meshes {}", m.name()));
+    format!("{}{height}{meshes}{changes}", result.title)
 }
 
 fn print(result: &BenchResult) -> Result<()> {
