@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 use harmony_scene::{AlbedoCells, AlbedoField, Camera, SceneCamera};
 
 use crate::LinearImage;
+use crate::linear::luminance;
 use crate::smooth::{interior, smoothed};
 use crate::view::median;
 
@@ -114,6 +115,10 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
         by_kind.entry(node.kind).or_default().push((counted, mean));
         next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded(mean), factors });
     }
+    // What a blue wall needs by channel is no hint for a beige one: the others learn the level alone.
+    for (_, mean) in by_kind.values_mut().flatten() {
+        *mean = [luminance(mean.map(f32::exp2)).log2(); 3];
+    }
     let all: Vec<(usize, [f32; 3])> = by_kind.values().flatten().copied().collect();
     next.other = rounded(weighted_mean(&all).unwrap_or(field.other.map(f32::log2)));
     for node in unseen {
@@ -212,8 +217,12 @@ mod tests {
         let field = updated_field(&neutral_field(&camera()), &nodes(), &seen);
         assert!((field.nodes["left"].mean[0] - 0.5).abs() <= 0.02, "{:?}", field.nodes["left"]);
         assert!((field.nodes["floor"].mean[0] - 2.0).abs() <= 0.08);
-        assert!((field.nodes["chair_01"].mean[0] - 1.0).abs() <= 0.1, "half an half of one stop either way");
+        assert!((field.nodes["chair_01"].mean[0] - 1.0).abs() <= 0.1, "half and half of one stop either way");
         assert!(field.nodes["left"].factors.is_empty());
+        let blue = image(|_, _| [0.1, 0.2, 0.6]);
+        let field = updated_field(&field, &nodes(), &Comparison { photo: &blue, ..seen });
+        let [r, g, b] = field.nodes["left"].mean;
+        assert!(r == g && g == b, "a blue wall tints no other");
     }
 
     #[test]
