@@ -54,7 +54,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     nodes.extend(scene.objects.iter().map(|o| FieldNode { name: o.id.to_string(), kind: "object" }));
 
     let size = camera.size.fit_within(MEASURED);
-    let mut measure = CyclesJob { mode: RenderMode::PerLight, camera: camera.resized(size), denoise: false, ..job.clone() };
+    let mut measure =
+        CyclesJob { mode: RenderMode::PerLight, camera: camera.resized(size), denoise: false, ..job.clone() };
     measure.node_ids = nodes.iter().zip(1..).map(|(n, id)| (n.name.clone(), id)).collect();
     measure.views = ViewTransform::ALL.to_vec();
     let output = cycles.render(&measure)?;

@@ -9,9 +9,11 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 use std::time::Duration;
 
-use harmony_lighting::{CyclesJob, CyclesRenderer, FitOptions, LitError, RenderMode, assess, fit_lights, neutral_field, relight};
-use harmony_scene::{AlbedoCells, Lighting, ViewTransform};
+use harmony_lighting::{
+    CyclesJob, CyclesRenderer, FitOptions, LitError, RenderMode, assess, fit_lights, neutral_field, relight,
+};
 use harmony_render::{Instance, RenderOptions};
+use harmony_scene::{AlbedoCells, Lighting, ViewTransform};
 use support::{ROOM, camera, lighting, nodes, write_glb};
 
 fn renderer() -> Option<&'static CyclesRenderer> {
