@@ -70,6 +70,8 @@ def light_at(s):
 
 def sample_views(scene, folder, names):
     """Writes `views.f32`: for each view GRID^3 display values, red fastest, little-endian floats."""
+    if not names:
+        return
     axis = light_at(np.linspace(0.0, 1.0, GRID)).astype(np.float32)
     blue, green, red = np.meshgrid(axis, axis, axis, indexing="ij")
     light = np.stack([red, green, blue], axis=3).reshape(GRID * GRID, GRID, 3)

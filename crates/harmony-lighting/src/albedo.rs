@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 use harmony_scene::{AlbedoCells, AlbedoField, Camera, SceneCamera};
 
 use crate::LinearImage;
+use crate::linear::luminance;
 use crate::smooth::{interior, smoothed};
 use crate::view::median;
 
@@ -53,13 +54,7 @@ pub struct Comparison<'a> {
 /// A field that changes nothing.
 pub fn neutral_field(camera: &Camera) -> AlbedoField {
     let rows = (COLUMNS * camera.size.height).div_ceil(camera.size.width.max(1)).max(1);
-    AlbedoField {
-        camera: SceneCamera::from(camera),
-        columns: COLUMNS,
-        rows,
-        nodes: BTreeMap::new(),
-        other: [1.0; 3],
-    }
+    AlbedoField { camera: SceneCamera::from(camera), columns: COLUMNS, rows, nodes: BTreeMap::new(), other: [1.0; 3] }
 }
 
 fn rounded(log: [f32; 3]) -> [f32; 3] {
@@ -102,9 +97,7 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
         let factors = (0..field.rows * field.columns)
             .map(|cell| {
                 let (x, y) = (cell % field.columns, cell / field.columns);
-                let old = before
-                    .and_then(|b| b.factors.get(cell as usize))
-                    .map_or(old_mean, |f| f.map(f32::log2));
+                let old = before.and_then(|b| b.factors.get(cell as usize)).map_or(old_mean, |f| f.map(f32::log2));
                 let px = ((f64::from(x) + 0.5) / f64::from(field.columns) * f64::from(size.width)) as usize;
                 let py = ((f64::from(y) + 0.5) / f64::from(field.rows) * f64::from(size.height)) as usize;
                 let s = step[py.min(size.height as usize - 1) * size.width as usize + px.min(size.width as usize - 1)];
@@ -113,6 +106,10 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
             .collect();
         by_kind.entry(node.kind).or_default().push((counted, mean));
         next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded(mean), factors });
+    }
+    // What a blue wall needs by channel is no hint for a beige one: the others learn the level alone.
+    for (_, mean) in by_kind.values_mut().flatten() {
+        *mean = [luminance(mean.map(f32::exp2)).log2(); 3];
     }
     let all: Vec<(usize, [f32; 3])> = by_kind.values().flatten().copied().collect();
     next.other = rounded(weighted_mean(&all).unwrap_or(field.other.map(f32::log2)));
@@ -124,12 +121,7 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
 }
 
 /// What a node's ratios have beside their middle, smooth.
-fn local_step(
-    ratio: &[[f32; 3]],
-    weights: &[f32],
-    middle: [f32; 3],
-    size: harmony_scene::ImageSize,
-) -> Vec<[f32; 3]> {
+fn local_step(ratio: &[[f32; 3]], weights: &[f32], middle: [f32; 3], size: harmony_scene::ImageSize) -> Vec<[f32; 3]> {
     let mut rest: Vec<[f32; 3]> =
         ratio.iter().map(|r| [0, 1, 2].map(|c| (r[c] - middle[c]).clamp(-MOST_STEP, MOST_STEP))).collect();
     let mut step = vec![[0.0f32; 3]; ratio.len()];
@@ -197,7 +189,11 @@ mod tests {
                 let (u, v) = ((x as f32 + 0.5) / field.columns as f32, (y as f32 + 0.5) / field.rows as f32);
                 let factor = cells.factors[(y * field.columns + x) as usize][0];
                 let reflectance = paint[0] * shading(u, v) * factor;
-                assert!((reflectance / paint[0]).log2().abs() <= 0.2, "at {u:.2}, {v:.2}: {reflectance} of {}", paint[0]);
+                assert!(
+                    (reflectance / paint[0]).log2().abs() <= 0.2,
+                    "at {u:.2}, {v:.2}: {reflectance} of {}",
+                    paint[0]
+                );
             }
         }
     }
@@ -212,8 +208,12 @@ mod tests {
         let field = updated_field(&neutral_field(&camera()), &nodes(), &seen);
         assert!((field.nodes["left"].mean[0] - 0.5).abs() <= 0.02, "{:?}", field.nodes["left"]);
         assert!((field.nodes["floor"].mean[0] - 2.0).abs() <= 0.08);
-        assert!((field.nodes["chair_01"].mean[0] - 1.0).abs() <= 0.1, "half an half of one stop either way");
+        assert!((field.nodes["chair_01"].mean[0] - 1.0).abs() <= 0.1, "half and half of one stop either way");
         assert!(field.nodes["left"].factors.is_empty());
+        let blue = image(|_, _| [0.1, 0.2, 0.6]);
+        let field = updated_field(&field, &nodes(), &Comparison { photo: &blue, ..seen });
+        let [r, g, b] = field.nodes["left"].mean;
+        assert!(r == g && g == b, "a blue wall tints no other");
     }
 
     #[test]
@@ -226,8 +226,7 @@ mod tests {
         let field = updated_field(&neutral_field(&camera()), &nodes(), &seen);
         assert!(field.nodes["back"].factors.iter().flatten().all(|f| (f - 1.0).abs() <= 0.01));
         let all = vec![1.0; SIZE.pixels()];
-        let field =
-            updated_field(&neutral_field(&camera()), &nodes(), &Comparison { weights: &all, ..seen });
+        let field = updated_field(&neutral_field(&camera()), &nodes(), &Comparison { weights: &all, ..seen });
         assert!(field.nodes["back"].factors.iter().flatten().all(|f| (0.17..=5.7).contains(f)));
     }
 }

@@ -26,8 +26,8 @@ pub mod sources;
 pub mod spec;
 pub mod view;
 
-pub use assess::{Assessment, Brightness, Judgement, Tone, assess, judge, propose};
 pub use albedo::{Comparison, FieldNode, neutral_field, updated_field};
+pub use assess::{Assessment, Brightness, Judgement, Tone, assess, judge, propose};
 pub use cycles::{
     BlenderKind, CyclesJob, CyclesOutput, CyclesRenderer, CyclesTimings, Delight, LightPass, LitError, Progress,
     RenderMode,

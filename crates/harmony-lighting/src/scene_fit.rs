@@ -370,7 +370,11 @@ mod tests {
         assert!(found.error.stops <= 0.1, "{:?}", found.error);
         let level = |l: usize| found.fit.gains[l][1];
         let (got, want) = (level(0) / level(1), 0.6 / 0.3);
-        assert!((got / want).log2().abs() <= 0.7, "lamp over window {got:.2}, {want:.2} in truth: {:?}", found.fit.gains);
+        assert!(
+            (got / want).log2().abs() <= 0.7,
+            "lamp over window {got:.2}, {want:.2} in truth: {:?}",
+            found.fit.gains
+        );
         // With the light in the textures taken for reflectance the ambient light would do it all.
         let (lamp, ambient) = (0.3 * level(0), 0.2 * level(2));
         assert!(ambient < lamp, "means of what they give: {ambient} and {lamp}, 0.02 and 0.18 in truth");
@@ -379,9 +383,7 @@ mod tests {
     #[test]
     fn the_view_that_made_the_photo_is_chosen() {
         let truth = [[2.5, 2.0, 1.4], [2.0, 2.0, 2.1], [0.4, 0.4, 0.4]];
-        for (made, want) in
-            [(ViewTable::standard(), ViewTransform::Standard), (soft(), ViewTransform::Agx)]
-        {
+        for (made, want) in [(ViewTable::standard(), ViewTransform::Standard), (soft(), ViewTransform::Agx)] {
             let gains = if want == ViewTransform::Standard { truth.map(|g| g.map(|v| v * 0.3)) } else { truth };
             let (measured, photo) = measured(&gains, &made);
             let found = fit_scene(&measured, &photo, &[], &FitOptions::default()).unwrap();

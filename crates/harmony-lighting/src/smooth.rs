@@ -44,7 +44,8 @@ pub(crate) fn smoothed(values: &[[f32; 3]], weights: &[f32], size: ImageSize, si
     let mass = blur(weights, size, &kernel);
     let mut out = vec![[0.0; 3]; values.len()];
     for c in 0..3 {
-        let channel: Vec<f32> = values.iter().zip(weights).map(|(v, w)| if *w > 0.0 { v[c] * w } else { 0.0 }).collect();
+        let channel: Vec<f32> =
+            values.iter().zip(weights).map(|(v, w)| if *w > 0.0 { v[c] * w } else { 0.0 }).collect();
         for ((o, v), m) in out.iter_mut().zip(blur(&channel, size, &kernel)).zip(&mass) {
             o[c] = v / (m + 0.05 * full).max(1e-12);
         }

@@ -6,7 +6,9 @@
 
 use glam::DVec3;
 use harmony_mesh::{Bounds, Mesh};
-use harmony_scene::{Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Room, SceneObject, ViewTransform};
+use harmony_scene::{
+    Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Room, SceneObject, ViewTransform,
+};
 
 use crate::delta::bounds;
 
@@ -176,7 +178,13 @@ pub fn lights_from_scene<'m>(
             object: Some(object.id.clone()),
         });
     }
-    Lighting { lights, ambient_color: [1.0; 3], ambient_intensity: AMBIENT_RADIANCE, exposure: 0.0, view: ViewTransform::Standard }
+    Lighting {
+        lights,
+        ambient_color: [1.0; 3],
+        ambient_intensity: AMBIENT_RADIANCE,
+        exposure: 0.0,
+        view: ViewTransform::Standard,
+    }
 }
 
 fn window_light(

@@ -9,9 +9,11 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 use std::time::Duration;
 
-use harmony_lighting::{CyclesJob, CyclesRenderer, FitOptions, LitError, RenderMode, assess, fit_lights, relight};
-use harmony_scene::{Lighting, ViewTransform};
+use harmony_lighting::{
+    CyclesJob, CyclesRenderer, FitOptions, LitError, RenderMode, assess, fit_lights, neutral_field, relight,
+};
 use harmony_render::{Instance, RenderOptions};
+use harmony_scene::{AlbedoCells, Lighting, ViewTransform};
 use support::{ROOM, camera, lighting, nodes, write_glb};
 
 fn renderer() -> Option<&'static CyclesRenderer> {
@@ -157,6 +159,48 @@ fn the_fit_finds_the_light_of_a_rendered_photo() {
         assert!((0.7..1.4).contains(&ratio), "{}: {} W, {} W in truth", got.id, got.intensity, want.intensity);
     }
     assert!(fitted.lights[1].color[2] < 0.5, "the lamp is warmer than assumed: {:?}", fitted.lights[1].color);
+}
+
+#[test]
+fn a_field_lies_where_the_photo_saw_and_a_measurement_tells_nodes_and_views() {
+    let Some(cycles) = renderer() else { return };
+    let fixture = scene();
+    let mut job = CyclesJob { mode: RenderMode::PerLight, samples: 16, ..job(&fixture, 160) };
+    job.node_ids = [("back".to_owned(), 1), ("floor".to_owned(), 2)].into();
+    job.views = ViewTransform::ALL.to_vec();
+    let plain = cycles.render(&job).unwrap();
+    let ids = plain.ids.unwrap();
+    assert!(ids.iter().filter(|id| **id == 1).count() > 500 && ids.contains(&2));
+    assert_eq!(plain.views.iter().map(|v| v.view).collect::<Vec<_>>(), ViewTransform::ALL);
+    // Blender's own numbers: Standard is sRGB, AgX shows 18 % grey darker than that.
+    for table in &plain.views {
+        let shown = table.shown([0.18; 3])[0];
+        match table.view {
+            ViewTransform::Standard => assert!((shown - 0.461).abs() <= 0.003, "{shown}"),
+            _ => assert!((0.2..0.6).contains(&shown), "{:?} {shown}", table.view),
+        }
+    }
+    let mut field = neutral_field(&job.camera);
+    // Half of the reflectance on the right of the image, on the back wall alone.
+    let half = |i: u32| if i % field.columns < field.columns / 2 { [1.0; 3] } else { [0.5; 3] };
+    let cells = AlbedoCells { mean: [1.0; 3], factors: (0..field.columns * field.rows).map(half).collect() };
+    field.nodes.insert("back".to_owned(), cells);
+    job.albedo = Some(field.into());
+    let scaled = cycles.render(&job).unwrap();
+    let (before, after) = (plain.albedo.unwrap(), scaled.albedo.unwrap());
+    for (i, id) in ids.iter().enumerate().filter(|(_, id)| **id != 0) {
+        let x = i % 160;
+        let want = if *id == 1 && x >= 90 { 0.5 } else { 1.0 };
+        if !(70..90).contains(&x) && is_interior(&ids, i) {
+            let ratio = after.rgb[i][1] / before.rgb[i][1].max(1e-3);
+            assert!((ratio - want).abs() <= 0.06, "node {id} at {x}: {ratio}, {want} wanted");
+        }
+    }
+}
+
+/// Whether a pixel's neighbours to left and right, above and below show the same node.
+fn is_interior(ids: &[u32], i: usize) -> bool {
+    [i.wrapping_sub(1), i + 1, i.wrapping_sub(160), i + 160].iter().all(|j| ids.get(*j) == Some(&ids[i]))
 }
 
 #[test]

@@ -153,7 +153,7 @@ pub fn estimate(inventory: Inventory, cast: &Cast, lit: bool, prices: &Prices, l
     let drawn = if editor { Inventory::total(inventory.hidden).min(different) } else { 0.0 };
     let meshes = if generator { different } else { all };
     let fronts = if generator { different } else { 0.0 };
-    let lit_rounds = if lit { 2.0 } else { 0.0 };
+    let lit_rounds = if lit { 1.0 } else { 0.0 };
     // layout; list; inspect and review; orient; lights and the rounds of light; checks of pictures and fronts.
     let questions = 1.0 + levels + 2.0 * busy + 1.0 + 1.0 + lit_rounds + drawn + fronts;
     let edits = if editor { drawn * (1.0 + DRAWN_AGAIN) + 1.0 } else { 0.0 };
@@ -166,7 +166,8 @@ pub fn estimate(inventory: Inventory, cast: &Cast, lit: bool, prices: &Prices, l
         Role::Segmenter => busy,
         Role::LitRenderer => {
             if lit {
-                2.0 + lit_rounds
+                // Measurement, previews, final and canonical view.
+                5.0 + lit_rounds
             } else {
                 0.0
             }

@@ -62,8 +62,7 @@ pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Optio
     outputs::write_scene_glb(&glb, state, None)?;
     let glb_hash = blake3::hash(&harmony_io::read_bounded(&glb, 1 << 31)?).to_hex().to_string();
     let Some(mut lighting) = state.lighting.clone() else { return Ok(None) };
-    let stage =
-        Stage { ctx, state, glb, glb_hash, nodes: field_nodes(state), s: ctx.settings.lighting };
+    let stage = Stage { ctx, state, glb, glb_hash, nodes: field_nodes(state), s: ctx.settings.lighting };
     ctx.step("measuring each light");
     let Some(light) = stage.measure(&lighting).await? else { return Ok(None) };
     let mut look = stage.fit(light, &mut lighting).await?;
@@ -280,7 +279,8 @@ impl Stage<'_, '_> {
                 delta.global_intensity_mult = None;
             }
             if delta.is_converged() {
-                look.rounds.push(json!({ "step": format!("review_{round}"), "converged": true, "error": before.error }));
+                look.rounds
+                    .push(json!({ "step": format!("review_{round}"), "converged": true, "error": before.error }));
                 break;
             }
             let mut tried = lighting.clone();
@@ -336,8 +336,7 @@ impl Stage<'_, '_> {
         let view = canonical_camera(&self.state.partial.room, size, &self.state.partial.camera);
         let mut request = self.request("canonical", view.camera, lighting, self.s.canonical_samples);
         request.albedo = Some(Arc::clone(&look.field));
-        request.hidden_nodes =
-            view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s).to_owned()).collect();
+        request.hidden_nodes = view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s).to_owned()).collect();
         let outside = look.view.light(views::OUTSIDE_RGB.map(|v| f32::from(v) / 255.0));
         request.background = Some(outside.map(|v| f64::from(v) * (-lighting.exposure).exp2()));
         Ok(render(self.ctx, &request).await?.map(|lit| lit.image))

@@ -17,9 +17,9 @@ use crate::graph::Graph;
 use crate::outputs::{self, GENERATOR};
 use crate::phases;
 use crate::progress::{ProgressEvent, ProgressSink};
+use crate::relight::LitPictures;
 use crate::run_file::{PhaseEntry, PhaseState, RunFile, hash_files};
 use crate::settings::Settings;
-use crate::relight::LitPictures;
 use crate::state::SceneState;
 
 /// The phases' folder names, in order.

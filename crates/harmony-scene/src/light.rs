@@ -8,9 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::{ObjectId, SceneCamera};
 
 /// How scene-linear light becomes a picture's values: Blender's view transforms with their looks.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize, JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ViewTransform {
     /// Plain sRGB, clipped at 1: colours stay what the textures say.

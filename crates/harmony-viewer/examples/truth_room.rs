@@ -191,7 +191,16 @@ fn room_and_lights(v: &Value) -> Result<(Room, Lighting)> {
         floor_texture: None,
         wall_texture: None,
     };
-    Ok((room, Lighting { lights, ambient_color: [1.0; 3], ambient_intensity: 0.25, exposure: 1.0, view: harmony_scene::ViewTransform::Agx }))
+    Ok((
+        room,
+        Lighting {
+            lights,
+            ambient_color: [1.0; 3],
+            ambient_intensity: 0.25,
+            exposure: 1.0,
+            view: harmony_scene::ViewTransform::Agx,
+        },
+    ))
 }
 
 fn object(o: &Value) -> Result<SceneObject> {

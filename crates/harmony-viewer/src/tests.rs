@@ -64,7 +64,13 @@ fn scene(text: &str) -> Scene {
                 depth_residual_m: None,
             },
         }],
-        lighting: Lighting { lights: Vec::new(), ambient_color: [1.0; 3], ambient_intensity: 0.2, exposure: 0.0, view: harmony_scene::ViewTransform::Agx },
+        lighting: Lighting {
+            lights: Vec::new(),
+            ambient_color: [1.0; 3],
+            ambient_intensity: 0.2,
+            exposure: 0.0,
+            view: harmony_scene::ViewTransform::Agx,
+        },
         summary: text.into(),
         warnings: [("input", None), ("3_furniture", Some("chair_01")), ("9_unknown", None)]
             .map(|(phase, object)| Warning {

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use harmony_roles::{
-    EditKind, EditRequest, EditedImage, ImageEditor, LitImage, LitKind, LitRenderer, LitRequest, PlayerCard, Role, RoleError,
-    SegmentRequest, SegmentedMask, Segmenter, Usage,
+    EditKind, EditRequest, EditedImage, ImageEditor, LitImage, LitKind, LitRenderer, LitRequest, PlayerCard, Role,
+    RoleError, SegmentRequest, SegmentedMask, Segmenter, Usage,
 };
 use harmony_scene::{ImageSize, SceneCamera};
 use serde::{Deserialize, Serialize};

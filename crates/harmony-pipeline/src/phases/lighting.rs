@@ -1,9 +1,9 @@
 //! Phase 6, materials and light. Paper Sec. 3.4 and App. C "Material and Lighting Estimation".
 
-use harmony_lighting::{LightingSpec, lights_from_scene};
+use harmony_lighting::{LightingSpec, lights_from_scene, sources::is_screen};
 use harmony_prompts::{LightsVars, lights};
 use harmony_roles::Picture;
-use harmony_scene::{LightKind, Lighting, WarningKind};
+use harmony_scene::{Light, LightKind, Lighting, SceneObject, WarningKind};
 use image::RgbImage;
 use serde_json::{Value, json};
 
@@ -52,12 +52,15 @@ async fn ask_sources(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &mut Ligh
     if lighting.lights.is_empty() {
         return Ok(());
     }
+    let objects = outputs::scene_objects(state);
     let sources: Vec<String> = lighting
         .lights
         .iter()
         .map(|l| {
             let kind = match l.kind {
                 LightKind::Point { .. } => "lamp",
+                // Answered among the windows, as it is a rectangle of light like them.
+                LightKind::Area { .. } if shows_a_picture(&objects, l) => "screen (answer in windows)",
                 LightKind::Area { .. } => "window",
                 LightKind::Sun { .. } => "sun",
             };
@@ -85,6 +88,12 @@ async fn ask_sources(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &mut Ligh
         ctx.warn(WarningKind::AnswerRepaired, None, note);
     }
     Ok(())
+}
+
+/// Whether a light is a television's or the like.
+fn shows_a_picture(objects: &[SceneObject], light: &Light) -> bool {
+    let object = light.object.as_ref().and_then(|id| objects.iter().find(|o| o.id == *id));
+    object.is_some_and(|o| is_screen(&o.label))
 }
 
 fn luminance(p: [u8; 3]) -> f64 {
