@@ -7,7 +7,9 @@ use glam::DVec3;
 use harmony_imaging::sheet::{LabelledBox, LineEnds, draw_boxes, draw_polyline, palette};
 use harmony_mesh::{Bounds, Mesh, ShellOptions, Trims, room_shell_with};
 use harmony_placement::{Placed, may_be_seen};
-use harmony_render::{Glass, Instance, Lighting, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window};
+use harmony_render::{
+    Glass, Instance, Lighting, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window,
+};
 use harmony_scene::{Camera, ImageSize, PixelBox, Pose, Room, Size, Support, Surface};
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 

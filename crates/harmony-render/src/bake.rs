@@ -77,7 +77,9 @@ pub struct SlotColour {
 /// Least difference, in any channel, of a slot's observed colour from the model's that recolours a slot which is not baked;
 /// sRGB steps.
 const FAR_OFF: f32 = 40.0;
-/// Least photo pixels for that.
+/// Least photo pixels that give a colour to a slot that is baked.
+const SEEN_A_LITTLE: usize = 12;
+/// Least photo pixels for a slot that is not.
 const SEEN_ENOUGH: usize = 60;
 /// A slot with a tile of which less than this share is seen keeps it, which is sharper than any bake.
 const HARDLY_SEEN: f64 = 0.03;
@@ -111,7 +113,10 @@ pub fn bake_texture(
     }
     for (slot, base) in bases.iter_mut().enumerate() {
         let own: Vec<&Texel> = texels.iter().filter(|t| t.slot == slot && t.direct).collect();
-        base.meet(&own);
+        let seen = &colors[slot];
+        if !base.meet(&own) && seen.pixels >= SEEN_A_LITTLE && base.off(seen.rgb) >= FAR_OFF {
+            base.take(seen.rgb);
+        }
     }
     let mut made_up = fill::made_up(&texels, mesh, &bases, side as usize);
     let done = exemplar::improve(&mut made_up, &texels, &bases, side as usize);
@@ -138,9 +143,7 @@ pub fn bake_texture(
 /// in or what shines has no colour of its own in a photo.
 fn recolour(material: &mut Material, base: &Base, seen: &SlotColour) {
     let dull = opacity(material) >= SOLID && material.metallic < 0.5 && material.emissive.iter().all(|e| *e <= 0.0);
-    let named = base.named();
-    let off = (0..3).map(|k| (named[k] - f32::from(seen.rgb[k])).abs()).fold(0.0, f32::max);
-    if !dull || seen.pixels < SEEN_ENOUGH || off < FAR_OFF {
+    if !dull || seen.pixels < SEEN_ENOUGH || base.off(seen.rgb) < FAR_OFF {
         return;
     }
     let mean = base.linear();

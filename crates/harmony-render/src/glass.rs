@@ -112,8 +112,15 @@ pub(crate) fn blend<'p>(
     let mut sums: Vec<(u32, Layer)> = Vec::new();
     for (offset, depth) in samples {
         let mut none = Vec::new();
-        let band =
-            Band { x0, y0, width, height: n / width.max(1), offset: *offset, inverse_depth: depth, triangle: &mut none };
+        let band = Band {
+            x0,
+            y0,
+            width,
+            height: n / width.max(1),
+            offset: *offset,
+            inverse_depth: depth,
+            triangle: &mut none,
+        };
         let mut fragments = Vec::new();
         for piece in pieces.clone() {
             band.visit(draw, &piece[opaque_pieces(draw, piece)..], |pixel, inverse_depth, triangle| {

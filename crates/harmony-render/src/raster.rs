@@ -94,7 +94,8 @@ impl Band<'_> {
             let (min_y, max_y) = range(p.y);
             let plane = Plane::new(draw, &p, run, self.offset);
             let (left, right) = (self.x0, self.x0 + self.width as i32 - 1);
-            let (top, bottom) = (first_pixel(min_y).max(self.y0), last_pixel(max_y).min(self.y0 + self.height as i32 - 1));
+            let (top, bottom) =
+                (first_pixel(min_y).max(self.y0), last_pixel(max_y).min(self.y0 + self.height as i32 - 1));
             for py in top..=bottom {
                 let Some((from, to)) = span(&p, py, left, right) else { continue };
                 let row = (py - self.y0) as usize * self.width;

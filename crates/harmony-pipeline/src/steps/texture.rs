@@ -2,13 +2,16 @@
 
 use std::sync::Arc;
 
-use harmony_mesh::catalogue;
+use harmony_mesh::{Material, catalogue};
 use harmony_render::{BakeOptions, SOLID, bake_texture, opacity};
 use harmony_scene::{Level, ObjectId, WarningKind};
 
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Prepared, SceneState};
 use crate::views;
+
+/// Linear brightness up to which glass is black.
+const BLACK: f32 = 0.06;
 
 /// Textures the objects of one level that have none yet.
 ///
@@ -61,7 +64,7 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
         }
         let at_wall = placed.item.level == Level::Wall;
         // What is seen through glass is not its paint, but for the view out of a window.
-        let clear = prepared.mesh.materials.iter().filter(|m| !at_wall && opacity(m) < SOLID).map(|m| m.name.clone());
+        let clear = prepared.mesh.materials.iter().filter(|m| !at_wall && is_clear(m)).map(|m| m.name.clone());
         let options = BakeOptions {
             plain_slots: prepared.plain_slots.iter().cloned().chain(clear).collect(),
             trusted: at_wall && catalogue::is_planar(&placed.item.label),
@@ -90,13 +93,31 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
             );
         }
         let mut mesh = baked.mesh;
-        if state.partial.find(&id).is_some_and(|p| p.item.level == Level::Wall) {
-            // The pane of a window shows the photo's view: it is not clear any more.
-            for material in mesh.materials.iter_mut().filter(|m| m.texture.is_some()) {
-                material.transmission = 0.0;
-            }
+        // A pane that shows the photo's view is not clear any more, nor is a screen.
+        for material in mesh.materials.iter_mut().filter(|m| m.texture.is_some()) {
+            material.transmission = 0.0;
         }
         state.textured.insert(id, Arc::new(mesh));
     }
     Ok(())
+}
+
+/// Whether one sees through a material: black glass (a screen) lets nothing pass.
+fn is_clear(material: &Material) -> bool {
+    let [r, g, b, _] = material.base_color;
+    opacity(material) < SOLID && r.max(g).max(b) > BLACK
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bottles_are_clear_and_screens_are_not() {
+        let glass = |rgb: [f32; 3]| Material { transmission: 0.9, ..Material::plain("glass", rgb) };
+        assert!(is_clear(&glass([0.9, 0.95, 0.9])));
+        assert!(is_clear(&glass([0.02, 0.2, 0.05])), "a green bottle");
+        assert!(!is_clear(&glass([0.01, 0.01, 0.02])));
+        assert!(!is_clear(&Material::plain("wood", [0.5, 0.3, 0.1])));
+    }
 }

@@ -64,7 +64,7 @@ pub(crate) fn functions() -> Vec<Function> {
         Function::new("ramp(a, b, axis=\"y\")", |c| {
             let colors = vec![need_color(c, "a")?, need_color(c, "b")?];
             let variant = c.word("axis", &["x", "y", "z", "u", "v"], "y")?.to_owned();
-            finish(c, Pattern { colors, variant, ..blank(PatternKind::Ramp) })
+            finish(c, Pattern { colors, variant, ..Pattern::new(PatternKind::Ramp) })
         }),
         Function::new("motif(outline, pitch=0.1, jitter=0.2, turn=0, colors=None, seed=None)", |c| {
             let outline = c.outline("outline")?.points.clone();
@@ -72,7 +72,7 @@ pub(crate) fn functions() -> Vec<Function> {
                 outline,
                 width: c.number("pitch", 0.1, LENGTH)?,
                 amount: c.number("jitter", 0.2, SHARE)?,
-                ..blank(PatternKind::Motif)
+                ..Pattern::new(PatternKind::Motif)
             };
             common(c, pattern)
         }),
@@ -112,23 +112,6 @@ pub(crate) fn patterns() -> Vec<Function> {
     ]
 }
 
-fn blank(kind: PatternKind) -> Pattern {
-    Pattern {
-        kind,
-        width: 0.0,
-        length: 0.0,
-        joint: 0.0,
-        turn_deg: 0.0,
-        tone: 0.0,
-        amount: 0.0,
-        variant: String::new(),
-        colors: Vec::new(),
-        seed: 0,
-        layers: Vec::new(),
-        outline: Vec::new(),
-    }
-}
-
 /// What a pattern is when nothing is said: width, length, joint, tone, amount, variant.
 fn usual(kind: PatternKind) -> (f64, f64, f64, f64, f64, &'static str) {
     match kind {
@@ -164,7 +147,7 @@ const VARIANTS: [&str; 11] = [
 
 fn sized<'v>(c: &mut Call<'v, '_>, kind: PatternKind) -> Outcome<'v> {
     let (width, length, joint, tone, amount, variant) = usual(kind);
-    let mut pattern = Pattern { width, length, joint, tone, amount, variant: variant.to_owned(), ..blank(kind) };
+    let mut pattern = Pattern { width, length, joint, tone, amount, variant: variant.to_owned(), ..Pattern::new(kind) };
     for name in ["w", "c", "pitch", "yarn", "gauge", "scale", "chip", "cell"] {
         if c.given(name).is_some() {
             pattern.width = c.need_number(name, LENGTH)?;
@@ -235,7 +218,7 @@ fn depth(pattern: &Pattern) -> u32 {
 }
 
 fn layered<'v>(c: &mut Call<'v, '_>, kind: PatternKind) -> Outcome<'v> {
-    let mut pattern = blank(kind);
+    let mut pattern = Pattern::new(kind);
     if kind == PatternKind::Over {
         pattern.layers = vec![pattern_of(c, "a")?, pattern_of(c, "b")?];
         // A share of coverage, or a third pattern whose height is the mask.

@@ -10,7 +10,7 @@ use crate::mips::Pyramid;
 use crate::srgb::tables;
 
 /// Least weight of observed texels that gives a slot its colour.
-const ENOUGH: f32 = 12.0;
+const ENOUGH: f32 = 8.0;
 /// Largest factor on a channel, and its reciprocal the least.
 const LARGEST: f32 = 6.0;
 /// Share of the darkest and of the brightest observations that are left out of the mean.
@@ -81,11 +81,13 @@ impl Base {
     /// Takes the robust mean of what was observed of the slot.
     ///
     /// The mean of the material is taken over the same texels, so that what is seen of a pattern by chance does not matter.
-    pub(super) fn meet(&mut self, seen: &[&Texel]) {
-        let weight = |t: &Texel| t.share * t.weight;
+    ///
+    /// Returns whether enough was observed.
+    pub(super) fn meet(&mut self, seen: &[&Texel]) -> bool {
+        let weight = |t: &Texel| t.share;
         let total: f32 = seen.iter().map(|t| weight(t)).sum();
         if total < ENOUGH {
-            return;
+            return false;
         }
         // By luminance, so that a texel is in or out as a whole.
         let mut order: Vec<(&Texel, [f32; 3])> = seen.iter().filter_map(|t| Some((*t, t.color?.map(linear)))).collect();
@@ -116,6 +118,24 @@ impl Base {
                 self.gain = [1.0; 3];
             }
         }
+        true
+    }
+
+    /// Takes an sRGB colour as the mean: for a slot that is seen by too few texels to meet, where the model's is far off.
+    pub(super) fn take(&mut self, rgb: [u8; 3]) {
+        let mean = self.linear();
+        let wanted = rgb.map(|c| linear(f32::from(c)));
+        if self.tile.is_none() {
+            self.color = wanted;
+        } else {
+            self.gain = [0, 1, 2].map(|k| ((wanted[k] + 0.002) / (mean[k] + 0.002)).clamp(1.0 / LARGEST, LARGEST));
+        }
+    }
+
+    /// Largest difference, in any channel, of an sRGB colour from the material's mean, sRGB steps.
+    pub(super) fn off(&self, rgb: [u8; 3]) -> f32 {
+        let named = self.named();
+        (0..3).map(|k| (named[k] - f32::from(rgb[k])).abs()).fold(0.0, f32::max)
     }
 }
 
@@ -163,7 +183,7 @@ mod tests {
         let mut all = vec![texel([80.0, 120.0, 160.0]); 80];
         all.extend(vec![texel([255.0; 3]); 10]);
         all.extend(vec![texel([2.0; 3]); 10]);
-        base.meet(&all.iter().collect::<Vec<_>>());
+        assert!(base.meet(&all.iter().collect::<Vec<_>>()));
         let got = base.at(&all[0]);
         for (g, w) in got.iter().zip([80.0, 120.0, 160.0]) {
             assert!((g - w).abs() < 1.0, "{got:?}");
@@ -175,7 +195,9 @@ mod tests {
         let mut base = plain([0.9, 0.1, 0.1]);
         let all = vec![texel([80.0, 120.0, 160.0]); 5];
         let before = base.at(&all[0]);
-        base.meet(&all.iter().collect::<Vec<_>>());
+        assert!(!base.meet(&all.iter().collect::<Vec<_>>()));
         assert_eq!(base.at(&all[0]), before);
+        base.take([80, 120, 160]);
+        assert!((base.at(&all[0])[2] - 160.0).abs() < 1.0 && base.off([80, 120, 200]) > 39.0);
     }
 }

@@ -35,12 +35,7 @@ struct Face {
 }
 
 /// Replaces the made-up colours of large faces with a pattern; returns their charts.
-pub(super) fn improve(
-    made_up: &mut [[f32; 3]],
-    texels: &[Texel],
-    bases: &[Base],
-    side: usize,
-) -> BTreeSet<u32> {
+pub(super) fn improve(made_up: &mut [[f32; 3]], texels: &[Texel], bases: &[Base], side: usize) -> BTreeSet<u32> {
     let mut charts: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     for (i, texel) in texels.iter().enumerate() {
         charts.entry(texel.chart).or_default().push(i);

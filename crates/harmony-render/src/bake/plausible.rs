@@ -4,8 +4,8 @@
 //! Each pixel is weighed as in naive Bayes: how often its colour is seen well inside its slot, against how often it is
 //! seen around the object and on its other slots, times how near the next edge is.
 
-use image::RgbImage;
 use harmony_scene::Mask;
+use image::RgbImage;
 
 /// Colour cells a channel.
 const CELLS: usize = 16;
@@ -46,7 +46,8 @@ pub(super) struct Seen<'a> {
 /// Weight of each pixel, 0 to 1; 0 where the model is not.
 pub(super) fn weights(seen: &Seen) -> Vec<f32> {
     let away = edge_distances(seen);
-    let beside: Vec<f32> = (0..=FARTHEST).map(|d| ANYWHERE + (AT_EDGE - ANYWHERE) * (-f32::from(d) / FALL).exp()).collect();
+    let beside: Vec<f32> =
+        (0..=FARTHEST).map(|d| ANYWHERE + (AT_EDGE - ANYWHERE) * (-f32::from(d) / FALL).exp()).collect();
     let own = |i: usize| seen.visible.bits()[i] && (1..=seen.named.len() as u32).contains(&seen.slots[i]);
     let pixels: Vec<usize> = (0..seen.slots.len()).filter(|i| own(*i)).collect();
     let color = |i: usize| seen.photo.as_raw()[3 * i..3 * i + 3].try_into().unwrap_or([0; 3]);
@@ -182,7 +183,8 @@ impl Histogram {
     fn with_named(self, named: [f32; 3]) -> Self {
         let mut bell = Self::default();
         for (i, count) in bell.counts.iter_mut().enumerate() {
-            let centre = [i / CELLS / CELLS, i / CELLS % CELLS, i % CELLS].map(|k| (k as f32 + 0.5) * 256.0 / CELLS as f32);
+            let centre =
+                [i / CELLS / CELLS, i / CELLS % CELLS, i % CELLS].map(|k| (k as f32 + 0.5) * 256.0 / CELLS as f32);
             let d: f32 = (0..3).map(|k| ((centre[k] - named[k]) / NAMED_SPREAD).powi(2)).sum();
             *count = (-d / 2.0).exp();
             bell.total += *count;

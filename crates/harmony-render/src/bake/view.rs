@@ -19,7 +19,7 @@ const INNER: i32 = 3;
 const SQUARELY: f64 = 0.35;
 /// Photo pixels a texel, across the direction in which the photo is coarsest: nothing is taken below the first, and all
 /// above the second.
-const SHARP: [f32; 2] = [0.06, 0.22];
+const SHARP: [f32; 2] = [0.02, 0.08];
 /// Pixels from an edge of the model's own within which the photo counts less, for the model is never exact.
 const EDGE: f32 = 2.0;
 /// Share that is left right at such an edge.
