@@ -121,10 +121,25 @@ struct Sorted<'v> {
     named: Vec<(String, Value<'v>)>,
 }
 
-fn sort<'v>(function: &'static Function, args: &Arguments<'v, '_>, heap: Heap<'v>) -> Result<Sorted<'v>, Failure> {
+/// The first arguments without a name, as many as there are.
+fn positions<'v>(args: &Arguments<'v, '_>, count: usize, heap: &'v Heap) -> Result<Vec<Value<'v>>, Failure> {
+    macro_rules! exactly {
+        ($($n:literal)*) => {
+            match count {
+                $($n => args.positional::<$n>(heap)?.to_vec(),)*
+                _ => return Err(Complaint::new("more than 16 arguments without a name").with_hint("put them into a list").into()),
+            }
+        };
+    }
+    Ok(exactly!(0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16))
+}
+
+fn sort<'v>(function: &'static Function, args: &Arguments<'v, '_>, heap: &'v Heap) -> Result<Sorted<'v>, Failure> {
     let mut sorted = Sorted { values: vec![None; function.params.len()], ..Sorted::default() };
     let say = |message: String| Complaint::new(message).with_hint(function.signature);
-    for (i, value) in args.positions(heap)?.enumerate() {
+    let named = args.names_map()?;
+    let count = args.len()?.saturating_sub(named.len());
+    for (i, value) in positions(args, count, heap)?.into_iter().enumerate() {
         match sorted.values.get_mut(i) {
             Some(slot) => *slot = Some(value),
             None if function.rest != Rest::None => sorted.positional.push(value),
@@ -134,7 +149,7 @@ fn sort<'v>(function: &'static Function, args: &Arguments<'v, '_>, heap: Heap<'v
             }
         }
     }
-    for (key, value) in args.names_map()? {
+    for (key, value) in named {
         let key = key.as_str();
         match function.params.iter().position(|(name, _)| name == key) {
             Some(i) if sorted.values[i].is_some() => {
@@ -166,7 +181,7 @@ pub(crate) struct Call<'v, 's> {
     /// What a method is called on.
     pub receiver: Option<Kind>,
     pub session: &'s Session,
-    pub heap: Heap<'v>,
+    pub heap: &'v Heap,
     /// Line of the caller.
     pub line: u32,
     sorted: Sorted<'v>,
