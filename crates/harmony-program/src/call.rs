@@ -6,8 +6,8 @@ use std::sync::{Arc, LazyLock};
 use glam::DVec3;
 use harmony_shape::MaterialSpec;
 use harmony_shape::tree::{Curve, Face, MAX_COORDINATE, Node, NodeId, Outline};
-use starlark::eval::{Arguments, Evaluator};
-use starlark::values::{Heap, Value};
+use starlark::eval::{Arguments, Evaluator, ParametersSpec};
+use starlark::values::{FrozenValue, Heap, Value};
 
 use crate::error::{Complaint, Failure};
 use crate::functions::{FUNCTIONS, materials, methods};
@@ -121,25 +121,15 @@ struct Sorted<'v> {
     named: Vec<(String, Value<'v>)>,
 }
 
-/// The first arguments without a name, as many as there are.
-fn positions<'v>(args: &Arguments<'v, '_>, count: usize, heap: &'v Heap) -> Result<Vec<Value<'v>>, Failure> {
-    macro_rules! exactly {
-        ($($n:literal)*) => {
-            match count {
-                $($n => args.positional::<$n>(heap)?.to_vec(),)*
-                _ => return Err(Complaint::new("more than 16 arguments without a name").with_hint("put them into a list").into()),
-            }
-        };
-    }
-    Ok(exactly!(0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16))
-}
+/// Any arguments at all: `*args, **kwargs`.
+static ANY: LazyLock<ParametersSpec<FrozenValue>> =
+    LazyLock::new(|| ParametersSpec::new_parts("function", [], [], true, [], true));
 
 fn sort<'v>(function: &'static Function, args: &Arguments<'v, '_>, heap: &'v Heap) -> Result<Sorted<'v>, Failure> {
     let mut sorted = Sorted { values: vec![None; function.params.len()], ..Sorted::default() };
     let say = |message: String| Complaint::new(message).with_hint(function.signature);
-    let named = args.names_map()?;
-    let count = args.len()?.saturating_sub(named.len());
-    for (i, value) in positions(args, count, heap)?.into_iter().enumerate() {
+    let [positional, _] = ANY.collect_into::<2>(args, heap)?;
+    for (i, &value) in positional.and_then(items).unwrap_or_default().iter().enumerate() {
         match sorted.values.get_mut(i) {
             Some(slot) => *slot = Some(value),
             None if function.rest != Rest::None => sorted.positional.push(value),
@@ -149,7 +139,7 @@ fn sort<'v>(function: &'static Function, args: &Arguments<'v, '_>, heap: &'v Hea
             }
         }
     }
-    for (key, value) in named {
+    for (key, value) in args.names_map()? {
         let key = key.as_str();
         match function.params.iter().position(|(name, _)| name == key) {
             Some(i) if sorted.values[i].is_some() => {

@@ -1,6 +1,6 @@
 //! The interpreter: source and inputs in, shape tree or error out, in this process.
 
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
 use harmony_shape::ShapeTree;
@@ -30,7 +30,7 @@ static GLOBALS: LazyLock<Globals> = LazyLock::new(|| {
 });
 
 /// What is told about the statement that runs.
-pub(crate) type Progress<'a> = &'a (dyn Fn(u32) + Sync);
+pub(crate) type Progress = Arc<dyn Fn(u32) + Send + Sync>;
 
 const DIALECT: Dialect = Dialect {
     enable_f_strings: true,
@@ -55,7 +55,7 @@ pub(crate) fn evaluate_with(
     source: &str,
     inputs: &Inputs,
     limits: &Limits,
-    progress: Option<Progress<'_>>,
+    progress: Option<Progress>,
 ) -> Result<ShapeTree, ProgramError> {
     prescan(source)?;
     let text = without_imports(source);
@@ -105,7 +105,7 @@ fn interpret(
     text: String,
     inputs: &Inputs,
     limits: &Limits,
-    progress: Option<Progress<'_>>,
+    progress: Option<Progress>,
 ) -> Result<ShapeTree, ProgramError> {
     let ast = parse(source, text)?;
     let session = Session::new(inputs.clone(), limits.clone());
@@ -118,7 +118,13 @@ fn interpret(
     eval.set_print_handler(&Silent);
     eval.set_max_callstack_size(limits.depth.max(1) as usize)
         .map_err(|e| ProgramError::new(ErrorKind::Cage, 0, e.to_string()))?;
-    let guard: Box<dyn BeforeStmtFuncDyn<'_, '_>> = Box::new(Guard { limits, progress, end, statements: 0 });
+    let guard: Box<dyn BeforeStmtFuncDyn<'_, '_>> = Box::new(Guard {
+        statements: 0,
+        most: limits.statements,
+        heap_bytes: limits.heap_bytes,
+        end,
+        progress,
+    });
     eval.before_stmt_for_dap(guard.into());
     eval.eval_module(ast, &GLOBALS).map_err(|e| explained(&e, source, false))?;
     let root = build(&mut eval, &module, inputs, source)?;
@@ -127,17 +133,18 @@ fn interpret(
 
 /// Watches every statement. The interpreter has no limits of its own for what is between two statements (a
 /// comprehension, an operation on one huge value): those the child process stops.
-struct Guard<'l> {
-    limits: &'l Limits,
-    progress: Option<Progress<'l>>,
-    end: Instant,
+struct Guard {
     statements: u64,
+    most: u64,
+    heap_bytes: u64,
+    end: Instant,
+    progress: Option<Progress>,
 }
 
-impl<'a, 'e: 'a> BeforeStmtFuncDyn<'a, 'e> for Guard<'_> {
+impl<'a, 'e: 'a> BeforeStmtFuncDyn<'a, 'e> for Guard {
     fn call<'v>(&mut self, span: FileSpanRef<'_>, eval: &mut Evaluator<'v, 'a, 'e>) -> starlark::Result<()> {
         self.statements += 1;
-        if let Some(progress) = self.progress {
+        if let Some(progress) = &self.progress {
             progress(span.resolve_span().begin.line as u32 + 1);
         }
         let say = |what: &str| {
@@ -145,10 +152,10 @@ impl<'a, 'e: 'a> BeforeStmtFuncDyn<'a, 'e> for Guard<'_> {
                 .with_hint("shorter loops: copies are made by row(), grid(), ring(), along()");
             Err(Failure::Complaint(complaint).into())
         };
-        if self.statements > self.limits.statements {
+        if self.statements > self.most {
             return say("time");
         }
-        if eval.heap().allocated_bytes() as u64 > self.limits.heap_bytes {
+        if eval.heap().allocated_bytes() as u64 > self.heap_bytes {
             return say("memory");
         }
         if self.statements.is_multiple_of(256) && Instant::now() > self.end {
