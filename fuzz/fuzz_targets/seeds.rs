@@ -256,7 +256,25 @@ fn dictionary(name: &str, words: &BTreeSet<String>) {
     std::fs::write(folder.join(name), text).expect("a word list");
 }
 
+fn programs() {
+    let examples = harmony_program::GUIDE.split("```python\n").skip(1).filter_map(|rest| rest.split("```").next());
+    for (i, source) in examples.enumerate() {
+        put("programs", &format!("guide_{i}"), source.as_bytes());
+    }
+    for (i, signature) in harmony_program::signatures().enumerate() {
+        put("programs", &format!("call_{i:03}"), format!("def build(w, h, d):\n    return {signature}\n").as_bytes());
+    }
+    for (name, source) in [
+        ("curve", "def build():\n    c = spline([(0, 0, 0), (0, 1, 0), (1, 1, 0)])\n    return group('a', c = sweep(c, 0.1), b = along(c, sphere(0.1), n = 4))\n"),
+        ("surf", "def build():\n    return surf(lambda u, v: vec(u, v, math.sin(u)), 4, 4)\n"),
+        ("outline", "def build():\n    return extrude(rect(1, 1, r = 0.1).hole(circle(0.2)).plus(text('Ab', 0.2)), 0.1)\n"),
+    ] {
+        put("programs", name, source.as_bytes());
+    }
+}
+
 fn write_all() {
+    programs();
     answers();
     part_models();
     put("glb", "box.glb", &glb(&boxes()));
@@ -270,6 +288,12 @@ fn write_all() {
         words(&question.schema, &mut all);
     }
     dictionary("answers.dict", &all);
+    let of_programs: BTreeSet<String> = harmony_program::signatures()
+        .flat_map(|s| s.split(|c: char| !c.is_alphanumeric() && c != '_'))
+        .filter(|w| w.len() > 1)
+        .map(str::to_owned)
+        .collect();
+    dictionary("programs.dict", &of_programs);
     let mut of_models = BTreeSet::new();
     let inspect = serde_json::to_value(schemars::schema_for!(PartModel)).expect("a schema");
     words(&inspect, &mut of_models);

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    // As its own child it evaluates one modelling program and does nothing else.
+    // Before anything else: a child that runs a modelling program reads no configuration and opens no file.
     if std::env::args_os().nth(1).is_some_and(|first| first == harmony_program::CHILD_COMMAND) {
         return harmony_program::child_main();
     }

@@ -6,8 +6,8 @@ use std::sync::{Arc, LazyLock};
 use glam::DVec3;
 use harmony_shape::MaterialSpec;
 use harmony_shape::tree::{Curve, Face, MAX_COORDINATE, Node, NodeId, Outline};
-use starlark::eval::{Arguments, Evaluator};
-use starlark::values::{Heap, Value};
+use starlark::eval::{Arguments, Evaluator, ParametersSpec};
+use starlark::values::{FrozenValue, Heap, Value};
 
 use crate::error::{Complaint, Failure};
 use crate::functions::{FUNCTIONS, materials, methods};
@@ -121,10 +121,15 @@ struct Sorted<'v> {
     named: Vec<(String, Value<'v>)>,
 }
 
-fn sort<'v>(function: &'static Function, args: &Arguments<'v, '_>, heap: Heap<'v>) -> Result<Sorted<'v>, Failure> {
+/// Any arguments at all: `*args, **kwargs`.
+static ANY: LazyLock<ParametersSpec<FrozenValue>> =
+    LazyLock::new(|| ParametersSpec::new_parts("function", [], [], true, [], true));
+
+fn sort<'v>(function: &'static Function, args: &Arguments<'v, '_>, heap: &'v Heap) -> Result<Sorted<'v>, Failure> {
     let mut sorted = Sorted { values: vec![None; function.params.len()], ..Sorted::default() };
     let say = |message: String| Complaint::new(message).with_hint(function.signature);
-    for (i, value) in args.positions(heap)?.enumerate() {
+    let [positional, _] = ANY.collect_into::<2>(args, heap)?;
+    for (i, &value) in positional.and_then(items).unwrap_or_default().iter().enumerate() {
         match sorted.values.get_mut(i) {
             Some(slot) => *slot = Some(value),
             None if function.rest != Rest::None => sorted.positional.push(value),
@@ -166,7 +171,7 @@ pub(crate) struct Call<'v, 's> {
     /// What a method is called on.
     pub receiver: Option<Kind>,
     pub session: &'s Session,
-    pub heap: Heap<'v>,
+    pub heap: &'v Heap,
     /// Line of the caller.
     pub line: u32,
     sorted: Sorted<'v>,

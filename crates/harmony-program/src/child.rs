@@ -2,12 +2,13 @@
 
 use std::io::{Read, Write};
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use harmony_shape::ShapeTree;
 use serde::{Deserialize, Serialize};
 
-use crate::engine::evaluate_with;
+use crate::engine::{Progress, evaluate_with};
 use crate::error::{ErrorKind, ProgramError};
 use crate::inputs::{Inputs, Limits};
 
@@ -71,7 +72,8 @@ pub fn child_main() -> ExitCode {
             }
         }
     });
-    let result = evaluate_with(&question.source, &question.inputs, &question.limits, Some(&progress));
+    let progress: Progress = Arc::new(progress);
+    let result = evaluate_with(&question.source, &question.inputs, &question.limits, Some(progress));
     answer(&match result {
         Ok(tree) => Answer::Tree(tree),
         Err(mut error) => {

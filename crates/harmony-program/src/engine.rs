@@ -1,17 +1,18 @@
 //! The interpreter: source and inputs in, shape tree or error out, in this process.
 
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
 use harmony_shape::ShapeTree;
 use starlark::PrintHandler;
 use starlark::docs::{DocItem, DocMember};
 use starlark::environment::{Globals, GlobalsBuilder, LibraryExtension, Module};
-use starlark::eval::Evaluator;
+use starlark::codemap::FileSpanRef;
+use starlark::eval::{BeforeStmtFuncDyn, Evaluator};
 use starlark::syntax::{AstModule, Dialect, DialectTypes};
 use starlark::values::{Heap, Value};
 
-use crate::error::{Complaint, ErrorKind, ProgramError};
+use crate::error::{Complaint, ErrorKind, Failure, ProgramError};
 use crate::inputs::{Inputs, Limits};
 use crate::prescan::prescan;
 use crate::session::Session;
@@ -29,7 +30,7 @@ static GLOBALS: LazyLock<Globals> = LazyLock::new(|| {
 });
 
 /// What is told about the statement that runs.
-pub(crate) type Progress<'a> = &'a (dyn Fn(u32) + Sync);
+pub(crate) type Progress = Arc<dyn Fn(u32) + Send + Sync>;
 
 const DIALECT: Dialect = Dialect {
     enable_f_strings: true,
@@ -54,7 +55,7 @@ pub(crate) fn evaluate_with(
     source: &str,
     inputs: &Inputs,
     limits: &Limits,
-    progress: Option<Progress<'_>>,
+    progress: Option<Progress>,
 ) -> Result<ShapeTree, ProgramError> {
     prescan(source)?;
     let text = without_imports(source);
@@ -104,41 +105,70 @@ fn interpret(
     text: String,
     inputs: &Inputs,
     limits: &Limits,
-    progress: Option<Progress<'_>>,
+    progress: Option<Progress>,
 ) -> Result<ShapeTree, ProgramError> {
     let ast = parse(source, text)?;
     let session = Session::new(inputs.clone(), limits.clone());
     let end = Instant::now() + Duration::from_secs_f64(limits.seconds.clamp(0.01, 3600.0));
-    let told = |span: starlark::codemap::FileSpanRef<'_>, _: bool, _: &mut Evaluator<'_, '_, '_>| {
-        if let Some(progress) = progress {
+    let module = Module::new();
+    let mut eval = Evaluator::new(&module);
+    eval.extra = Some(&session);
+    // Natives hold values while functions of the program run; a heap this small needs no collection.
+    eval.disable_gc();
+    eval.set_print_handler(&Silent);
+    eval.set_max_callstack_size(limits.depth.max(1) as usize)
+        .map_err(|e| ProgramError::new(ErrorKind::Cage, 0, e.to_string()))?;
+    let guard: Box<dyn BeforeStmtFuncDyn<'_, '_>> = Box::new(Guard {
+        statements: 0,
+        most: limits.statements,
+        heap_bytes: limits.heap_bytes,
+        end,
+        progress,
+    });
+    eval.before_stmt_for_dap(guard.into());
+    eval.eval_module(ast, &GLOBALS).map_err(|e| explained(&e, source, false))?;
+    let root = build(&mut eval, &module, inputs, source)?;
+    session.tree(root).map_err(|c| complained(&c, 0))
+}
+
+/// Watches every statement. The interpreter has no limits of its own for what is between two statements (a
+/// comprehension, an operation on one huge value): those the child process stops.
+struct Guard {
+    statements: u64,
+    most: u64,
+    heap_bytes: u64,
+    end: Instant,
+    progress: Option<Progress>,
+}
+
+impl<'a, 'e: 'a> BeforeStmtFuncDyn<'a, 'e> for Guard {
+    fn call<'v>(&mut self, span: FileSpanRef<'_>, eval: &mut Evaluator<'v, 'a, 'e>) -> starlark::Result<()> {
+        self.statements += 1;
+        if let Some(progress) = &self.progress {
             progress(span.resolve_span().begin.line as u32 + 1);
         }
-    };
-    Module::with_temp_heap(|module| {
-        let mut eval = Evaluator::new(&module);
-        eval.extra = Some(&session);
-        // Natives hold values while functions of the program run; a heap this small needs no collection.
-        eval.disable_gc();
-        eval.set_print_handler(&Silent);
-        eval.set_check_cancelled(Box::new(move || Instant::now() > end));
-        let setup = eval
-            .set_max_tick_count(limits.ticks.max(1))
-            .and_then(|()| eval.set_max_heap_size(limits.heap_bytes.max(1) as usize))
-            .and_then(|()| eval.set_max_callstack_size(limits.depth.max(1) as usize));
-        setup.map_err(|e| ProgramError::new(ErrorKind::Cage, 0, e.to_string()))?;
-        if progress.is_some() {
-            eval.before_stmt_for_dap(starlark::eval::BeforeStmtFunc::Fn(&told));
+        let say = |what: &str| {
+            let complaint = Complaint::limit(format!("the program uses too much {what}"))
+                .with_hint("shorter loops: copies are made by row(), grid(), ring(), along()");
+            Err(Failure::Complaint(complaint).into())
+        };
+        if self.statements > self.most {
+            return say("time");
         }
-        eval.eval_module(ast, &GLOBALS).map_err(|e| explained(&e, source, false))?;
-        let root = build(&mut eval, &module, inputs, source)?;
-        session.tree(root).map_err(|c| complained(&c, 0))
-    })
+        if eval.heap().allocated_bytes() as u64 > self.heap_bytes {
+            return say("memory");
+        }
+        if self.statements.is_multiple_of(256) && Instant::now() > self.end {
+            return say("time");
+        }
+        Ok(())
+    }
 }
 
 /// Calls `build` with what it takes, and looks at what it gives.
 fn build<'v>(
     eval: &mut Evaluator<'v, '_, '_>,
-    module: &Module<'v>,
+    module: &'v Module,
     inputs: &Inputs,
     source: &str,
 ) -> Result<harmony_shape::NodeId, ProgramError> {
@@ -179,7 +209,7 @@ fn build<'v>(
 }
 
 /// JSON as a value; what is nested deeper than `depth` becomes None.
-fn value_of<'v>(heap: Heap<'v>, json: &serde_json::Value, depth: u32) -> Value<'v> {
+fn value_of<'v>(heap: &'v Heap, json: &serde_json::Value, depth: u32) -> Value<'v> {
     use serde_json::Value as Json;
     match json {
         Json::Bool(b) => Value::new_bool(*b),
@@ -233,12 +263,6 @@ fn in_words(error: &starlark::Error, line: u32, source: &str, syntax: bool) -> P
     let message: String = first.trim_start_matches("Parse error: ").replace("type `thing`", "this kind").chars().take(300).collect();
     let message = message.replace("`thing`", "`part`");
     let text = (line as usize).checked_sub(1).and_then(|i| source.lines().nth(i)).unwrap_or_default();
-    let limit = ["Heap memory limit", "Execution duration limit", "Evaluation cancelled"];
-    if limit.iter().any(|l| message.contains(l)) {
-        let what = if message.contains("Heap") { "memory" } else { "time" };
-        return ProgramError::new(ErrorKind::Limit, line, format!("the program uses too much {what}"))
-            .with_hint("shorter loops: copies are made by row(), grid(), ring(), along()");
-    }
     if matches!(error.kind(), Engine::StackOverflow(_)) {
         return ProgramError::new(ErrorKind::Limit, line, "calls are nested too deep").with_hint("use a loop");
     }

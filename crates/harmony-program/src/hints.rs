@@ -65,7 +65,7 @@ pub(crate) fn for_syntax(line: &str, message: &str) -> Option<&'static str> {
         return Some("no chained comparison here: `0 < x and x < 2`");
     }
     if line.contains("f\"") || line.contains("f'") {
-        return Some("f-strings take plain expressions, no format such as {x:.2f}: use str(round(x, 2))");
+        return Some("f-strings take plain names only, no {x:.2f} and no {f(x)}: use str(round(x, 2)) and +");
     }
     let assignments = text.replace("==", "").replace("<=", "").replace(">=", "").replace("!=", "");
     if assignments.matches(" = ").count() > 1 && !assignments.contains('(') {

@@ -61,13 +61,13 @@ impl Inputs {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
-    /// Calls and turns of loops of the program.
-    pub ticks: u64,
-    /// Memory of the interpreter's own heap, bytes; checked now and then.
+    /// Statements of the program, each time they run.
+    pub statements: u64,
+    /// Memory of the interpreter's own heap, bytes; checked before each statement.
     pub heap_bytes: u64,
     /// Depth of calls.
     pub depth: u32,
-    /// Time for the evaluation, seconds; checked now and then.
+    /// Time for the evaluation, seconds; checked between statements.
     pub seconds: f64,
     /// Points of curves and outlines, made in all.
     pub curve_points: u64,
@@ -90,7 +90,7 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            ticks: 2_000_000,
+            statements: 2_000_000,
             heap_bytes: 256 << 20,
             depth: 64,
             seconds: 8.0,

@@ -211,7 +211,8 @@ impl Session {
         self.with_node(id, |node| describe(&node.kind, node.name.as_deref(), node.line))
     }
 
-    /// The tree under a root: what it does not reach is dropped, the rest keeps its order.
+    /// The tree under a root: what it does not reach is dropped, the rest keeps its order; numbers have nine decimals at
+    /// most, so that they come back from JSON as they were.
     pub fn tree(&self, root: NodeId) -> Result<ShapeTree, Complaint> {
         let state = self.state.borrow();
         let mut used = vec![false; state.nodes.len()];
@@ -248,7 +249,25 @@ impl Session {
         if count > max {
             return Err(too_many("materials", count, max, "share materials between parts"));
         }
-        Ok(tree)
+        let unwritable = |e: serde_json::Error| Complaint::new(format!("the tree cannot be written: {e}"));
+        let mut json = serde_json::to_value(&tree).map_err(unwritable)?;
+        round(&mut json);
+        serde_json::from_value(json).map_err(unwritable)
+    }
+}
+
+/// Rounds every number that is no whole one to nine decimals (a nanometre); such numbers are read back exactly.
+fn round(json: &mut serde_json::Value) {
+    use serde_json::Value as Json;
+    match json {
+        Json::Number(n) if n.is_f64() => {
+            if let Some(rounded) = n.as_f64().map(|x| libm::rint(x * 1e9) / 1e9 + 0.0) {
+                *json = Json::from(rounded);
+            }
+        }
+        Json::Array(list) => list.iter_mut().for_each(round),
+        Json::Object(map) => map.values_mut().for_each(round),
+        _ => {}
     }
 }
 

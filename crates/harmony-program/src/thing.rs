@@ -11,7 +11,7 @@ use harmony_shape::{Pattern, PhotoMap};
 use starlark::any::ProvidesStaticType;
 use starlark::eval::{Arguments, Evaluator};
 use starlark::starlark_simple_value;
-use starlark::values::{Heap, NoSerialize, StarlarkPagablePanic, StarlarkValue, Value, starlark_value};
+use starlark::values::{Heap, NoSerialize, StarlarkValue, Value, starlark_value};
 
 use crate::bounds::Bounds;
 use crate::call;
@@ -40,7 +40,7 @@ pub(crate) enum Kind {
 }
 
 /// A value of the language.
-#[derive(Debug, Clone, ProvidesStaticType, NoSerialize, StarlarkPagablePanic, Allocative)]
+#[derive(Debug, Clone, ProvidesStaticType, NoSerialize, Allocative)]
 pub(crate) struct Thing {
     #[allocative(skip)]
     pub kind: Kind,
@@ -125,7 +125,7 @@ impl<'v> StarlarkValue<'v> for Thing {
         self.to_string()
     }
 
-    fn get_attr(&self, attribute: &str, heap: Heap<'v>) -> Option<Value<'v>> {
+    fn get_attr(&self, attribute: &str, heap: &'v Heap) -> Option<Value<'v>> {
         let vector = |v: DVec3| heap.alloc(Thing::from(Kind::Vector(v)));
         let number = |x: f64| heap.alloc(x);
         let own = match (&self.kind, attribute) {
@@ -191,7 +191,7 @@ impl<'v> StarlarkValue<'v> for Thing {
         }
     }
 
-    fn at(&self, index: Value<'v>, heap: Heap<'v>) -> starlark::Result<Value<'v>> {
+    fn at(&self, index: Value<'v>, heap: &'v Heap) -> starlark::Result<Value<'v>> {
         match (&self.kind, index.unpack_i32()) {
             (Kind::Vector(v), Some(i @ -3..=2)) => Ok(heap.alloc(v.to_array()[i.rem_euclid(3) as usize])),
             (kind, _) => {
@@ -201,7 +201,7 @@ impl<'v> StarlarkValue<'v> for Thing {
         }
     }
 
-    fn iterate_collect(&self, heap: Heap<'v>) -> starlark::Result<Vec<Value<'v>>> {
+    fn iterate_collect(&self, heap: &'v Heap) -> starlark::Result<Vec<Value<'v>>> {
         match &self.kind {
             Kind::Vector(v) => Ok(v.to_array().into_iter().map(|x| heap.alloc(x)).collect()),
             kind => {
@@ -211,28 +211,28 @@ impl<'v> StarlarkValue<'v> for Thing {
         }
     }
 
-    fn plus(&self, heap: Heap<'v>) -> starlark::Result<Value<'v>> {
+    fn plus(&self, heap: &'v Heap) -> starlark::Result<Value<'v>> {
         match &self.kind {
             Kind::Vector(v) => Ok(heap.alloc(Self::from(Kind::Vector(*v)))),
             kind => arithmetic("+", "", kind.word()),
         }
     }
 
-    fn minus(&self, heap: Heap<'v>) -> starlark::Result<Value<'v>> {
+    fn minus(&self, heap: &'v Heap) -> starlark::Result<Value<'v>> {
         match &self.kind {
             Kind::Vector(v) => Ok(heap.alloc(Self::from(Kind::Vector(-*v)))),
             kind => arithmetic("-", "", kind.word()),
         }
     }
 
-    fn add(&self, rhs: Value<'v>, heap: Heap<'v>) -> Option<starlark::Result<Value<'v>>> {
+    fn add(&self, rhs: Value<'v>, heap: &'v Heap) -> Option<starlark::Result<Value<'v>>> {
         Some(match (&self.kind, numbers::vector(rhs)) {
             (Kind::Vector(a), Some(b)) => Ok(heap.alloc(Self::from(Kind::Vector(*a + b)))),
             (kind, _) => arithmetic("+", kind.word(), word(rhs)),
         })
     }
 
-    fn radd(&self, lhs: Value<'v>, heap: Heap<'v>) -> Option<starlark::Result<Value<'v>>> {
+    fn radd(&self, lhs: Value<'v>, heap: &'v Heap) -> Option<starlark::Result<Value<'v>>> {
         Some(match (&self.kind, numbers::vector(lhs)) {
             (Kind::Vector(a), Some(b)) => Ok(heap.alloc(Self::from(Kind::Vector(*a + b)))),
             // sum() of vectors begins with 0.
@@ -241,25 +241,25 @@ impl<'v> StarlarkValue<'v> for Thing {
         })
     }
 
-    fn sub(&self, other: Value<'v>, heap: Heap<'v>) -> starlark::Result<Value<'v>> {
+    fn sub(&self, other: Value<'v>, heap: &'v Heap) -> starlark::Result<Value<'v>> {
         match (&self.kind, numbers::vector(other)) {
             (Kind::Vector(a), Some(b)) => Ok(heap.alloc(Self::from(Kind::Vector(*a - b)))),
             (kind, _) => arithmetic("-", kind.word(), word(other)),
         }
     }
 
-    fn mul(&self, rhs: Value<'v>, heap: Heap<'v>) -> Option<starlark::Result<Value<'v>>> {
+    fn mul(&self, rhs: Value<'v>, heap: &'v Heap) -> Option<starlark::Result<Value<'v>>> {
         Some(match (&self.kind, numbers::number(rhs)) {
             (Kind::Vector(a), Some(k)) => Ok(heap.alloc(Self::from(Kind::Vector(*a * k)))),
             (kind, _) => arithmetic("*", kind.word(), word(rhs)),
         })
     }
 
-    fn rmul(&self, lhs: Value<'v>, heap: Heap<'v>) -> Option<starlark::Result<Value<'v>>> {
+    fn rmul(&self, lhs: Value<'v>, heap: &'v Heap) -> Option<starlark::Result<Value<'v>>> {
         self.mul(lhs, heap)
     }
 
-    fn div(&self, other: Value<'v>, heap: Heap<'v>) -> starlark::Result<Value<'v>> {
+    fn div(&self, other: Value<'v>, heap: &'v Heap) -> starlark::Result<Value<'v>> {
         match (&self.kind, numbers::number(other)) {
             (Kind::Vector(a), Some(k)) if k != 0.0 => Ok(heap.alloc(Self::from(Kind::Vector(*a / k)))),
             (kind, _) => arithmetic("/", kind.word(), word(other)),
