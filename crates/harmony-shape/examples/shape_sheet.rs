@@ -30,7 +30,9 @@ struct Maker {
 impl Maker {
     fn new() -> Self {
         let mut m = Self::default();
-        for (name, color) in [("stone", "#b8b0a4"), ("oak", "#b98a58"), ("velvet", "#7d6a86"), ("steel", "#6f8090"), ("red", "#b0483a")] {
+        for (name, color) in
+            [("stone", "#b8b0a4"), ("oak", "#b98a58"), ("velvet", "#7d6a86"), ("steel", "#6f8090"), ("red", "#b0483a")]
+        {
             m.tree.materials.push(serde_json::from_value(json!({ "name": name, "color": color })).unwrap());
         }
         m.tree.materials[1].map = serde_json::from_value(json!({ "kind": "wood" })).ok();
@@ -121,9 +123,11 @@ fn pulled() -> ShapeTree {
     let square = json!({ "points": [[-0.06, -0.06], [0.06, -0.06], [0.06, 0.06], [-0.06, 0.06]] });
     let ring: Vec<[f64; 3]> = circle(0.13, 48).iter().map(|[x, y]| [*x, y + 0.16, 0.0]).collect();
     let path = [[-0.15, 0.02, 0.0], [-0.15, 0.35, 0.0], [0.15, 0.35, 0.0], [0.15, 0.02, 0.0]];
-    let hose: Vec<[f64; 3]> = (0..40).map(|k| f64::from(k) * 0.2).map(|a| [0.12 * a.cos(), 0.03 + a * 0.045, 0.12 * a.sin()]).collect();
+    let hose: Vec<[f64; 3]> =
+        (0..40).map(|k| f64::from(k) * 0.2).map(|a| [0.12 * a.cos(), 0.03 + a * 0.045, 0.12 * a.sin()]).collect();
     let section = |y: f64, r: f64, n: u32| json!({ "outline": { "points": circle(r, n) }, "at": [0.0, y, 0.0], "turn_deg": [0.0, 0.0, 0.0] });
-    let wave: Vec<[f64; 2]> = (0..60).map(|k| f64::from(k) * 0.006).map(|z| [z - 0.18, 0.02 + 0.02 * (z * 90.0).sin()]).collect();
+    let wave: Vec<[f64; 2]> =
+        (0..60).map(|k| f64::from(k) * 0.006).map(|z| [z - 0.18, 0.02 + 0.02 * (z * 90.0).sin()]).collect();
     let parts = [
         m.add(1, extrude(&frame, 0.04, "z", 0.006, 0.0, 0.0)),
         m.add(4, extrude(&star(5, 0.18, 0.08), 0.08, "z", 0.01, 0.0, 0.0)),
@@ -151,7 +155,8 @@ fn cut() -> ShapeTree {
     let body = m.add(4, json!({ "kind": "sphere", "radii": [0.14, 0.1, 0.1] }));
     let head = m.add(4, json!({ "kind": "sphere", "radii": [0.07, 0.07, 0.07] }));
     let head = m.at(head, 0.15, 0.14, 0.0);
-    let neck = m.add(4, sweep(&[[0.08, 0.12, 0.0], [0.15, 0.2, 0.0]], false, &json!({ "round": 0.035 }), [0.0; 2], true));
+    let neck =
+        m.add(4, sweep(&[[0.08, 0.12, 0.0], [0.15, 0.2, 0.0]], false, &json!({ "round": 0.035 }), [0.0; 2], true));
     let parts = [
         m.add(0, json!({ "kind": "boolean", "op": "cut", "a": block, "b": drill })),
         m.add(4, json!({ "kind": "boolean", "op": "cut", "a": ball, "b": half })),
@@ -171,12 +176,17 @@ fn table() -> ShapeTree {
         .to_vec();
     let legs = m.add(1, json!({ "kind": "copies", "child": leg, "places": places }));
     let book = m.add(3, solid([0.22, 0.035, 0.16], 0.003));
-    let books = m.add(3, json!({ "kind": "stack", "children": [book, book, book], "gap": 0.0, "jitter": 0.8, "seed": 3 }));
+    let books =
+        m.add(3, json!({ "kind": "stack", "children": [book, book, book], "gap": 0.0, "jitter": 0.8, "seed": 3 }));
     let on = m.add(3, json!({ "kind": "on", "child": books, "other": top, "u": 0.25, "v": 0.5 }));
     let ball = m.add(4, json!({ "kind": "sphere", "radii": [0.03, 0.03, 0.03] }));
-    let balls = m.add(4, json!({ "kind": "scatter", "children": [ball], "on": top, "count": 14, "gap": 0.03, "seed": 5 }));
+    let balls =
+        m.add(4, json!({ "kind": "scatter", "children": [ball], "on": top, "count": 14, "gap": 0.03, "seed": 5 }));
     let can = m.add(0, cylinder(0.1, 0.25, 0.1, 0.004, 0, 0.0));
-    let can = m.add(0, json!({ "kind": "decal", "child": can, "face": "front", "with": 4, "at": [0.5, 0.5], "size": [0.14, 0.1] }));
+    let can = m.add(
+        0,
+        json!({ "kind": "decal", "child": can, "face": "front", "with": 4, "at": [0.5, 0.5], "size": [0.14, 0.1] }),
+    );
     let can = m.add(0, json!({ "kind": "on", "child": can, "other": top, "u": 0.75, "v": 0.5 }));
     let all = m.add(0, json!({ "kind": "group", "children": [top, legs, on, balls, can] }));
     m.rows(&[all], 1.0)
@@ -187,23 +197,33 @@ fn bed() -> ShapeTree {
     let base = m.add(1, solid([1.6, 0.25, 2.0], 0.015));
     let mattress = m.add(0, json!({ "kind": "cushion", "size": [1.56, 0.24, 1.96], "crown": 0.015, "sag": 0.0, "piping": 0.006, "bevel": 0.03 }));
     let mattress = m.at(mattress, 0.0, 0.25, 0.0);
-    let board = m.add(2, json!({ "kind": "cushion", "size": [1.7, 1.0, 0.11], "crown": 0.02, "sag": 0.0, "piping": 0.0, "bevel": 0.03 }));
+    let board = m.add(
+        2,
+        json!({ "kind": "cushion", "size": [1.7, 1.0, 0.11], "crown": 0.02, "sag": 0.0, "piping": 0.0, "bevel": 0.03 }),
+    );
     let board = m.add(2, json!({ "kind": "tuft", "child": board, "face": "front", "rows": 4, "cols": 9, "depth": 0.035, "diamond": true, "button": 0.014 }));
     let board = m.at(board, 0.0, 0.1, -1.06);
     let pillow = m.add(0, json!({ "kind": "pillow", "size": [0.65, 0.45, 0.16], "wrinkle": 0.5, "piping": 0.0, "ears": 0.3, "dent": 0.0, "seed": 1 }));
     let left = m.at(pillow, -0.38, 0.5, -0.7);
     let right = m.at(pillow, 0.38, 0.5, -0.7);
-    let cloth = m.add(4, json!({ "kind": "drape", "size": [2.1, 1.2], "over": [base, mattress, left, right], "at": [0.0, 0.35],
-        "turn_deg": 0.0, "rumple": 0.4, "thick": 0.015, "fold": 0.0, "stiff": 0.3, "seed": 4 }));
-    let fringe = m.add(0, json!({ "kind": "fringe", "along": { "hem": { "of": cloth, "side": "foot" } }, "fringe": "tassel",
-        "length": 0.1, "spacing": 0.08, "jitter": 0.3, "seed": 2 }));
+    let cloth = m.add(
+        4,
+        json!({ "kind": "drape", "size": [2.1, 1.2], "over": [base, mattress, left, right], "at": [0.0, 0.35],
+        "turn_deg": 0.0, "rumple": 0.4, "thick": 0.015, "fold": 0.0, "stiff": 0.3, "seed": 4 }),
+    );
+    let fringe = m.add(
+        0,
+        json!({ "kind": "fringe", "along": { "hem": { "of": cloth, "side": "foot" } }, "fringe": "tassel",
+        "length": 0.1, "spacing": 0.08, "jitter": 0.3, "seed": 2 }),
+    );
     let all = m.add(0, json!({ "kind": "group", "children": [base, mattress, board, left, right, cloth, fringe] }));
     m.rows(&[all], 1.0)
 }
 
 fn templates() -> ShapeTree {
     let mut m = Maker::new();
-    let chair = m.add(0, json!({ "kind": "template", "template": "armchair", "size": [0.8, 0.9, 0.8], "params": null }));
+    let chair =
+        m.add(0, json!({ "kind": "template", "template": "armchair", "size": [0.8, 0.9, 0.8], "params": null }));
     let plant = m.add(3, json!({ "kind": "plant", "plant": "rosette", "height": 0.5, "spread": 0.6, "count": 20, "leaf": null, "flower": null, "seed": 3 }));
     m.rows(&[chair, plant], 0.9)
 }
@@ -243,7 +263,8 @@ fn draw(shape: &BuiltShape, out: &mut RgbImage, left: u32, top: u32) {
         let n = if n.dot(away) < 0.0 { -n } else { n };
         let start = hit.point + n * (radius * 1e-3);
         let lit = if bvh.any_hit(start, sun, radius * 4.0) { 0.0 } else { n.dot(sun).max(0.0) };
-        let color = DVec3::from(mesh.materials[material].base_color.map(f64::from).first_chunk::<3>().copied().unwrap());
+        let color =
+            DVec3::from(mesh.materials[material].base_color.map(f64::from).first_chunk::<3>().copied().unwrap());
         // a face seen from behind would be missing in a viewer: magenta
         if back { DVec3::new(1.0, 0.0, 1.0) } else { color * tone * (0.35 + 0.2 * n.y + 0.9 * lit) }
     };
@@ -253,7 +274,8 @@ fn draw(shape: &BuiltShape, out: &mut RgbImage, left: u32, top: u32) {
             (0..CELL)
                 .map(|x| {
                     let sub = |k: u32| (f64::from(k) + 0.5) / f64::from(FINE);
-                    let all = (0..FINE * FINE).map(|k| shade(f64::from(x) + sub(k % FINE), f64::from(y) + sub(k / FINE)));
+                    let all =
+                        (0..FINE * FINE).map(|k| shade(f64::from(x) + sub(k % FINE), f64::from(y) + sub(k / FINE)));
                     all.sum::<DVec3>() / f64::from(FINE * FINE)
                 })
                 .collect()
@@ -269,14 +291,26 @@ fn draw(shape: &BuiltShape, out: &mut RgbImage, left: u32, top: u32) {
 
 fn main() {
     let file = std::env::args().nth(1).unwrap_or_else(|| "shapes.png".into());
-    let trees = [("solids", solids()), ("pulled", pulled()), ("cut", cut()), ("table", table()), ("bed", bed()), ("templates", templates())];
+    let trees = [
+        ("solids", solids()),
+        ("pulled", pulled()),
+        ("cut", cut()),
+        ("table", table()),
+        ("bed", bed()),
+        ("templates", templates()),
+    ];
     let mut out = RgbImage::new(CELL * 3, CELL * trees.len().div_ceil(3) as u32);
     for (k, (name, tree)) in trees.iter().enumerate() {
         let start = Instant::now();
         match tree.build(&BuildContext::default()) {
             Ok(shape) => {
                 let ms = start.elapsed().as_millis();
-                println!("{name}: {} nodes, {} triangles, {} hulls, {ms} ms", tree.nodes.len(), shape.mesh.triangle_count(), shape.convex.len());
+                println!(
+                    "{name}: {} nodes, {} triangles, {} hulls, {ms} ms",
+                    tree.nodes.len(),
+                    shape.mesh.triangle_count(),
+                    shape.convex.len()
+                );
                 for sign in lazy_signs(&shape, None) {
                     println!("  {sign}");
                 }
