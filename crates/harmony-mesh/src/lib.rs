@@ -19,8 +19,8 @@ pub use convex::{ConvexPart, MAX_HULL_POINTS, convex_parts, hull_points};
 pub use front::{broad_sides, front_by_form, front_by_size};
 pub use mesh::{Bounds, Group, Material, Mesh, MeshError, Tile};
 pub use part_model::{
-    Axis, BuiltModel, ChartPlace, LeafHabit, MAX_PARTS, Mirror, PART_MODEL_GUIDE, Part, PartModel, PartModelError, Repeat, Repeats,
-    Shape, Slot, TextureMode, hex_color, linear_rgb, pack_charts, parse_color,
+    Axis, BuiltModel, ChartPlace, LeafHabit, MAX_PARTS, Mirror, PART_MODEL_GUIDE, Part, PartModel, PartModelError,
+    Repeat, Repeats, Shape, Slot, TextureMode, hex_color, linear_rgb, pack_charts, parse_color,
 };
 pub use shell::{ShellOptions, Trim, Trims, room_shell, room_shell_with, shell_material_name};
 pub use templates::{

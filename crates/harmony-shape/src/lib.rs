@@ -12,8 +12,8 @@
 pub mod build;
 pub mod material;
 pub mod piece;
-pub mod solid;
 pub mod soft;
+pub mod solid;
 pub mod tree;
 
 pub use material::{MaterialSpec, Pattern, PhotoMap};

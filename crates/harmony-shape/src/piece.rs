@@ -34,6 +34,7 @@ impl Piece {
     }
 
     /// Moves it; a reflection keeps it wound outwards. Texture coordinates stay as they are.
+    #[must_use]
     pub fn transformed(mut self, map: &DAffine3) -> Self {
         let normal_map = map.matrix3.inverse().transpose();
         for p in &mut self.positions {

@@ -23,7 +23,10 @@ pub(super) fn assemble(tree: &ShapeTree, ctx: &BuildContext, root: &Built) -> Re
     let line = tree.nodes.last().map_or(0, |n| n.line);
     let parts: Vec<&Part> = root.parts.iter().filter(|p| !p.piece.triangles.is_empty()).collect();
     let Some((lo, hi)) = root.bounds().filter(|_| !parts.is_empty()) else {
-        return Err(TreeError::Shape { message: "the program yields no surface; its last group is empty".into(), line });
+        return Err(TreeError::Shape {
+            message: "the program yields no surface; its last group is empty".into(),
+            line,
+        });
     };
     let origin = -DVec3::new(f64::midpoint(lo.x, hi.x), lo.y, f64::midpoint(lo.z, hi.z));
     let pieces = Pieces::of(&parts);

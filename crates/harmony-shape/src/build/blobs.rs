@@ -57,7 +57,11 @@ pub(super) fn blobs(tree: &ShapeTree, id: NodeId) -> Result<Vec<Blob>, String> {
             let lo = all().fold(DVec2::INFINITY, |a, p| a.min(*p));
             let hi = all().fold(DVec2::NEG_INFINITY, |a, p| a.max(*p));
             let start = if *axis == Axis::Y { 0.0 } else { -depth / 2.0 };
-            let blob = Blob { field: Field::Pulled(loops.clone(), start, start + depth), lo: lo.extend(start), hi: hi.extend(start + depth) };
+            let blob = Blob {
+                field: Field::Pulled(loops.clone(), start, start + depth),
+                lo: lo.extend(start),
+                hi: hi.extend(start + depth),
+            };
             let map = match axis {
                 Axis::Z => return Ok(vec![blob]),
                 Axis::X => glam::DMat3::from_cols(DVec3::NEG_Z, DVec3::Y, DVec3::X),
@@ -113,7 +117,11 @@ fn moved(list: Vec<Blob>, map: &DAffine3) -> Vec<Blob> {
         .map(|b| {
             let corners: [DVec3; 8] = std::array::from_fn(|i| {
                 let pick = |bit: usize, l: f64, h: f64| if i & bit == 0 { l } else { h };
-                map.transform_point3(DVec3::new(pick(1, b.lo.x, b.hi.x), pick(2, b.lo.y, b.hi.y), pick(4, b.lo.z, b.hi.z)))
+                map.transform_point3(DVec3::new(
+                    pick(1, b.lo.x, b.hi.x),
+                    pick(2, b.lo.y, b.hi.y),
+                    pick(4, b.lo.z, b.hi.z),
+                ))
             });
             let lo = corners.iter().fold(DVec3::INFINITY, |a, p| a.min(*p));
             let hi = corners.iter().fold(DVec3::NEG_INFINITY, |a, p| a.max(*p));

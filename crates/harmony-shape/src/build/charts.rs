@@ -37,27 +37,34 @@ impl Chart {
 /// The charts of a piece in the order of their first triangles.
 pub(super) fn charts(piece: &Piece) -> Vec<Chart> {
     let mut first: HashMap<([i64; 3], [i64; 2]), u32> = HashMap::with_capacity(piece.positions.len());
-    let mut parent: Vec<u32> = (0..piece.positions.len() as u32).collect();
-    for i in 0..piece.positions.len() {
-        let uv = piece.uvs[i];
-        let key = (weld_key(piece.positions[i]), [uv.x, uv.y].map(|v| (v * 1e5 + 0.37).floor() as i64));
-        parent[i] = *first.entry(key).or_insert(i as u32);
-    }
-    for t in &piece.triangles {
-        for k in 1..3 {
-            let (a, b) = (root(&mut parent, t[0]), root(&mut parent, t[k]));
+    let place: Vec<u32> = (0..piece.positions.len())
+        .map(|i| {
+            let uv = [piece.uvs[i].x, piece.uvs[i].y].map(|v| (v * 1e5 + 0.37).floor() as i64);
+            *first.entry((weld_key(piece.positions[i]), uv)).or_insert(i as u32)
+        })
+        .collect();
+    // across an edge, and not folded over it
+    let mut parent: Vec<u32> = (0..piece.triangles.len() as u32).collect();
+    let mut across: HashMap<(u32, u32, bool), u32> = HashMap::with_capacity(piece.triangles.len() * 2);
+    for (i, t) in piece.triangles.iter().enumerate() {
+        let [a, b, c] = t.map(|v| piece.uvs[v as usize]);
+        let mirrored = (b - a).perp_dot(c - a) > 0.0;
+        for k in 0..3 {
+            let (p, q) = (place[t[k] as usize], place[t[(k + 1) % 3] as usize]);
+            let other = *across.entry((p.min(q), p.max(q), mirrored)).or_insert(i as u32);
+            let (a, b) = (root(&mut parent, i as u32), root(&mut parent, other));
             parent[a.max(b) as usize] = a.min(b);
         }
     }
     let mut index: HashMap<u32, usize> = HashMap::new();
     let mut lists: Vec<Vec<u32>> = Vec::new();
-    for (i, t) in piece.triangles.iter().enumerate() {
-        let r = root(&mut parent, t[0]);
+    for i in 0..piece.triangles.len() as u32 {
+        let r = root(&mut parent, i);
         let at = *index.entry(r).or_insert_with(|| {
             lists.push(Vec::new());
             lists.len() - 1
         });
-        lists[at].push(i as u32);
+        lists[at].push(i);
     }
     let long = longest_axis(piece);
     lists.into_iter().flat_map(|list| cut(piece, list)).map(|list| chart(piece, list, long)).collect()

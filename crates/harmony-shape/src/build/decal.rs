@@ -10,11 +10,11 @@ use crate::solid::Collector;
 use crate::tree::Face;
 
 /// Distance above the surface, metres.
-const ABOVE: f64 = 6e-4;
-/// Side of a cell, metres.
-const CELL: f64 = 0.02;
+const ABOVE: f64 = 8e-4;
+/// Side of a cell, metres: on a can of 10 cm a chord of it lies a fifth of a millimetre inside.
+const CELL: f64 = 0.008;
 /// Most cells along a side.
-const MAX_CELLS: usize = 40;
+const MAX_CELLS: usize = 48;
 
 /// Right and up direction of a side seen from outside.
 fn axes(face: Face) -> (DVec3, DVec3) {
@@ -60,7 +60,8 @@ pub(super) fn decal(child: &Built, face: Face, at: DVec2, size: DVec2) -> Result
     if depths.is_empty() {
         return Err("the decal lies beside its part; `at` are shares from 0 to 1 of the side".into());
     }
-    let spread = depths.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b)) - depths.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+    let spread =
+        depths.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b)) - depths.iter().fold(f64::INFINITY, |a, b| a.min(*b));
     let flat = depths.len() == grid.len() && spread < 2e-4;
     let mut out = Collector::new();
     let group = out.group();

@@ -6,7 +6,9 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::{BuildContext, Built, BuiltJoint, BuiltLight, BuiltSurface, JointAt, Look, Part, blobs, decal, place, soft, whole};
+use super::{
+    BuildContext, Built, BuiltJoint, BuiltLight, BuiltSurface, JointAt, Look, Part, blobs, decal, place, soft, whole,
+};
 use crate::Piece;
 use crate::solid::{self, BentSheet, Extrusion, Lathe, Sweep};
 use crate::tree::{Boolean, Face, Kind, Node, NodeId, ShapeTree, TreeError};
@@ -89,7 +91,9 @@ fn finished(before: &Before<'_>, node: &Node, root: bool) -> Result<Built, TreeE
         let mut joined = |old: &Arc<str>| {
             known
                 .entry(old.clone())
-                .or_insert_with(|| if old.is_empty() { Arc::from(name.as_str()) } else { Arc::from(format!("{name}/{old}")) })
+                .or_insert_with(|| {
+                    if old.is_empty() { Arc::from(name.as_str()) } else { Arc::from(format!("{name}/{old}")) }
+                })
                 .clone()
         };
         for part in &mut built.parts {
@@ -204,11 +208,7 @@ fn meshed(before: &Before<'_>, node: &Node) -> Result<Built, String> {
         Kind::Surf { points, nu, thick, closed_u } => one(solid::surf(points, *nu as usize, *thick, *closed_u)?),
         Kind::Mesh { points, faces } => one(solid::mesh(points, faces)?),
         Kind::Blend { children, radius } => {
-            let blobs = children
-                .iter()
-                .map(|c| blobs::blobs(before.tree, *c))
-                .collect::<Result<Vec<_>, _>>()?
-                .concat();
+            let blobs = children.iter().map(|c| blobs::blobs(before.tree, *c)).collect::<Result<Vec<_>, _>>()?.concat();
             let mut out = one(solid::blend(&blobs, *radius)?);
             // the look of the first one that has one
             out.parts[0].look = match node.material {
@@ -231,7 +231,8 @@ fn meshed(before: &Before<'_>, node: &Node) -> Result<Built, String> {
             for part in &mut out.parts {
                 // the walls keep the part's look; places stay as they are
                 let made = solid::hollow(&part.placed(), *wall, *open).map_err(|e| naming(part, e))?;
-                *part = Part { piece: Arc::new(made), place: DAffine3::IDENTITY, paint: None, hulls: None, ..part.clone() };
+                *part =
+                    Part { piece: Arc::new(made), place: DAffine3::IDENTITY, paint: None, hulls: None, ..part.clone() };
             }
             out
         }
@@ -333,7 +334,8 @@ fn boolean(op: Boolean, a: &Built, b: &Built) -> Result<Built, String> {
     for part in a.parts.iter().chain(&b.parts) {
         if !part.piece.closed {
             let e = "is not a closed solid, so that nothing can be cut from it or joined to it; give it a wall or thickness";
-            let name = if part.name.is_empty() { format!("the part of line {}", part.line) } else { part.name.to_string() };
+            let name =
+                if part.name.is_empty() { format!("the part of line {}", part.line) } else { part.name.to_string() };
             return Err(format!("{name} {e}"));
         }
     }

@@ -29,16 +29,13 @@ pub fn lazy_signs(shape: &BuiltShape, wanted: Option<DVec3>) -> Vec<String> {
     }
     if let Some(wanted) = wanted {
         let size = shape.size();
-        for (axis, has, want) in
-            [("wide", size.x, wanted.x), ("high", size.y, wanted.y), ("deep", size.z, wanted.z)]
-        {
+        for (axis, has, want) in [("wide", size.x, wanted.x), ("high", size.y, wanted.y), ("deep", size.z, wanted.z)] {
             if want > 0.0 && (has / want - 1.0).abs() > OFF {
                 out.push(format!("it is {has:.2} m {axis}, {want:.2} m were wanted"));
             }
         }
     }
-    let flicker: Vec<String> =
-        shape.coplanar.iter().map(|(a, b)| format!("{} and {}", named(a), named(b))).collect();
+    let flicker: Vec<String> = shape.coplanar.iter().map(|(a, b)| format!("{} and {}", named(a), named(b))).collect();
     if !flicker.is_empty() {
         out.push(format!("faces in one plane that will flicker: {}", listed(&flicker)));
     }

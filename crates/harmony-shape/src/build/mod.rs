@@ -21,10 +21,10 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3};
 use harmony_mesh::{ConvexPart, Material, Mesh};
 
+use crate::Piece;
 use crate::material::MaterialSpec;
 use crate::soft::Hems;
 use crate::tree::{JointKind, LampKind, ShapeTree, TreeError};
-use crate::Piece;
 
 pub use lazy::lazy_signs;
 pub use look::plain_material;

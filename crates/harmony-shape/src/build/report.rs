@@ -1,6 +1,6 @@
 //! What a shape tells about itself: parts, joints, gaps, faces in one plane.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec3;
 
@@ -18,7 +18,8 @@ const SAME_PLANE: f64 = 5e-4;
 /// Adds parts, joints, lights and surfaces.
 pub(super) fn fill(shape: &mut BuiltShape, root: &Built, parts: &[&Part]) {
     let origin = shape.origin;
-    let boxes: Vec<(DVec3, DVec3)> = parts.iter().filter_map(|p| p.bounds()).map(|(l, h)| (l + origin, h + origin)).collect();
+    let boxes: Vec<(DVec3, DVec3)> =
+        parts.iter().filter_map(|p| p.bounds()).map(|(l, h)| (l + origin, h + origin)).collect();
     let gaps = gaps(&boxes);
     let mut index: BTreeMap<&str, usize> = BTreeMap::new();
     let mut of_part = Vec::new();
@@ -119,7 +120,8 @@ fn gaps(boxes: &[(DVec3, DVec3)]) -> Vec<f64> {
         if *c == main || grounded(*c) {
             continue;
         }
-        let nearest = (0..n).filter(|j| cluster[*j] != *c).map(|j| apart(boxes[i], boxes[j])).fold(f64::INFINITY, f64::min);
+        let nearest =
+            (0..n).filter(|j| cluster[*j] != *c).map(|j| apart(boxes[i], boxes[j])).fold(f64::INFINITY, f64::min);
         let e = gap_of.entry(*c).or_insert(f64::INFINITY);
         *e = e.min(nearest);
     }
@@ -170,7 +172,7 @@ fn coplanar(parts: &[&Part]) -> Vec<(String, String)> {
             }
         }
     }
-    let mut out: BTreeMap<(String, String), ()> = BTreeMap::new();
+    let mut out: BTreeSet<(String, String)> = BTreeSet::new();
     for list in faces.values_mut() {
         list.sort_by(|a, b| a.offset.total_cmp(&b.offset));
         for (k, a) in list.iter().enumerate() {
@@ -181,12 +183,12 @@ fn coplanar(parts: &[&Part]) -> Vec<(String, String)> {
                 let shared = (a.hi.min(b.hi) - a.lo.max(b.lo)) + a.normal.abs() * 0.01;
                 if a.part != b.part && shared.min_element() > 2e-3 {
                     let (p, q) = (parts[a.part].name.to_string(), parts[b.part].name.to_string());
-                    out.insert(if p <= q { (p, q) } else { (q, p) }, ());
+                    out.insert(if p <= q { (p, q) } else { (q, p) });
                 }
             }
         }
     }
-    out.into_keys().collect()
+    out.into_iter().collect()
 }
 
 impl BuiltShape {

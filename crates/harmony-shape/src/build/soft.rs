@@ -7,9 +7,7 @@ use glam::{DAffine3, DVec3};
 use super::expand::Before;
 use super::{Built, Look, Part};
 use crate::Piece;
-use crate::soft::{
-    self, Cloth, DrapeSpec, FringeSpec, HangSpec, Hems, PillowSpec, PlantSpec, TuftSpec,
-};
+use crate::soft::{self, Cloth, DrapeSpec, FringeSpec, HangSpec, Hems, PillowSpec, PlantSpec, TuftSpec};
 use crate::solid::BentSheet;
 use crate::tree::{Along, Axis, Curve, Kind, Node};
 
@@ -71,7 +69,11 @@ fn cloth(made: Cloth, line: u32) -> Built {
 pub(super) fn meshed(before: &Before<'_>, node: &Node) -> Result<Built, String> {
     let line = node.line;
     let one = |piece: Piece| {
-        if piece.triangles.is_empty() { Err("these numbers give no surface".to_owned()) } else { Ok(Built::of(piece, line)) }
+        if piece.triangles.is_empty() {
+            Err("these numbers give no surface".to_owned())
+        } else {
+            Ok(Built::of(piece, line))
+        }
     };
     let each = |child: &Built, f: &dyn Fn(&Piece) -> Piece| {
         let mut out = child.clone();
@@ -136,15 +138,15 @@ pub(super) fn meshed(before: &Before<'_>, node: &Node) -> Result<Built, String> 
                     let hems = before.get(*of).hems.as_ref();
                     let hems = hems.ok_or("only draped, hung and bent cloths have hems; give a curve instead")?;
                     let edge = hems.named(side);
-                    let edge = edge.ok_or_else(|| format!("a cloth has no edge {side:?}; head, foot, left, right or all"))?;
+                    let edge =
+                        edge.ok_or_else(|| format!("a cloth has no edge {side:?}; head, foot, left, right or all"))?;
                     (edge, side == "all")
                 }
             };
             if line_points.len() < 2 {
                 return Err("a fringe needs an edge of at least two points".into());
             }
-            let spec =
-                FringeSpec { kind: *fringe, length: *length, spacing: *spacing, jitter: *jitter, seed: *seed };
+            let spec = FringeSpec { kind: *fringe, length: *length, spacing: *spacing, jitter: *jitter, seed: *seed };
             let mut out = one(soft::fringe(&line_points, closed, &spec))?;
             out.parts[0].hulls = Some(Arc::new(Vec::new()));
             Ok(out)

@@ -58,8 +58,13 @@ fn table() -> Maker {
     let legs = m.node("legs", None, Kind::Copies { child: leg, places: places.to_vec() });
     let drawer = m.cube("drawer", Some(oak), [0.4, 0.1, 0.6]);
     let drawer = m.at(drawer, [0.0, 0.6, 0.05]);
-    let kind =
-        Kind::Joint { child: drawer, joint: JointKind::Slide, axis: [0.0, 0.0, 2.0], pivot: [0.0; 3], range: [0.0, 0.4] };
+    let kind = Kind::Joint {
+        child: drawer,
+        joint: JointKind::Slide,
+        axis: [0.0, 0.0, 2.0],
+        pivot: [0.0; 3],
+        range: [0.0, 0.4],
+    };
     let drawer = m.node("", None, kind);
     m.group("table", vec![top, legs, drawer]);
     m
@@ -69,7 +74,9 @@ fn table() -> Maker {
 fn a_table_is_canonical_with_groups_names_joints_and_hulls() {
     let shape = table().build();
     let b = shape.mesh.bounds().unwrap();
-    assert!((b.min - DVec3::new(-0.6, 0.0, -0.4)).length() < 1e-6 && (b.max - DVec3::new(0.6, 0.74, 0.4)).length() < 1e-6);
+    assert!(
+        (b.min - DVec3::new(-0.6, 0.0, -0.4)).length() < 1e-6 && (b.max - DVec3::new(0.6, 0.74, 0.4)).length() < 1e-6
+    );
     assert_eq!(shape.slots, ["oak", "steel"]);
     assert_eq!(shape.mesh.groups.len(), 2);
     let names: Vec<&str> = shape.parts.iter().map(|p| p.name.as_str()).collect();
@@ -194,7 +201,8 @@ fn booleans_shells_and_blends_work_in_trees() {
     };
     assert!((piece.volume() - (0.2 - 0.4 * 0.5 * 0.2)).abs() < 1e-5);
     let mut m = Maker::default();
-    let a = m.node("crate", None, Kind::Box { size: [0.4; 3], bevel: 0.01, segments: 4, taper: [1.0; 2], shear: [0.0; 2] });
+    let a =
+        m.node("crate", None, Kind::Box { size: [0.4; 3], bevel: 0.01, segments: 4, taper: [1.0; 2], shear: [0.0; 2] });
     m.node("", None, Kind::Shell { child: a, wall: 0.02, open: Some(Face::Top) });
     // bottom and four sides leave the inside free
     assert_eq!(m.build().convex.len(), 5);
@@ -238,7 +246,12 @@ fn what_is_wrong_is_told_with_its_line() {
     assert_eq!(fails(&m), TreeError::Order { node: 0, child: 0, line: 1 });
     // a cut of something open names the part
     let mut m = Maker::default();
-    let curtain = Kind::Surf { points: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]], nu: 2, thick: 0.0, closed_u: false };
+    let curtain = Kind::Surf {
+        points: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]],
+        nu: 2,
+        thick: 0.0,
+        closed_u: false,
+    };
     let a = m.node("curtain", None, curtain);
     let b = m.cube("", None, [1.0; 3]);
     m.node("", None, Kind::Boolean { op: Boolean::Cut, a, b });
@@ -258,7 +271,14 @@ fn bombs_are_refused_before_they_are_built() {
     assert!(matches!(m.tree.check(), Err(TreeError::TooMany { count, .. }) if count >= 100_000));
     let mut m = Maker::default();
     let curve = Curve { points: (0..2000).map(|k| [f64::from(k) * 0.01, 0.0, 0.0]).collect(), closed: false };
-    let kind = Kind::Sweep { curve, section: Section::Round(0.5), taper: 1.0, twist_deg: 0.0, rings: [0.0; 2], round_caps: false };
+    let kind = Kind::Sweep {
+        curve,
+        section: Section::Round(0.5),
+        taper: 1.0,
+        twist_deg: 0.0,
+        rings: [0.0; 2],
+        round_caps: false,
+    };
     let pipe = m.node("pipe", None, kind);
     m.node("", None, Kind::Copies { child: pipe, places: places[..20].to_vec() });
     let e = m.tree.check().unwrap_err();

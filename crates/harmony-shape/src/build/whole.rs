@@ -126,7 +126,8 @@ fn boxed(size: DVec3, bevel: f64, segments: u32, wall: f64, open: Option<Face>) 
         ));
     }
     let outer = solid::rounded_box(size, bevel, segments, DVec2::ONE, DVec2::ZERO);
-    let (mut lo, mut hi) = (DVec3::new(-size.x / 2.0, 0.0, -size.z / 2.0), DVec3::new(size.x / 2.0, size.y, size.z / 2.0));
+    let (mut lo, mut hi) =
+        (DVec3::new(-size.x / 2.0, 0.0, -size.z / 2.0), DVec3::new(size.x / 2.0, size.y, size.z / 2.0));
     let (outer_lo, outer_hi) = (lo, hi);
     lo += DVec3::splat(wall);
     hi -= DVec3::splat(wall);
@@ -154,11 +155,9 @@ fn boxed(size: DVec3, bevel: f64, segments: u32, wall: f64, open: Option<Face>) 
         both
     };
     let mut hulls = Vec::new();
-    for (axis, low_side, high_side) in [
-        (DVec3::X, Face::Left, Face::Right),
-        (DVec3::Y, Face::Bottom, Face::Top),
-        (DVec3::Z, Face::Back, Face::Front),
-    ] {
+    for (axis, low_side, high_side) in
+        [(DVec3::X, Face::Left, Face::Right), (DVec3::Y, Face::Bottom, Face::Top), (DVec3::Z, Face::Back, Face::Front)]
+    {
         for (side, low) in [(low_side, true), (high_side, false)] {
             if open != Some(side) {
                 let thick = size - axis * (size - DVec3::splat(wall));

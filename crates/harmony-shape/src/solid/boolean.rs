@@ -61,14 +61,12 @@ pub fn boolean(op: Boolean, a: &Piece, b: &Piece) -> Result<Piece, String> {
     }
     let (fa, fb) = (facets(a), facets(b));
     let (keep_a, keep_b) = match op {
-        Boolean::Cut => (
-            Keep { outside: true, same: false, opposite: true },
-            Keep { outside: false, same: false, opposite: false },
-        ),
-        Boolean::Join => (
-            Keep { outside: true, same: true, opposite: false },
-            Keep { outside: true, same: false, opposite: false },
-        ),
+        Boolean::Cut => {
+            (Keep { outside: true, same: false, opposite: true }, Keep { outside: false, same: false, opposite: false })
+        }
+        Boolean::Join => {
+            (Keep { outside: true, same: true, opposite: false }, Keep { outside: true, same: false, opposite: false })
+        }
         Boolean::Common => (
             Keep { outside: false, same: true, opposite: false },
             Keep { outside: false, same: false, opposite: false },
@@ -125,17 +123,11 @@ fn clipped(own: &[Facet], other: &[Facet], keep: Keep) -> Vec<Fragment> {
             .map(|g| within(&g.p, box_lo, box_hi))
             .filter(|p| p.len() > 2)
             .collect();
-        match Tree::of(near) {
-            Some(tree) => {
-                let kept = tree.clip(f.p.to_vec(), f.normal, keep);
-                out.extend(kept.into_iter().map(|polygon| Fragment { polygon, facet }));
-            }
-            None => {
-                let middle = (f.p[0] + f.p[1] + f.p[2]) / 3.0;
-                if inside(middle, other) != keep.outside {
-                    out.push(whole());
-                }
-            }
+        if let Some(tree) = Tree::of(near) {
+            let kept = tree.clip(f.p.to_vec(), f.normal, keep);
+            out.extend(kept.into_iter().map(|polygon| Fragment { polygon, facet }));
+        } else if inside((f.p[0] + f.p[1] + f.p[2]) / 3.0, other) != keep.outside {
+            out.push(whole());
         }
     }
     out

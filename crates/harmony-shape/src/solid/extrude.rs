@@ -45,7 +45,13 @@ pub fn extrude(e: &Extrusion<'_>) -> Result<Piece, String> {
 fn pulled(islands: &[Island], e: &Extrusion<'_>, crease: f64) -> Piece {
     let depth = e.depth.max(1e-5);
     let bevel = e.bevel.clamp(0.0, (depth * 0.499).min(outline::safe_inset(islands).max(0.0)));
-    let steps = if bevel < 2e-5 { 0 } else if bevel < 0.004 { 2 } else { 4 };
+    let steps = if bevel < 2e-5 {
+        0
+    } else if bevel < 0.004 {
+        2
+    } else {
+        4
+    };
     let turn = e.bend_deg.abs().max(e.twist_deg.abs());
     let rows = ((turn / STEP_DEG).ceil() as usize).clamp(1, 90);
     let mut out = Collector::new();

@@ -23,6 +23,7 @@ pub enum Field {
 
 impl Field {
     /// Moved by a map.
+    #[must_use]
     pub fn moved(self, map: &DAffine3) -> Self {
         let det = map.matrix3.determinant().abs();
         Self::Moved(map.inverse(), libm::cbrt(det.max(1e-18)), Box::new(self))

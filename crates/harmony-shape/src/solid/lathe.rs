@@ -236,7 +236,13 @@ fn bands(points: &[DVec2], ring: bool, smooth: f64) -> Vec<Band> {
             continue;
         }
         let length = a.distance(b);
-        let before = if k > 0 { joint(k - 1) } else if ring { joint(sides - 1) } else { None };
+        let before = if k > 0 {
+            joint(k - 1)
+        } else if ring {
+            joint(sides - 1)
+        } else {
+            None
+        };
         let starting = pole(a, normal(k)).or(before).unwrap_or(normal(k));
         let ending = pole(b, normal(k)).or(joint(k)).unwrap_or(normal(k));
         let fits = open.as_ref().is_some_and(|(knots, disc)| {
@@ -278,13 +284,12 @@ fn emit(out: &mut Collector, spokes: &[Spoke], band: &Band, whole: f64, facet: O
         let slope = DVec2::new(-knot.normal.y, knot.normal.x);
         let up = DVec3::new(radial.x * slope.x, slope.y, radial.y * slope.x);
         let normal = DVec3::new(around.x, 0.0, around.y).cross(up).normalize_or(DVec3::Y * knot.normal.y.signum());
-        let uv = match band.radius {
-            Some(r) => DVec2::new(spoke.length * r, whole - knot.s),
-            None => {
-                let travelled = if falling { total - (knot.s - first.s) } else { knot.s - first.s };
-                let (s, c) = sin_cos(spoke.angle);
-                DVec2::new(c, side * s) * (inner + travelled) + DVec2::splat(inner + total)
-            }
+        let uv = if let Some(r) = band.radius {
+            DVec2::new(spoke.length * r, whole - knot.s)
+        } else {
+            let travelled = if falling { total - (knot.s - first.s) } else { knot.s - first.s };
+            let (s, c) = sin_cos(spoke.angle);
+            DVec2::new(c, side * s) * (inner + travelled) + DVec2::splat(inner + total)
         };
         (p, normal, uv)
     });

@@ -63,9 +63,9 @@ pub fn loft(sections: &[LoftSection], closed: bool) -> Result<Piece, String> {
         let i = (start + i) % n;
         rows.iter().map(|r| r[i].distance(r[(i + 1) % n])).sum::<f64>() / count as f64
     }));
-    let along = math::cumulative((0..last).map(|k| {
-        (0..n).map(|i| rows[k][i].distance(rows[(k + 1) % count][i])).sum::<f64>() / n as f64
-    }));
+    let along = math::cumulative(
+        (0..last).map(|k| (0..n).map(|i| rows[k][i].distance(rows[(k + 1) % count][i])).sum::<f64>() / n as f64),
+    );
     let smooth_seam = !sharp_column.iter().any(|s| *s);
     let whole_group = out.group();
     for r in row_breaks.windows(2) {
@@ -135,10 +135,8 @@ fn at_share(points: &[DVec2], lengths: &[f64], share: f64) -> DVec2 {
 
 /// All loops at the union of their points' shares of length.
 fn resampled(loops: &[Vec<DVec2>]) -> Vec<Vec<DVec2>> {
-    let lengths: Vec<Vec<f64>> = loops
-        .iter()
-        .map(|l| math::cumulative((0..l.len()).map(|i| l[i].distance(l[(i + 1) % l.len()]))))
-        .collect();
+    let lengths: Vec<Vec<f64>> =
+        loops.iter().map(|l| math::cumulative((0..l.len()).map(|i| l[i].distance(l[(i + 1) % l.len()])))).collect();
     let even = |k: usize, start: f64| -> Vec<DVec2> {
         (0..MATCH).map(|i| at_share(&loops[k], &lengths[k], start + i as f64 / MATCH as f64)).collect()
     };
@@ -165,7 +163,5 @@ fn resampled(loops: &[Vec<DVec2>]) -> Vec<Vec<DVec2>> {
     if kept.len() < 8 {
         kept = (0..MATCH).map(|i| i as f64 / MATCH as f64).collect();
     }
-    (0..loops.len())
-        .map(|k| kept.iter().map(|s| at_share(&loops[k], &lengths[k], s + starts[k])).collect())
-        .collect()
+    (0..loops.len()).map(|k| kept.iter().map(|s| at_share(&loops[k], &lengths[k], s + starts[k])).collect()).collect()
 }

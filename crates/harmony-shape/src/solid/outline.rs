@@ -134,11 +134,8 @@ pub(super) fn runs(points: &[DVec2], crease: f64) -> Vec<Vec<Column>> {
 pub(super) fn safe_inset(islands: &[Island]) -> f64 {
     let mut least = f64::INFINITY;
     for island in islands {
-        let sides: Vec<(DVec2, DVec2)> = island
-            .loops
-            .iter()
-            .flat_map(|l| (0..l.len()).map(move |i| (l[i], l[(i + 1) % l.len()])))
-            .collect();
+        let sides: Vec<(DVec2, DVec2)> =
+            island.loops.iter().flat_map(|l| (0..l.len()).map(move |i| (l[i], l[(i + 1) % l.len()]))).collect();
         for points in &island.loops {
             let (d, m) = (directions(points), miters(points));
             let n = points.len();
@@ -152,7 +149,8 @@ pub(super) fn safe_inset(islands: &[Island]) -> f64 {
             if sides.len() <= 1500 {
                 for i in 0..n {
                     let from = points[i].midpoint(points[(i + 1) % n]);
-                    let thick = sides.iter().filter_map(|s| crossing(from, left(d[i]), *s)).fold(f64::INFINITY, f64::min);
+                    let thick =
+                        sides.iter().filter_map(|s| crossing(from, left(d[i]), *s)).fold(f64::INFINITY, f64::min);
                     least = least.min(thick / 2.0);
                 }
             }

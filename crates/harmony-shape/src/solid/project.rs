@@ -23,8 +23,7 @@ const SIDES: [[DVec3; 3]; 6] = [
 /// surface faces an axis and up to 1.4 times too short where it lies between two.
 pub fn box_projected(piece: &Piece) -> Piece {
     let weld = piece.welded();
-    let normals: Vec<DVec3> =
-        piece.corners().map(|[a, b, c]| (b - a).cross(c - a).normalize_or(DVec3::Y)).collect();
+    let normals: Vec<DVec3> = piece.corners().map(|[a, b, c]| (b - a).cross(c - a).normalize_or(DVec3::Y)).collect();
     let mut side: Vec<usize> = normals.iter().map(|n| best(*n)).collect();
     // one pass of the neighbours' vote mends frayed borders
     let edges = neighbours(piece, &weld);

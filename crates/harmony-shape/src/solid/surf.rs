@@ -25,11 +25,9 @@ pub fn surf(points: &[[f64; 3]], nu: usize, thick: f64, closed_u: bool) -> Resul
     let columns = if closed_u { nu + 1 } else { nu };
     let at = |i: usize, j: usize| DVec3::from_array(points[j * nu + i % nu]);
     let normals = grid_normals(nu, nv, closed_u, at);
-    let us = cumulative(
-        (0..columns - 1).map(|i| (0..nv).map(|j| at(i, j).distance(at(i + 1, j))).sum::<f64>() / nv as f64),
-    );
-    let vs =
-        cumulative((0..nv - 1).map(|j| (0..nu).map(|i| at(i, j).distance(at(i, j + 1))).sum::<f64>() / nu as f64));
+    let us =
+        cumulative((0..columns - 1).map(|i| (0..nv).map(|j| at(i, j).distance(at(i + 1, j))).sum::<f64>() / nv as f64));
+    let vs = cumulative((0..nv - 1).map(|j| (0..nu).map(|i| at(i, j).distance(at(i, j + 1))).sum::<f64>() / nu as f64));
     let uv = |i: usize, j: usize| DVec2::new(us[i], vs[j]);
     let mut out = Collector::new();
     if thick <= 0.0 {
@@ -69,7 +67,8 @@ fn grid_normals(nu: usize, nv: usize, closed: bool, at: impl Fn(usize, usize) ->
     let mut out = Vec::with_capacity(nu * nv);
     for j in 0..nv {
         for i in 0..nu {
-            let (i0, i1) = if closed { ((i + nu - 1) % nu, (i + 1) % nu) } else { (i.saturating_sub(1), (i + 1).min(nu - 1)) };
+            let (i0, i1) =
+                if closed { ((i + nu - 1) % nu, (i + 1) % nu) } else { (i.saturating_sub(1), (i + 1).min(nu - 1)) };
             let (j0, j1) = (j.saturating_sub(1), (j + 1).min(nv - 1));
             let mut u = at(i1, j) - at(i0, j);
             let v = at(i, j1) - at(i, j0);

@@ -203,12 +203,25 @@ fn rows(sweep: &Sweep<'_>, points: &[DVec3], closed: bool, reach: f64) -> Vec<Ve
     };
     let place = |i: usize| {
         let inner = closed || (i > 0 && i < ends);
-        let before = if i > 0 { i - 1 } else if closed { ends - 1 } else { 0 };
-        let after = if i < ends { i } else if closed { 0 } else { ends - 1 };
+        let before = if i > 0 {
+            i - 1
+        } else if closed {
+            ends - 1
+        } else {
+            0
+        };
+        let after = if i < ends {
+            i
+        } else if closed {
+            0
+        } else {
+            ends - 1
+        };
         (inner, before, after, if inner { angle(d[before], d[after]) } else { 0.0 })
     };
     // sizes: taper and rings, less where the curve bends tighter than the section; changes of size are spread
-    let wanted: Vec<f64> = along.iter().map(|s| 1.0 + (sweep.taper - 1.0) * s / total + wave(*s).0 / reach.max(1e-9)).collect();
+    let wanted: Vec<f64> =
+        along.iter().map(|s| 1.0 + (sweep.taper - 1.0) * s / total + wave(*s).0 / reach.max(1e-9)).collect();
     let mut scales = wanted.clone();
     for (i, scale) in scales.iter_mut().enumerate() {
         let (inner, before, after, bend) = place(i);

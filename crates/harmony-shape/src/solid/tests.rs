@@ -288,7 +288,10 @@ fn corners_are_mitred_and_profiles_stay_upright() {
     assert!((size.x - size.y).abs() < 1e-9 && size.x > 1.019, "{size}");
     // along +z x is to the right seen from behind and y up
     let along = Curve { points: vec![[0.0; 3], [0.0, 0.0, 1.0]], closed: false };
-    let high = Section::Outline(Outline { points: vec![[0.0, 0.0], [0.1, 0.0], [0.1, 0.3], [0.0, 0.3]], ..Outline::default() });
+    let high = Section::Outline(Outline {
+        points: vec![[0.0, 0.0], [0.1, 0.0], [0.1, 0.3], [0.0, 0.3]],
+        ..Outline::default()
+    });
     let (lo, hi) = sweep(&plain_sweep(&along, &high)).unwrap().bounds().unwrap();
     assert!(lo.distance(DVec3::ZERO) < 1e-9 && hi.distance(DVec3::new(0.1, 0.3, 1.0)) < 1e-9, "{lo} {hi}");
 }

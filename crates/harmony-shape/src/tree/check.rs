@@ -1,8 +1,8 @@
 //! Whether a tree can be meshed, and what it would cost.
 
 use super::{
-    Along, Curve, Kind, LoftSection, MAX_COORDINATE, MAX_INSTANCES, MAX_MATERIALS, MAX_NODES, MAX_POINTS, Node, Outline,
-    PlantKind, Section, ShapeTree, TreeError,
+    Along, Curve, Kind, LoftSection, MAX_COORDINATE, MAX_INSTANCES, MAX_MATERIALS, MAX_NODES, MAX_POINTS, Node,
+    Outline, PlantKind, Section, ShapeTree, TreeError,
 };
 
 /// Most triangles of a tree, as estimated before it is meshed.
@@ -86,7 +86,10 @@ impl ShapeTree {
                 Kind::Boolean { a, b, .. } => (of(a).0.max(1), of(a).1.saturating_add(of(b).1).saturating_mul(2)),
                 Kind::Shell { child, .. } => times(of(child), 1).map_triangles(4),
                 Kind::Slump { child, .. } => of(child).map_triangles(1),
-                Kind::Tuft { child, .. } | Kind::Quilt { child, .. } | Kind::Fuzz { child, .. } | Kind::Decal { child, .. } => {
+                Kind::Tuft { child, .. }
+                | Kind::Quilt { child, .. }
+                | Kind::Fuzz { child, .. }
+                | Kind::Decal { child, .. } => {
                     let c = of(child);
                     (c.0 + 1, c.1.saturating_add(own))
                 }
@@ -108,7 +111,8 @@ impl ShapeTree {
         many("pieces once copies are expanded", most, MAX_INSTANCES)?;
         let worst = triangles.max(built);
         if worst > MAX_TRIANGLES {
-            let heaviest = (0..self.nodes.len()).max_by_key(|i| (own_triangles(&self.nodes[*i].kind), std::cmp::Reverse(*i)));
+            let heaviest =
+                (0..self.nodes.len()).max_by_key(|i| (own_triangles(&self.nodes[*i].kind), std::cmp::Reverse(*i)));
             let line = heaviest.map_or(0, |i| self.nodes[i].line);
             return Err(TreeError::Shape {
                 message: format!(
@@ -247,7 +251,7 @@ fn own_triangles(kind: &Kind) -> u64 {
             f64::from(if *count == 0 { 60 } else { *count }) * each
         }
         Kind::Template { .. } | Kind::PartModel { .. } => 8_000.0,
-        Kind::Decal { size, .. } => (size[0] / 0.02).clamp(1.0, 40.0) * (size[1] / 0.02).clamp(1.0, 40.0) * 2.0,
+        Kind::Decal { size, .. } => (size[0] / 0.008).clamp(1.0, 48.0) * (size[1] / 0.008).clamp(1.0, 48.0) * 2.0,
         _ => 0.0,
     };
     if n.is_finite() { n.max(0.0) as u64 } else { u64::MAX }
@@ -514,7 +518,9 @@ fn numbers(node: &Node) -> Result<(), TreeError> {
             n.points("at", std::slice::from_ref(at))?;
             n.points("dir", std::slice::from_ref(dir))
         }
-        Kind::Surface { size, at } => n.lengths("size of a surface", size).and(n.points("at", std::slice::from_ref(at))),
+        Kind::Surface { size, at } => {
+            n.lengths("size of a surface", size).and(n.points("at", std::slice::from_ref(at)))
+        }
         Kind::Template { size, .. } => size.iter().try_for_each(|v| n.within("size of a template", *v, 0.0, 50.0)),
         Kind::PartModel { size, .. } => size.iter().try_for_each(|v| n.within("size of a part model", *v, 0.001, 50.0)),
         Kind::Paint { .. } => Ok(()),
