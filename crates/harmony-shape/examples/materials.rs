@@ -77,7 +77,7 @@ fn samples() -> Vec<(String, Pattern, &'static str, f64)> {
         "#445566",
         0.10,
     );
-    add("knit", make(K::Knit, ""), "#c4a890", 0.10);
+    add("knit", make(K::Knit, ""), "#c4a890", 0.05);
     add("knit rib", make(K::Knit, "rib"), "#8a4050", 0.12);
     add("terry", make(K::Terry, ""), "#9ab0b8", 0.06);
     add("boucle", make(K::Boucle, ""), "#e4dccc", 0.12);

@@ -116,8 +116,8 @@ pub(super) fn brick(space: &Space, p: &Pattern) -> Paint {
         let fine = grain.fbm(gx, gy, 2);
         let g = mortar.fbm(u, v, 3);
         let dark = soot.fbm(u, v, 3);
-        // Some bricks are burnt darker and bluer.
-        let burnt = smooth(0.88, 0.97, unit(id, 9)) * 0.45;
+        // Some bricks are burnt darker and bluer; under paint nobody sees it.
+        let burnt = if painted { 0.0 } else { smooth(0.88, 0.97, unit(id, 9)) * 0.45 };
         let tone = libm::exp(sigma * gauss(id, 10) + 0.10 * cloud.fbm(gx, gy, 3) + 0.09 * fine - 0.35 * pit - burnt);
         let hue = sigma * gauss(id, 11);
         let face = tinted(times(palette.pick(id), tone), [1.0 + 0.15 * hue, 1.0, 1.0 - 0.12 * hue + 0.3 * burnt]);
