@@ -19,12 +19,12 @@ const OVERLAP: f64 = 0.15;
 const ALIKE: f32 = 0.3;
 /// How far the correlation must have dropped on the way to the shift.
 const PROMINENCE: f32 = 0.25;
-/// Share of the variance that the pattern must explain.
+/// Share of the variance of one half of the cells that the mean of the other half must explain.
 const EXPLAINED: f64 = 0.25;
 /// Contrast below which there is no pattern to look for (standard deviation of the ratio to the light).
 const LEAST_CONTRAST: f64 = 0.012;
 /// Cells that must have been seen.
-const LEAST_CELLS: f64 = 2.5;
+const LEAST_CELLS: f64 = 6.0;
 /// Longest side of the stored cell, texels.
 const CELL_PX: usize = 320;
 /// Deviation from the cell's mean at which an observation is left out of it.
@@ -233,7 +233,7 @@ impl Lattice {
             return None;
         }
         let lattice = Self::averaged(ratios, a, b)?;
-        (lattice.explained(ratios) >= EXPLAINED).then_some(lattice)
+        (lattice.foretold(ratios) >= EXPLAINED).then_some(lattice)
     }
 
     /// A picture of one period, laid out by the map from texels to its coordinates (0 to 1 across and down). `None`
@@ -320,26 +320,43 @@ impl Lattice {
         [m.x_axis, m.y_axis]
     }
 
-    /// Share of the variance of what was seen that the pattern explains; more cells than observations explain nothing.
-    fn explained(&self, ratios: &Ratios<'_>) -> f64 {
-        let (mut mean, mut n) = ([0.0_f64; 3], 0.0_f64);
-        for c in ratios.values.iter().flatten() {
-            for (m, v) in mean.iter_mut().zip(c) {
-                *m += f64::from(*v);
+    /// Share of the variance of every second cell that the mean of the other cells foretells.
+    ///
+    /// What was seen of few cells is always explained by its own mean: shapes that don't repeat would pass.
+    fn foretold(&self, ratios: &Ratios<'_>) -> f64 {
+        let texels = || {
+            ratios.values.iter().enumerate().filter_map(|(i, c)| {
+                let (x, y) = ((i % ratios.width) as f64 + 0.5, (i / ratios.width) as f64 + 0.5);
+                let cell = (self.cell_from_texel * DVec2::new(x, y)).floor();
+                c.map(|c| ((cell.x + cell.y).rem_euclid(2.0) > 0.5, self.bin(x, y), c))
+            })
+        };
+        let mut sums = vec![([0.0_f32; 3], 0.0_f32); self.cell.len()];
+        for (_, bin, c) in texels().filter(|t| !t.0) {
+            for (s, v) in sums[bin].0.iter_mut().zip(c) {
+                *s += v;
+            }
+            sums[bin].1 += 1.0;
+        }
+        let (mut sum, mut squares, mut rest, mut n) = ([0.0_f64; 3], [0.0_f64; 3], 0.0_f64, 0.0_f64);
+        for (_, bin, c) in texels().filter(|t| t.0) {
+            let (mean, count) = sums[bin];
+            if count < 0.5 {
+                continue;
+            }
+            for k in 0..3 {
+                let v = f64::from(c[k]);
+                sum[k] += v;
+                squares[k] += v * v;
+                rest += (v - f64::from(mean[k] / count)).powi(2);
             }
             n += 1.0;
         }
-        let mean = mean.map(|m| m / n.max(1.0));
-        let (mut total, mut rest) = (1e-12, 0.0);
-        for (i, c) in ratios.values.iter().enumerate() {
-            let Some(c) = c else { continue };
-            let predicted = self.cell[self.bin((i % ratios.width) as f64 + 0.5, (i / ratios.width) as f64 + 0.5)];
-            for k in 0..3 {
-                total += (f64::from(c[k]) - mean[k]).powi(2);
-                rest += f64::from(c[k] - predicted[k]).powi(2);
-            }
+        if n < 100.0 {
+            return 0.0;
         }
-        1.0 - rest / total
+        let total: f64 = (0..3).map(|k| squares[k] - sum[k] * sum[k] / n).sum();
+        1.0 - rest / total.max(1e-12)
     }
 }
 

@@ -215,7 +215,7 @@ impl Survey {
         let pattern = Lattice::find(&Ratios {
             width,
             height: texture.height() as usize,
-            values: &ratios(&known, |x, y| trend.at(x, y)),
+            values: &kept(&known, ratios(&known, |x, y| trend.at(x, y))),
         });
         let mut smoothing = smoothing(texture, px_per_m);
         let mut pattern = pattern;
@@ -225,14 +225,14 @@ impl Survey {
         }
         let mut field = Base::smooth(&without_pattern(&known, pattern.as_ref()), &smoothing)?;
         if let Some(lattice) = pattern.take() {
-            let values = ratios(&known, |x, y| field.at(x, y));
+            let values = kept(&known, ratios(&known, |x, y| field.at(x, y)));
             let again =
                 lattice.averaged_again(&Ratios { width, height: texture.height() as usize, values: &values });
             pattern = Some(again.unwrap_or(lattice));
             field = Base::smooth(&without_pattern(&known, pattern.as_ref()), &smoothing)?;
         }
         let look = Look { color: field.median, pattern, tile: Tile { side: 1, ratios: vec![[1.0; 3]] } };
-        let rest: Vec<Option<Color>> = ratios(&known, |x, y| look.times(x, y, field.at(x, y)))
+        let rest: Vec<Option<Color>> = kept(&known, ratios(&known, |x, y| look.times(x, y, field.at(x, y))))
             .into_iter()
             .map(|c| c.filter(|c| c.iter().all(|v| (GRAIN_RANGE[0]..=GRAIN_RANGE[1]).contains(v))))
             .collect();
@@ -317,6 +317,11 @@ fn ratios(texture: &RgbaImage, light: impl Fn(u32, u32) -> Color) -> Vec<Option<
             })
         })
         .collect()
+}
+
+/// The values of texels that are kept: nooks show shapes that are not the material's.
+fn kept(texture: &RgbaImage, values: Vec<Option<Color>>) -> Vec<Option<Color>> {
+    values.into_iter().zip(texture.pixels()).map(|(v, p)| v.filter(|_| p.0[3] >= KEPT)).collect()
 }
 
 /// The texture with its pattern divided out.

@@ -127,3 +127,16 @@ fn a_printed_pattern_lies_at_its_size_under_the_light_that_was_seen() {
     let mean = painted.pixels().map(|p| f64::from(p.0[0])).sum::<f64>() / 1200.0;
     assert!((mean - f64::from(look.color[0])).abs() < 4.0, "{mean}");
 }
+
+#[test]
+fn shapes_that_happen_to_look_alike_are_no_pattern() {
+    // Four dark blots on a wall, nearly at the corners of a parallelogram, each of another shape.
+    let blots = [(90.0, 80.0, 30.0, 20.0), (250.0, 90.0, 24.0, 34.0), (130.0, 210.0, 36.0, 16.0), (292.0, 216.0, 22.0, 30.0)];
+    let texture = RgbaImage::from_fn(400, 300, |x, y| {
+        let dark = blots.iter().any(|(u, v, a, b): &(f64, f64, f64, f64)| {
+            ((f64::from(x) - u) / a).powi(2) + ((f64::from(y) - v) / b).powi(2) < 1.0
+        });
+        opaque([if dark { 90.0 } else { 160.0 }; 3])
+    });
+    assert!(survey(&texture).look.periods().is_none());
+}

@@ -2,6 +2,7 @@
 
 mod evidence;
 mod paint;
+mod pattern;
 mod trim;
 
 use std::sync::Arc;

@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 
 use harmony_imaging::color::lab_from_rgb8;
 use harmony_imaging::tile::{Grain, Look, Survey};
-use harmony_prompts::{LayoutPart, LayoutPartKind, LayoutSurface};
+use harmony_prompts::{LayoutPart, LayoutPartKind, LayoutPattern, LayoutSurface};
 use harmony_scene::{Extents, OpeningKind, Room, Surface};
 use image::{RgbaImage, imageops};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::evidence::Face;
+use super::pattern::named_look;
 
 /// A face of which less is seen takes its neighbours' material, square metres.
 const LEAST_SEEN: f64 = 0.12;
@@ -43,6 +44,7 @@ struct Piece {
     rows: [u32; 2],
     size: [u32; 2],
     survey: Option<Survey>,
+    px_per_m: f64,
 }
 
 /// The faces' textures and a line about each.
@@ -135,7 +137,7 @@ impl Piece {
         let grain = if coarse { Grain::Coarse } else { Grain::Fine };
         let sharp = &face.sharp[start..start + tall as usize * width as usize];
         let survey = Survey::of(&texture, sharp, face.px_per_m, grain, SEED ^ face.surface as u64);
-        Self { surface: face.surface, strip, rows, size: [width, tall], survey }
+        Self { surface: face.surface, strip, rows, size: [width, tall], survey, px_per_m: face.px_per_m }
     }
 
     fn seen(&self) -> Option<&Survey> {
@@ -144,10 +146,15 @@ impl Piece {
 
     /// The strip's texture.
     fn painted(&self, all: &[Self], plain: &Plain, light: &Light, answer: &[LayoutSurface]) -> (RgbaImage, Value) {
+        let named = self.named_pattern(answer);
         let (image, from) = if let Some(own) = self.seen() {
-            (own.complete(), "what was seen of it")
+            match named.and_then(|n| named_look(n, &own.look, Some(own), self.px_per_m, SEED)) {
+                Some(look) => (own.complete_as(&look), "what was seen of it, in the named pattern"),
+                None => (own.complete(), "what was seen of it"),
+            }
         } else {
             let (look, from) = self.borrowed(all, plain, light, answer);
+            let look = named.and_then(|n| named_look(n, &look, None, self.px_per_m, SEED)).unwrap_or(look);
             match &self.survey {
                 // The little that was seen stays.
                 Some(survey) => (survey.complete_in(&look), from),
@@ -162,6 +169,18 @@ impl Piece {
             "periods_px": look.and_then(Look::periods).map(|p| p.map(|v| [v.x, v.y])),
         });
         (image, note)
+    }
+
+    /// The pattern that the answer gives this strip.
+    fn named_pattern<'a>(&self, answer: &'a [LayoutSurface]) -> Option<&'a LayoutPattern> {
+        let of_face = |s: &&LayoutSurface| s.surface.surface() == self.surface;
+        match self.strip.kind {
+            Some(kind) => {
+                let own = answer.iter().filter(of_face).chain(answer);
+                own.flat_map(|s| &s.parts).find(|p| p.kind == kind).and_then(|p| p.pattern.as_ref())
+            }
+            None => answer.iter().find(of_face).and_then(|s| s.pattern.as_ref()),
+        }
     }
 
     /// The material of a strip of which nothing, or hardly anything, was seen.

@@ -1,0 +1,82 @@
+//! Patterns that the layout answer names, at their size, fitted to what is seen.
+
+use glam::{DMat2, DVec2};
+use harmony_imaging::tile::{Look, Survey};
+use harmony_prompts::{LayoutPattern, LayoutPatternKind as Named};
+use harmony_shape::material::{MaterialSpec, Pattern, PatternKind, bake_tile, fit_evidence};
+
+/// A look with the named pattern, refined by what was seen; `None` when what was seen says more than the name: it shows
+/// a repeat of its own, or the grain of something that has no pieces.
+pub fn named_look(named: &LayoutPattern, look: &Look, seen: Option<&Survey>, px_per_m: f64, seed: u64) -> Option<Look> {
+    let grainy = matches!(named.kind, Named::Carpet | Named::Concrete | Named::Marble | Named::Terrazzo);
+    if seen.is_some_and(|s| grainy || s.look.periods().is_some()) {
+        return None;
+    }
+    let hint = pattern(named);
+    let pattern = seen.map_or_else(|| hint.clone(), |s| fit_evidence(&hint, &s.delit(), px_per_m).pattern);
+    let [r, g, b] = look.color.map(|c| c.round().clamp(0.0, 255.0) as u8);
+    let mut spec = MaterialSpec::plain("surface", &format!("#{r:02x}{g:02x}{b:02x}"));
+    spec.map = Some(pattern);
+    let tile = bake_tile(&spec, Some(1.0 / px_per_m));
+    let DVec2 { x: cos, y: sin } = DVec2::from_angle(f64::from(tile.turn));
+    let [width, height] = tile.size.map(|s| f64::from(s).max(1e-6));
+    let cell_from_metres =
+        DMat2::from_cols(DVec2::new(cos / width, -sin / height), DVec2::new(sin / width, cos / height));
+    Some(look.printed(&tile.color, cell_from_metres * (1.0 / px_per_m), seed))
+}
+
+/// The pattern as the answer describes it.
+fn pattern(named: &LayoutPattern) -> Pattern {
+    let (kind, variant) = match named.kind {
+        Named::Planks | Named::Panels => (PatternKind::Planks, ""),
+        Named::Parquet => (PatternKind::Parquet, "basket"),
+        Named::Herringbone => (PatternKind::Parquet, "herringbone"),
+        Named::Tiles => (PatternKind::Tiles, "stack"),
+        Named::Checks => (PatternKind::Tiles, "checkerboard"),
+        Named::Brick => (PatternKind::Brick, "running"),
+        Named::Stripes => (PatternKind::Stripes, ""),
+        Named::Dots => (PatternKind::Dots, ""),
+        Named::Motif => (PatternKind::Motif, ""),
+        Named::Carpet => (PatternKind::Pile, ""),
+        Named::Concrete => (PatternKind::Concrete, ""),
+        Named::Marble => (PatternKind::Marble, ""),
+        Named::Terrazzo => (PatternKind::Terrazzo, ""),
+    };
+    // Widths of tiles and bricks are those of the repeat.
+    let repeat = matches!(kind, PatternKind::Tiles | PatternKind::Brick);
+    let size = |metres: f64| if repeat && metres > 0.0 { metres + named.joint_m } else { metres };
+    let mut pattern = Pattern::new(kind);
+    variant.clone_into(&mut pattern.variant);
+    pattern.width = size(named.width_m);
+    pattern.length = size(named.length_m);
+    pattern.joint = named.joint_m;
+    // Counter-clockwise to whoever looks at the face, whose v runs down; our patterns turn u towards v.
+    pattern.turn_deg = -named.turn_deg;
+    pattern.colors.clone_from(&named.colors);
+    pattern
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn named_tiles_are_laid_at_their_size_where_nothing_was_seen() {
+        let named = LayoutPattern {
+            kind: Named::Checks,
+            width_m: 0.3,
+            length_m: 0.3,
+            joint_m: 0.0,
+            turn_deg: 0.0,
+            colors: vec!["#f0f0f0".into(), "#202020".into()],
+        };
+        let look = Look::plain([120.0; 3], 1);
+        let painted = named_look(&named, &look, None, 100.0, 1).unwrap().paint(240, 240);
+        let tone = |x: u32, y: u32| painted.get_pixel(x, y).0[1] > 120;
+        // Centres of 30 texel checks: neighbours differ, the second next is the same.
+        for (x, y) in (0..6).flat_map(|i| (0..6).map(move |j| (15 + 30 * i, 15 + 30 * j))) {
+            assert_ne!(tone(x, y), tone(x + 30, y), "{x} {y}");
+            assert_ne!(tone(x, y), tone(x, y + 30), "{x} {y}");
+        }
+    }
+}
