@@ -29,9 +29,9 @@ const LEAST_ALBEDO: f32 = 0.02;
 /// Pixels that a node needs to take part.
 const LEAST_PIXELS: usize = 24;
 /// Luminance that the bright end (90th percentile) of the reflectances gets.
-const BRIGHT: f64 = 0.7;
+const BRIGHT: f64 = 0.55;
 /// By how much another view must be nearer than plain sRGB, as a ratio of errors.
-const VIEW_GAIN: f64 = 0.93;
+const VIEW_GAIN: f64 = 0.8;
 /// A light that was said to be on keeps at least this share of the common gain.
 const LEAST_SHARE: f64 = 0.1;
 /// Exposures that are given, stops.
