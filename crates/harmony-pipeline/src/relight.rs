@@ -41,6 +41,10 @@ pub struct LitPictures {
     pub photo_view: RgbImage,
     /// From outside, as the flat canonical view.
     pub canonical: Option<RgbImage>,
+    /// What the colours were lit with.
+    field: Arc<AlbedoField>,
+    /// Light of what is outside the room in the canonical view, before exposure.
+    outside: [f64; 3],
 }
 
 /// Everything that stays the same from render to render.
@@ -77,9 +81,44 @@ pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Optio
     let Some(photo_view) = stage.picture("final", camera, &lighting, &look.field, stage.s.final_samples).await? else {
         return Ok(None);
     };
-    let canonical = stage.canonical(&lighting, &look).await?;
+    let outside = look.view.light(views::OUTSIDE_RGB.map(|v| f32::from(v) / 255.0)).map(f64::from);
+    let canonical = stage.canonical(&lighting, &look.field, outside).await?;
     state.lighting = Some(lighting);
-    Ok(Some(LitPictures { photo_view, canonical }))
+    Ok(Some(LitPictures { photo_view, canonical, field: look.field, outside }))
+}
+
+/// Renders a lit scene again with another light and keeps it, unless it then agrees less with the photo; the reason
+/// is told either way. `None` when the path tracer failed.
+///
+/// # Errors
+/// Fatal role errors and unwritable files.
+pub async fn retouch(
+    ctx: &PhaseCtx<'_>,
+    state: &mut SceneState,
+    tried: Lighting,
+    before: &LitPictures,
+) -> Result<Option<(Judgement, LitPictures)>, PhaseError> {
+    let glb = ctx.file("scene_for_light.glb")?;
+    let glb_hash = blake3::hash(&harmony_io::read_bounded(&glb, 1 << 31)?).to_hex().to_string();
+    let verdict;
+    let pictures;
+    {
+        let stage = Stage { ctx, state, glb, glb_hash, nodes: Vec::new(), s: ctx.settings.lighting };
+        let camera = state.partial.camera.resized(state.partial.camera.size.fit_within(stage.s.final_px));
+        let samples = stage.s.final_samples;
+        let Some(photo_view) = stage.picture("retouched", camera, &tried, &before.field, samples).await? else {
+            return Ok(None);
+        };
+        let reference = resize(&*state.photo, photo_view.width(), photo_view.height(), FilterType::Triangle);
+        verdict = judge(&assess(&reference, &before.photo_view, None), &assess(&reference, &photo_view, None));
+        if verdict != Judgement::Keep {
+            return Ok(Some((verdict, before.clone())));
+        }
+        let canonical = stage.canonical(&tried, &before.field, before.outside).await?;
+        pictures = LitPictures { photo_view, canonical, ..before.clone() };
+    }
+    state.lighting = Some(tried);
+    Ok(Some((verdict, pictures)))
 }
 
 /// The nodes of the scene's GLB: the room's faces, then the objects.
@@ -327,7 +366,12 @@ impl Stage<'_, '_> {
     }
 
     /// The lit canonical view; near walls and ceiling are left out for the eye but bounce light.
-    async fn canonical(&self, lighting: &Lighting, look: &Look) -> Result<Option<RgbImage>, PhaseError> {
+    async fn canonical(
+        &self,
+        lighting: &Lighting,
+        field: &Arc<AlbedoField>,
+        outside: [f64; 3],
+    ) -> Result<Option<RgbImage>, PhaseError> {
         if self.s.canonical_px == 0 {
             return Ok(None);
         }
@@ -335,10 +379,9 @@ impl Stage<'_, '_> {
         let size = CANONICAL.fit_within(self.s.canonical_px);
         let view = canonical_camera(&self.state.partial.room, size, &self.state.partial.camera);
         let mut request = self.request("canonical", view.camera, lighting, self.s.canonical_samples);
-        request.albedo = Some(Arc::clone(&look.field));
+        request.albedo = Some(Arc::clone(field));
         request.hidden_nodes = view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s).to_owned()).collect();
-        let outside = look.view.light(views::OUTSIDE_RGB.map(|v| f32::from(v) / 255.0));
-        request.background = Some(outside.map(|v| f64::from(v) * (-lighting.exposure).exp2()));
+        request.background = Some(outside.map(|v| v * (-lighting.exposure).exp2()));
         Ok(render(self.ctx, &request).await?.map(|lit| lit.image))
     }
 }

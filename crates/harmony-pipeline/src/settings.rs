@@ -111,6 +111,8 @@ impl Default for ProgramSettings {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LightingSettings {
+    /// Last looks at the whole lit scene, rounds at most.
+    pub last_looks: usize,
     /// Rounds of the model's reflective loop at most, after what is measured.
     pub rounds: usize,
     /// Longest side of the per-light images that the light is fitted on, pixels.
@@ -136,6 +138,7 @@ pub struct LightingSettings {
 impl Default for LightingSettings {
     fn default() -> Self {
         Self {
+            last_looks: 1,
             rounds: 1,
             fit_px: 160,
             fit_samples: 64,
@@ -171,6 +174,7 @@ impl Settings {
         range("programs.smallest_share", self.programs.smallest_share, 0.0, 1.0)?;
         range("programs.second_looks", self.programs.second_looks as f64, 0.0, 2.0)?;
         range("programs.looks_per_question", self.programs.looks_per_question as f64, 1.0, 24.0)?;
+        range("lighting.last_looks", self.lighting.last_looks as f64, 0.0, 3.0)?;
         range("lighting.rounds", self.lighting.rounds as f64, 0.0, 6.0)?;
         range("lighting.measured_rounds", self.lighting.measured_rounds as f64, 0.0, 6.0)?;
         range("lighting.fit_px", self.lighting.fit_px.into(), 32.0, 640.0)?;

@@ -10,7 +10,7 @@ use harmony_placement::{Placed, may_be_seen};
 use harmony_render::{
     Glass, Instance, Lighting, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window,
 };
-use harmony_scene::{Camera, ImageSize, PixelBox, Pose, Room, Size, Support, Surface};
+use harmony_scene::{Camera, ImageSize, Intrinsics, PixelBox, Pose, Room, Size, Support, Surface};
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 
 use crate::state::{Candidate, SceneState};
@@ -311,6 +311,29 @@ pub fn mesh_view(mesh: &Mesh, yaw_index: usize, px: u32) -> RgbaImage {
         ..RenderOptions::default()
     };
     render(&camera, &[Instance::in_room(mesh, 1)], &options).color
+}
+
+/// Two cameras inside the room where the photo was not taken: at its height mirrored to the room's other side, and from
+/// under the ceiling behind it; both look at the middle of what the photo sees.
+pub fn inner_cameras(room: &Room, photo: &Camera, size: ImageSize) -> Vec<Camera> {
+    let e = room.extents.as_vec();
+    let (at, ahead) = (photo.centre(), photo.forward());
+    let reach = (0.5 * e.x.max(e.z)).min(2.5);
+    let level = DVec3::new(ahead.x, 0.0, ahead.z).normalize_or(-DVec3::Z);
+    let target = (at + level * reach).clamp(DVec3::splat(0.3), e - DVec3::splat(0.3));
+    let inside = |p: DVec3| p.clamp(DVec3::splat(0.25), e - DVec3::splat(0.25));
+    let right = level.cross(DVec3::Y);
+    // To the side on which there is more room.
+    let space = |side: DVec3| inside(at + side * 1.4).distance(at);
+    let side = if space(right) >= space(-right) { right } else { -right };
+    let beside = inside(at + side * 1.4 + level * 0.3);
+    let above = inside(DVec3::new(at.x, e.y - 0.3, at.z) - side * 0.6);
+    let low = DVec3::new(target.x, 0.5, target.z);
+    let intrinsics = Intrinsics::from_horizontal_fov(size, 1.25);
+    [(beside, low), (above, low)]
+        .into_iter()
+        .map(|(from, to)| Camera::looking(size, intrinsics, from, (to - from).normalize_or(-DVec3::Z)))
+        .collect()
 }
 
 /// The image window around a placed object, with some surroundings.

@@ -1,7 +1,9 @@
 //! The lit picture of a finished scene against what is there.
 
+use std::sync::Arc;
+
 use harmony_imaging::color::{linear_from_srgb, srgb_from_linear};
-use harmony_roles::{LitRenderer, LitRequest, RoleError};
+use harmony_roles::{LitKind, LitRenderer, LitRequest, RoleError};
 use harmony_scene::{Camera, ImageSize, Mask, Scene};
 use image::{Rgb, RgbImage};
 use serde::{Deserialize, Serialize};
@@ -64,6 +66,8 @@ pub async fn lit_scores(
     let glb = run.folder.join("scene_full.glb");
     let scene: Scene = harmony_io::read_json(&run.folder.join("scene.json")).map_err(|e| unusable(e.to_string()))?;
     let bytes = harmony_io::read_bounded(&glb, 1 << 31).map_err(|e| unusable(e.to_string()))?;
+    // The factors that the run lit its scene with; without them its colours would be lit twice.
+    let albedo = harmony_io::read_json(&run.folder.join("6_lighting/albedo.json")).ok().map(Arc::new);
     let request = |name: &str, camera: &Camera| LitRequest {
         name: format!("bench/{name}"),
         glb: glb.clone(),
@@ -73,6 +77,10 @@ pub async fn lit_scores(
         room: Some(scene.room.extents),
         samples: options.samples,
         denoise: true,
+        albedo: albedo.clone(),
+        hidden_nodes: Vec::new(),
+        background: None,
+        kind: LitKind::default(),
     };
     for view in views.iter_mut() {
         let image = renderer.render(&request(&view.score.view, &view.camera)).await?.image;

@@ -11,6 +11,7 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::outputs;
 use crate::relight::{LitPictures, relight};
 use crate::state::SceneState;
+use crate::steps::last_look;
 use crate::views;
 
 /// Estimates materials and light; renders the lit picture when there is a path tracer.
@@ -34,6 +35,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneStat
                 .into(),
         );
     }
+    let lit = last_look::until_settled(ctx, &mut state, lit).await?;
     ctx.write_json("lights.json", state.lighting.as_ref().unwrap_or(&lighting))?;
     Ok((state, lit))
 }

@@ -3,22 +3,188 @@
 
 use std::sync::Arc;
 
+use harmony_lighting::Judgement;
 use harmony_mesh::{Mesh, linear_rgb, parse_color};
 use harmony_placement::ReviewAction;
-use harmony_prompts::{LastAction, LastActionKind};
-use harmony_scene::{ObjectId, Surface};
+use harmony_program::GUIDE;
+use harmony_prompts::{LastAction, LastActionKind, LastLookAnswer, LastLookVars, last_look};
+use harmony_render::canonical_camera;
+use harmony_roles::Picture;
+use harmony_scene::{ImageSize, Lighting, ObjectId, Surface, WarningKind};
+use harmony_shape::material::kelvin_to_rgb;
 use image::{RgbImage, RgbaImage};
 use serde_json::{Value, json};
 
 use super::programs::Program;
 use super::{review, second_look};
 use crate::ctx::{PhaseCtx, PhaseError};
+use crate::relight::{LitPictures, relight, retouch};
 use crate::state::SceneState;
 use crate::views;
+
+/// Size of the views that are no photo's.
+const VIEW: ImageSize = ImageSize { width: 800, height: 600 };
+
+/// Last looks until nothing is asked for or kept, or the rounds are used up; the lit pictures of the scene as it is then.
+///
+/// # Errors
+/// Fatal role errors and unwritable files.
+pub async fn until_settled(
+    ctx: &PhaseCtx<'_>,
+    state: &mut SceneState,
+    mut lit: Option<LitPictures>,
+) -> Result<Option<LitPictures>, PhaseError> {
+    for round in 1..=ctx.settings.lighting.last_looks {
+        let name = format!("last_look_{round}");
+        if !ctx.is_answered(&name) || state.partial.placed.is_empty() {
+            break;
+        }
+        ctx.step(&format!("last look {round}"));
+        let answer = ask(ctx, state, lit.as_ref(), &name).await?;
+        let mut results = Vec::new();
+        let mut changed = false;
+        let mut wished = state.lighting.clone();
+        let mut relit = Vec::new();
+        for action in &answer.actions {
+            match try_action(ctx, state, action).await? {
+                Some((result, kept)) => {
+                    changed |= kept;
+                    results.push(result);
+                }
+                None => relit.push(action),
+            }
+        }
+        if changed && lit.is_some() {
+            lit = relight(ctx, state).await?.or(lit);
+            wished.clone_from(&state.lighting);
+        }
+        if let (Some(before), Some(mut tried), false) = (&lit, wished, relit.is_empty()) {
+            relit.iter().for_each(|action| dim(&mut tried, action));
+            let outcome = retouch(ctx, state, tried, before).await?;
+            let kept = matches!(&outcome, Some((Judgement::Keep, _)));
+            let reason = match &outcome {
+                Some((Judgement::Refuse { reason }, _)) => reason.clone(),
+                Some(_) => "it agrees no less with the photo".to_owned(),
+                None => "the path tracer failed".to_owned(),
+            };
+            if !kept {
+                ctx.warn(WarningKind::ActionRefused, None, format!("another light was proposed and refused: {reason}"));
+            }
+            results.push(json!({ "asked": relit, "kept": kept, "reason": reason }));
+            changed |= kept;
+            if let Some((_, pictures)) = outcome {
+                lit = Some(pictures);
+            }
+        }
+        ctx.write_json(&format!("{name}.json"), &json!({ "differences": answer.differences, "tried": results }))?;
+        if answer.converged || !changed {
+            break;
+        }
+    }
+    Ok(lit)
+}
+
+/// What an action wishes of the light.
+fn dim(lighting: &mut Lighting, action: &LastAction) {
+    let factor = action.factor.unwrap_or(1.0);
+    if action.action == LastActionKind::Exposure {
+        lighting.exposure += factor.log2();
+    }
+    for light in lighting.lights.iter_mut().filter(|l| action.action == LastActionKind::Light && l.id == action.id) {
+        light.intensity *= factor;
+        light.on = light.on || factor > 1.0;
+        if let Some(kelvin) = action.kelvin {
+            let rgb = kelvin_to_rgb(kelvin);
+            let most = rgb.into_iter().fold(1e-6, f64::max);
+            light.color = rgb.map(|c| c / most);
+        }
+    }
+}
+
+async fn ask(
+    ctx: &PhaseCtx<'_>,
+    state: &SceneState,
+    lit: Option<&LitPictures>,
+    name: &str,
+) -> Result<LastLookAnswer, PhaseError> {
+    let ids: Vec<String> = state.partial.placed.iter().map(|p| p.item.id.to_string()).collect();
+    let lights: Vec<String> =
+        state.lighting.iter().flat_map(|l| &l.lights).map(|light| light.id.clone()).collect();
+    let objects = state.partial.placed.iter().map(|p| {
+        let slots = state.mesh_of(&p.item.id).map_or(String::new(), |mesh| {
+            mesh.materials.iter().map(|m| m.name.as_str()).collect::<Vec<_>>().join(", ")
+        });
+        format!("{}; slots: {slots}", views::line(p))
+    });
+    let question = last_look(&LastLookVars {
+        room: views::room_line(state),
+        objects: objects.collect(),
+        lights: state.lighting.iter().flat_map(|l| &l.lights).map(light_line).collect(),
+        findings: findings(state, lit.is_some()),
+        guide: GUIDE.to_owned(),
+    });
+    let (shown, lit) = (state.clone(), lit.cloned());
+    let pictures = ctx.computed(move || pictures(&shown, lit)).await?;
+    let (asked, sources) = (ids.clone(), lights.clone());
+    let facts = json!({ "objects": ids, "lights": lights });
+    ctx.ask(name, question, pictures, facts, move |answer: &LastLookAnswer| answer.check(&asked, &sources)).await
+}
+
+fn light_line(light: &harmony_scene::Light) -> String {
+    let [x, y, z] = light.position;
+    let state = if light.on { "on" } else { "off" };
+    format!("- {}: at ({x:.2}, {y:.2}, {z:.2}), {:.1} W, {state}", light.id, light.intensity)
+}
+
+/// What geometry and colour complain about.
+fn findings(state: &SceneState, lit: bool) -> Vec<String> {
+    let mut lines: Vec<String> = state
+        .partial
+        .placed
+        .iter()
+        .filter_map(|p| {
+            let iou = p.evidence.silhouette_iou.filter(|iou| *iou < 0.6)?;
+            Some(format!("- {}: outline agreement {iou:.2}", p.item.id))
+        })
+        .collect();
+    if !lit {
+        lines.push("- there is no path tracer here: IMAGE 2 is unlit".to_owned());
+    }
+    lines
+}
+
+fn pictures(state: &SceneState, lit: Option<LitPictures>) -> Vec<Picture> {
+    let flat = views::flat(state);
+    let (photo_view, canonical) = lit.map_or((None, None), |l| (Some(Arc::new(l.photo_view)), l.canonical));
+    let (room, camera) = (&state.partial.room, &state.partial.camera);
+    let canonical = canonical.unwrap_or_else(|| {
+        let view = canonical_camera(room, VIEW, camera);
+        views::scene_from(state, &view.camera, view.omit)
+    });
+    let mut pictures = vec![
+        Picture { caption: "IMAGE 1: the photo".into(), image: state.photo.clone() },
+        Picture { caption: "IMAGE 2: the scene in its light".into(), image: photo_view.unwrap_or(flat) },
+        Picture { caption: "IMAGE 3: the scene from outside above".into(), image: Arc::new(canonical) },
+    ];
+    for (i, view) in inner_views(state).into_iter().enumerate() {
+        pictures.push(Picture {
+            caption: format!("IMAGE {}: the scene from inside the room, unlit", i + 4),
+            image: Arc::new(views::scene_from(state, &view, Vec::new())),
+        });
+    }
+    pictures
+}
+
+/// Two cameras inside the room where the photo was not taken: at its height on the other side, and from under the
+/// ceiling behind it.
+pub fn inner_views(state: &SceneState) -> Vec<harmony_scene::Camera> {
+    views::inner_cameras(&state.partial.room, &state.partial.camera, VIEW)
+}
 
 /// A change of colour may raise the mean squared difference to the photo by this share, and by this much: what it was
 /// made for may be where the photo does not look.
 const WORSE_SHARE: f64 = 1.05;
+/// See [`WORSE_SHARE`].
 const WORSE: f64 = 2e-4;
 /// Fewer visible pixels than this say nothing.
 const FEW_PIXELS: usize = 40;
@@ -31,7 +197,7 @@ const LARGEST_FACTOR: f32 = 6.0;
 ///
 /// # Errors
 /// Unwritable files and computations that broke.
-pub async fn try_action(
+async fn try_action(
     ctx: &PhaseCtx<'_>,
     state: &mut SceneState,
     action: &LastAction,
