@@ -212,7 +212,8 @@ mod tests {
             assert!(((hit - target).dot(axis) - 0.015).abs() < 1e-6, "{target}: {hit}");
             assert!(bvh.raycast(eye, target - eye, 100.0).unwrap().normal.dot(axis) > 0.99);
         }
-        assert!(reach(DVec3::new(0.0, 0.05, 3.4)).is_none(), "through the door");
+        // Through the door, down onto its threshold outside.
+        assert!(reach(DVec3::new(0.0, 0.05, 3.4)).is_none_or(|p| p.x < -0.01));
         // The door's casing, beside and above it, and no board over the window's sill.
         for target in [DVec3::new(0.0, 1.0, 2.97), DVec3::new(0.0, 2.03, 3.4)] {
             assert!((reach(target).unwrap().x - 0.015).abs() < 1e-6);
