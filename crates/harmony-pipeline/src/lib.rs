@@ -33,5 +33,5 @@ pub use run::{PHASES, RunError, RunOutcome, RunRequest, run};
 pub use run_file::{PhaseEntry, PhaseState, RunFile};
 pub use run_folder::{LOCK_FILE, RunFolder, RunFolderError};
 pub use settings::{FilterSettings, LightingSettings, ProgramSettings, Settings};
-pub use steps::programs::{Program, Surroundings, built as program_mesh};
 pub use state::{Candidate, Layout, Prepared, SceneState};
+pub use steps::programs::{Program, Surroundings, built as program_mesh};

@@ -176,8 +176,22 @@ impl SceneState {
 /// Whether a label names a part of the room itself: its last word counts, a wall clock hangs on the wall.
 pub fn is_of_the_room(label: &str) -> bool {
     const PARTS: [&str; 16] = [
-        "wall", "walls", "floor", "flooring", "ceiling", "room", "corner", "skirting", "baseboard", "baseboards",
-        "moulding", "molding", "cornice", "panelling", "paneling", "wainscot",
+        "wall",
+        "walls",
+        "floor",
+        "flooring",
+        "ceiling",
+        "room",
+        "corner",
+        "skirting",
+        "baseboard",
+        "baseboards",
+        "moulding",
+        "molding",
+        "cornice",
+        "panelling",
+        "paneling",
+        "wainscot",
     ];
     let words = label.to_lowercase();
     let last = words.split(|c: char| !c.is_alphabetic()).filter(|w| !w.is_empty()).next_back();

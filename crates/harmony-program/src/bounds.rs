@@ -69,9 +69,8 @@ impl Bounds {
 pub fn of_outline(outline: &Outline) -> Option<[[f64; 2]; 2]> {
     let own = outline.points.iter().copied().map(|p| [p, p]);
     let islands = outline.islands.iter().filter_map(of_outline);
-    own.chain(islands).reduce(|a, b| {
-        [[a[0][0].min(b[0][0]), a[0][1].min(b[0][1])], [a[1][0].max(b[1][0]), a[1][1].max(b[1][1])]]
-    })
+    own.chain(islands)
+        .reduce(|a, b| [[a[0][0].min(b[0][0]), a[0][1].min(b[0][1])], [a[1][0].max(b[1][0]), a[1][1].max(b[1][1])]])
 }
 
 /// Bounds of a node from those of the nodes before it; none where only meshing can tell.
@@ -102,7 +101,10 @@ pub fn of(kind: &Kind, known: &dyn Fn(NodeId) -> Option<Bounds>) -> Option<Bound
                 top = moved.max.y + gap;
                 out = Some(out.map_or(moved, |b| b.with(moved)));
             }
-            out.map(|b| Bounds { min: b.min - DVec3::new(0.05, 0.0, 0.05) * *jitter, max: b.max + DVec3::new(0.05, 0.0, 0.05) * *jitter })
+            out.map(|b| Bounds {
+                min: b.min - DVec3::new(0.05, 0.0, 0.05) * *jitter,
+                max: b.max + DVec3::new(0.05, 0.0, 0.05) * *jitter,
+            })
         }
         Kind::Box { size, taper, shear, .. } => {
             let [w, h, d] = *size;
@@ -174,15 +176,18 @@ pub fn of(kind: &Kind, known: &dyn Fn(NodeId) -> Option<Bounds>) -> Option<Bound
             });
             Some(Bounds::around(points)?.grown(*thick))
         }
-        Kind::Surf { points, thick, .. } => Some(Bounds::around(points.iter().copied().map(DVec3::from))?.grown(*thick)),
+        Kind::Surf { points, thick, .. } => {
+            Some(Bounds::around(points.iter().copied().map(DVec3::from))?.grown(*thick))
+        }
         Kind::Mesh { points, .. } => Bounds::around(points.iter().copied().map(DVec3::from)),
         Kind::Boolean { op, a, b } => match op {
             harmony_shape::tree::Boolean::Join => all(&[*a, *b]),
             _ => known(*a),
         },
-        Kind::Shell { child, .. } | Kind::Tuft { child, .. } | Kind::Quilt { child, .. } | Kind::Joint { child, .. } => {
-            known(*child)
-        }
+        Kind::Shell { child, .. }
+        | Kind::Tuft { child, .. }
+        | Kind::Quilt { child, .. }
+        | Kind::Joint { child, .. } => known(*child),
         Kind::Paint { child, .. } | Kind::Decal { child, .. } => known(*child),
         Kind::Wicker { child, radius, .. } => Some(known(*child)?.grown(*radius)),
         Kind::Fuzz { child, length, .. } => Some(known(*child)?.grown(*length)),

@@ -49,7 +49,10 @@ pub fn run(source: &str, inputs: &Inputs, limits: &Limits, child: &ChildCommand)
     let question = Question { source: source.to_owned(), inputs: inputs.clone(), limits: limits.clone() };
     let question = serde_json::to_vec(&question).map_err(|e| broken(format!("the inputs cannot be written: {e}")))?;
     if question.len() as u64 >= MAX_QUESTION {
-        return Err(broken(format!("source and inputs have {} bytes; at most {MAX_QUESTION} are allowed", question.len())));
+        return Err(broken(format!(
+            "source and inputs have {} bytes; at most {MAX_QUESTION} are allowed",
+            question.len()
+        )));
     }
     let folder = tempfile::tempdir().map_err(|e| broken(format!("no empty folder: {e}")))?;
     let mut command = Command::new(&child.program);
@@ -113,7 +116,8 @@ impl Watch {
                 Ok(None) => {}
                 Err(error) => return Err(broken(format!("the child is lost: {error}"))),
             }
-            if self.started.elapsed() > end || self.output.as_ref().is_some_and(Reader::is_finished) && !self.answers() {
+            if self.started.elapsed() > end || self.output.as_ref().is_some_and(Reader::is_finished) && !self.answers()
+            {
                 break None;
             }
             // Where the system does not hold the limit of memory.

@@ -305,7 +305,9 @@ impl<'v, 's> Call<'v, 's> {
         default: Option<[f64; N]>,
         range: RangeInclusive<f64>,
     ) -> Result<[f64; N], Complaint> {
-        let Some(value) = self.given(name) else { return default.ok_or_else(|| self.complain(name, "None", "a tuple")) };
+        let Some(value) = self.given(name) else {
+            return default.ok_or_else(|| self.complain(name, "None", "a tuple"));
+        };
         let allowed = || format!("{N} numbers from {} to {}", range.start(), range.end());
         let mut list = numbers(value).ok_or_else(|| self.refuse(name, value, &allowed()))?;
         if let (2, Some(Kind::Vector(_))) = (N, Thing::from_value(value).map(|t| &t.kind)) {

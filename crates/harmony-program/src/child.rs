@@ -48,7 +48,11 @@ pub fn child_main() -> ExitCode {
     let Ok(question) = serde_json::from_str::<Question>(&text) else { return ExitCode::from(2) };
     drop(text);
     if let Err(error) = limit_self(&question.limits) {
-        return answer(&Answer::Error(ProgramError::new(ErrorKind::Cage, 0, format!("no limits could be set: {error}"))));
+        return answer(&Answer::Error(ProgramError::new(
+            ErrorKind::Cage,
+            0,
+            format!("no limits could be set: {error}"),
+        )));
     }
     static SEEN: [AtomicU32; 64] = [const { AtomicU32::new(0) }; 64];
     static LAST: AtomicU32 = AtomicU32::new(0);
@@ -103,7 +107,8 @@ fn answer(answer: &Answer) -> ExitCode {
 fn limit_self(limits: &Limits) -> Result<(), String> {
     use rustix::process::{Resource, Rlimit, setrlimit};
     let set = |resource, most: u64| {
-        setrlimit(resource, Rlimit { current: Some(most), maximum: Some(most) }).map_err(|e| format!("{resource:?}: {e}"))
+        setrlimit(resource, Rlimit { current: Some(most), maximum: Some(most) })
+            .map_err(|e| format!("{resource:?}: {e}"))
     };
     set(Resource::Core, 0)?;
     set(Resource::Fsize, 0)?;

@@ -141,7 +141,11 @@ pub(crate) fn catenary(from: DVec3, to: DVec3, slack: f64) -> Vec<[f64; 3]> {
         return vec![from.to_array(), bight.to_array(), to.to_array()];
     }
     let ratio = (length * length - v * v).sqrt() / h;
-    let mut x = if ratio < 3.0 { (6.0 * (ratio - 1.0)).sqrt() } else { libm::log(2.0 * ratio) + libm::log(libm::log(2.0 * ratio)) };
+    let mut x = if ratio < 3.0 {
+        (6.0 * (ratio - 1.0)).sqrt()
+    } else {
+        libm::log(2.0 * ratio) + libm::log(libm::log(2.0 * ratio))
+    };
     for _ in 0..12 {
         let f = libm::sinh(x) / x - ratio;
         let slope = (x * libm::cosh(x) - libm::sinh(x)) / (x * x);
@@ -200,7 +204,11 @@ pub(crate) fn offset(curve: &Curve, distance: f64) -> Curve {
         };
         let across = (before + after).normalize_or_zero();
         // A mitre, at most twice the distance.
-        let mitre = if before == DVec3::ZERO || after == DVec3::ZERO { 1.0 } else { (1.0 / across.dot(after).max(0.5)).min(2.0) };
+        let mitre = if before == DVec3::ZERO || after == DVec3::ZERO {
+            1.0
+        } else {
+            (1.0 / across.dot(after).max(0.5)).min(2.0)
+        };
         (points[i] + across * (distance * mitre)).to_array()
     });
     Curve { points: moved.collect(), closed: curve.closed }

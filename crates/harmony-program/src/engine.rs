@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use harmony_shape::ShapeTree;
 use starlark::PrintHandler;
+use starlark::codemap::FileSpanRef;
 use starlark::docs::{DocItem, DocMember};
 use starlark::environment::{Globals, GlobalsBuilder, LibraryExtension, Module};
-use starlark::codemap::FileSpanRef;
 use starlark::eval::{BeforeStmtFuncDyn, Evaluator};
 use starlark::syntax::{AstModule, Dialect, DialectTypes};
 use starlark::values::{Heap, Value};
@@ -118,13 +118,8 @@ fn interpret(
     eval.set_print_handler(&Silent);
     eval.set_max_callstack_size(limits.depth.max(1) as usize)
         .map_err(|e| ProgramError::new(ErrorKind::Cage, 0, e.to_string()))?;
-    let guard: Box<dyn BeforeStmtFuncDyn<'_, '_>> = Box::new(Guard {
-        statements: 0,
-        most: limits.statements,
-        heap_bytes: limits.heap_bytes,
-        end,
-        progress,
-    });
+    let guard: Box<dyn BeforeStmtFuncDyn<'_, '_>> =
+        Box::new(Guard { statements: 0, most: limits.statements, heap_bytes: limits.heap_bytes, end, progress });
     eval.before_stmt_for_dap(guard.into());
     eval.eval_module(ast, &GLOBALS).map_err(|e| explained(&e, source, false))?;
     let root = build(&mut eval, &module, inputs, source)?;
@@ -187,12 +182,17 @@ fn build<'v>(
     let size = inputs.size.map(|s| [s.width, s.height, s.depth]);
     for param in params {
         let own = inputs.params.get(&param.name).map(|v| value_of(heap, v, 8));
-        let of_size = ["w", "h", "d"].iter().position(|n| *n == param.name).and_then(|i| size.map(|s| heap.alloc(s[i])));
+        let of_size =
+            ["w", "h", "d"].iter().position(|n| *n == param.name).and_then(|i| size.map(|s| heap.alloc(s[i])));
         match own.or(of_size) {
             Some(value) => given.push((&param.name, value)),
             None if param.default_value.is_some() => {}
             None => {
-                let error = ProgramError::new(ErrorKind::Run, line, format!("build needs `{}`, which nothing gives", param.name));
+                let error = ProgramError::new(
+                    ErrorKind::Run,
+                    line,
+                    format!("build needs `{}`, which nothing gives", param.name),
+                );
                 return Err(error.with_hint("give it a default; w, h and d come from the object's size"));
             }
         }
@@ -260,7 +260,8 @@ fn in_words(error: &starlark::Error, line: u32, source: &str, syntax: bool) -> P
     use starlark::ErrorKind as Engine;
     let full = error.without_diagnostic().to_string();
     let first = full.lines().next().unwrap_or_default();
-    let message: String = first.trim_start_matches("Parse error: ").replace("type `thing`", "this kind").chars().take(300).collect();
+    let message: String =
+        first.trim_start_matches("Parse error: ").replace("type `thing`", "this kind").chars().take(300).collect();
     let message = message.replace("`thing`", "`part`");
     let text = (line as usize).checked_sub(1).and_then(|i| source.lines().nth(i)).unwrap_or_default();
     if matches!(error.kind(), Engine::StackOverflow(_)) {

@@ -46,7 +46,8 @@ impl ProgramError {
 
     /// The error with the line of the source that it speaks about and its hint: what is sent back to a model.
     pub fn explain(&self, source: &str) -> String {
-        let mut text = if self.line == 0 { self.message.clone() } else { format!("line {}: {}", self.line, self.message) };
+        let mut text =
+            if self.line == 0 { self.message.clone() } else { format!("line {}: {}", self.line, self.message) };
         if let Some(line) = (self.line as usize).checked_sub(1).and_then(|i| source.lines().nth(i)) {
             let shown: String = line.trim().chars().take(120).collect();
             text.push_str(&format!("\n    {shown}"));

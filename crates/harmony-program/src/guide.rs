@@ -33,8 +33,7 @@ mod tests {
     #[test]
     fn it_names_every_function_and_none_that_does_not_exist() {
         let (prose, _) = GUIDE.split_once("```python").unwrap();
-        let words: std::collections::BTreeSet<&str> =
-            prose.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
+        let words: std::collections::BTreeSet<&str> = prose.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
         for function in crate::functions::FUNCTIONS.iter() {
             let name = function.name.as_str();
             if !name.starts_with("math.") && !["vec", "pow", "hypot"].contains(&name) {

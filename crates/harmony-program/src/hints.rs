@@ -101,7 +101,9 @@ pub(crate) fn for_run(message: &str) -> Option<&'static str> {
     let attribute = message.split("has no attribute `").nth(1).and_then(|rest| rest.split('`').next());
     match attribute {
         Some("size" | "top" | "min" | "max" | "centre" | "center") => {
-            return Some("of drape, fringe, scatter and against the size is known only when they are meshed: use your own numbers");
+            return Some(
+                "of drape, fringe, scatter and against the size is known only when they are meshed: use your own numbers",
+            );
         }
         Some("format") => return Some("no format(): str(round(x, 2)), or \"%s\" % x"),
         Some("append") => return Some("lists have append; to put parts together use group(...)"),

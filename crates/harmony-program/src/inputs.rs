@@ -42,9 +42,10 @@ impl Inputs {
     /// the back wall towards the viewer.
     #[must_use]
     pub fn in_frame(mut self, surface: Surface) -> Self {
-        self.room_from_program = self.room.as_ref().map(|room| {
-            crate::functions::arrays::columns(&crate::functions::room::Frame::of(surface, room).map())
-        });
+        self.room_from_program = self
+            .room
+            .as_ref()
+            .map(|room| crate::functions::arrays::columns(&crate::functions::room::Frame::of(surface, room).map()));
         self
     }
 

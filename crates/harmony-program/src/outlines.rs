@@ -99,12 +99,9 @@ pub(crate) fn stroked(lines: &[Vec<DVec2>], radius: f64) -> Option<Outline> {
 /// An outline grown (or shrunk, for a negative distance), corners rounded where it grows.
 pub(crate) fn offset(outline: &Outline, distance: f64) -> Option<Outline> {
     let loops = loops_of(outline);
-    let edges: Vec<Vec<DVec2>> = loops
-        .iter()
-        .map(|l| l.iter().chain(l.first()).copied().map(DVec2::from).collect::<Vec<_>>())
-        .collect();
-    let rim: Vec<Loop> =
-        edges.iter().flat_map(|l| l.windows(2)).map(|w| capsule(w[0], w[1], distance.abs())).collect();
+    let edges: Vec<Vec<DVec2>> =
+        loops.iter().map(|l| l.iter().chain(l.first()).copied().map(DVec2::from).collect::<Vec<_>>()).collect();
+    let rim: Vec<Loop> = edges.iter().flat_map(|l| l.windows(2)).map(|w| capsule(w[0], w[1], distance.abs())).collect();
     let rule = if distance >= 0.0 { OverlayRule::Union } else { OverlayRule::Difference };
     from_shapes(loops.overlay(&rim, rule, FillRule::NonZero))
 }

@@ -52,7 +52,12 @@ impl Session {
         let mut state = self.state.borrow_mut();
         let id = NodeId(state.nodes.len() as u32);
         if state.nodes.len() >= MAX_NODES {
-            return Err(too_many("parts", MAX_NODES as u64 + 1, MAX_NODES as u64, "copy one with row(), grid() or along()"));
+            return Err(too_many(
+                "parts",
+                MAX_NODES as u64 + 1,
+                MAX_NODES as u64,
+                "copy one with row(), grid() or along()",
+            ));
         }
         state.node_points += points_of(&node.kind);
         if state.node_points > MAX_POINTS {
@@ -184,7 +189,9 @@ impl Session {
             let node = &state.nodes[id.0 as usize];
             match &node.kind {
                 Kind::Group { children } => waiting.extend(children),
-                Kind::Placed { child, .. } | Kind::Copies { child, .. } | Kind::Paint { child, .. } => waiting.push(*child),
+                Kind::Placed { child, .. } | Kind::Copies { child, .. } | Kind::Paint { child, .. } => {
+                    waiting.push(*child)
+                }
                 Kind::Shell { child, .. } | Kind::Joint { child, .. } | Kind::On { child, .. } => waiting.push(*child),
                 Kind::Boolean { a, b, .. } => waiting.extend([*a, *b]),
                 Kind::Box { .. }
@@ -358,7 +365,9 @@ fn own_triangles(kind: &Kind) -> u64 {
         points.windows(2).map(|w| (glam::DVec3::from(w[1]) - glam::DVec3::from(w[0])).length()).sum()
     };
     match kind {
-        Kind::Box { bevel, segments, .. } if *bevel > 0.0 => 12 + 24 * u64::from(*segments) * (1 + u64::from(*segments)),
+        Kind::Box { bevel, segments, .. } if *bevel > 0.0 => {
+            12 + 24 * u64::from(*segments) * (1 + u64::from(*segments))
+        }
         Kind::Box { .. } => 12,
         Kind::Cylinder { sides, .. } => 8 * u64::from(if *sides == 0 { 32 } else { *sides }),
         Kind::Sphere { .. } => 900,
@@ -399,9 +408,8 @@ fn own_triangles(kind: &Kind) -> u64 {
         }
         Kind::Fuzz { .. } => 40_000,
         Kind::Wicker { .. } => 40_000,
-        Kind::WireNet { outline, pitch, .. } => bounds::of_outline(outline).map_or(0, |[min, max]| {
-            (16.0 * ((max[0] - min[0]) + (max[1] - min[1])) / pitch) as u64
-        }),
+        Kind::WireNet { outline, pitch, .. } => bounds::of_outline(outline)
+            .map_or(0, |[min, max]| (16.0 * ((max[0] - min[0]) + (max[1] - min[1])) / pitch) as u64),
         Kind::Leaf { .. } => 24,
         Kind::Plant { count, .. } => 60 * u64::from(*count),
         Kind::Template { .. } | Kind::PartModel { .. } => 5000,

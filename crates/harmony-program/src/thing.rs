@@ -16,7 +16,7 @@ use starlark::values::{Heap, NoSerialize, StarlarkValue, Value, starlark_value};
 use crate::bounds::Bounds;
 use crate::call;
 use crate::error::{Complaint, Failure};
-use crate::functions::{methods, maths::Dice, room::Frame};
+use crate::functions::{maths::Dice, methods, room::Frame};
 use crate::numbers;
 
 /// What a value is.
@@ -96,8 +96,9 @@ pub(crate) fn word(value: Value<'_>) -> &'static str {
 }
 
 fn arithmetic<T>(sign: &str, left: &str, right: &str) -> Result<T, starlark::Error> {
-    let complaint = Complaint::new(format!("{left} {sign} {right} means nothing"))
-        .with_hint("vec + vec, vec - vec, vec * number, vec / number; parts are moved with .at() and joined with group()");
+    let complaint = Complaint::new(format!("{left} {sign} {right} means nothing")).with_hint(
+        "vec + vec, vec - vec, vec * number, vec / number; parts are moved with .at() and joined with group()",
+    );
     Err(Failure::Complaint(complaint).into())
 }
 
@@ -145,8 +146,9 @@ impl<'v> StarlarkValue<'v> for Thing {
             (Kind::Part(_, Some(b)), "min") => Some(vector(b.min)),
             (Kind::Part(_, Some(b)), "max") => Some(vector(b.max)),
             (Kind::Part(_, Some(b)), "centre" | "center") => Some(vector(b.centre())),
-            (Kind::Outline(o), "size") => crate::bounds::of_outline(o)
-                .map(|[min, max]| vector(DVec3::new(max[0] - min[0], max[1] - min[1], 0.0))),
+            (Kind::Outline(o), "size") => {
+                crate::bounds::of_outline(o).map(|[min, max]| vector(DVec3::new(max[0] - min[0], max[1] - min[1], 0.0)))
+            }
             (Kind::Frame(f), "u") => Some(number(f.size[0])),
             (Kind::Frame(f), "v") => Some(number(f.size[1])),
             (Kind::Frame(f), "normal") => Some(vector(f.normal)),

@@ -103,10 +103,7 @@ pub fn second_look(vars: &ProgramsVars) -> Question {
 }
 
 fn filled(template: &str, vars: &ProgramsVars) -> String {
-    fill(
-        template,
-        &[("room", vars.room.clone()), ("objects", vars.objects.join("\n")), ("guide", vars.guide.clone())],
-    )
+    fill(template, &[("room", vars.room.clone()), ("objects", vars.objects.join("\n")), ("guide", vars.guide.clone())])
 }
 
 /// A stool, for examples.
@@ -123,11 +120,7 @@ impl ProgramsAnswer {
         Self {
             objects: vec![
                 ProgramObject { id: "stool_01".into(), program: Some(STOOL.into()), ..ProgramObject::default() },
-                ProgramObject {
-                    id: "stool_02".into(),
-                    same_as: Some("stool_01".into()),
-                    ..ProgramObject::default()
-                },
+                ProgramObject { id: "stool_02".into(), same_as: Some("stool_01".into()), ..ProgramObject::default() },
                 ProgramObject {
                     id: "sofa_01".into(),
                     notes: "the template shows it well".into(),

@@ -51,10 +51,8 @@ pub fn ruled_window(photo: &RgbImage, window: PixelBox, longest_px: u32) -> RgbI
 
 /// Round values between two numbers, about [`TICKS`] of them.
 fn ticks(from: f64, to: f64) -> Vec<f64> {
-    let step = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0]
-        .into_iter()
-        .find(|s| (to - from) / s <= TICKS)
-        .unwrap_or(500.0);
+    let step =
+        [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0].into_iter().find(|s| (to - from) / s <= TICKS).unwrap_or(500.0);
     let first = (from / step).ceil() as i64;
     (first..).map(|k| k as f64 * step).take_while(|v| *v <= to).collect()
 }
@@ -75,7 +73,9 @@ mod tests {
         let photo = RgbImage::from_fn(200, 100, |x, _| if x == 100 { Rgb([255, 0, 0]) } else { Rgb([9, 9, 9]) });
         let window = PixelBox { x0: 80.0, y0: 20.0, x1: 120.0, y1: 60.0 };
         let ruled = ruled_window(&photo, window, 160);
-        let red: Vec<u32> = (0..ruled.width()).filter(|x| ruled.get_pixel(*x, 60).0[0] > 150 && ruled.get_pixel(*x, 60).0[1] < 90).collect();
+        let red: Vec<u32> = (0..ruled.width())
+            .filter(|x| ruled.get_pixel(*x, 60).0[0] > 150 && ruled.get_pixel(*x, 60).0[1] < 90)
+            .collect();
         let middle = f64::from(red.iter().sum::<u32>()) / red.len() as f64;
         // The tick of 500 marks the column's left edge.
         let tick = BORDER + ((0.5 * 200.0 - 80.0) * 4.0) as u32;

@@ -25,11 +25,7 @@ pub(super) struct Smoothing {
 impl Smoothing {
     /// What suits any texture of that size.
     fn usual(width: usize, height: usize) -> Self {
-        Self {
-            cell: width.max(height).div_ceil(CELLS).max(1),
-            blur: BLUR_CELLS,
-            settling: SETTLING_CELLS,
-        }
+        Self { cell: width.max(height).div_ceil(CELLS).max(1), blur: BLUR_CELLS, settling: SETTLING_CELLS }
     }
 }
 

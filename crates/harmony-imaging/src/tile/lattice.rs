@@ -77,7 +77,9 @@ impl Ratios<'_> {
                 let (left, top) = (x0 + i % width * k, y0 + i / width * k);
                 let (mut sum, mut n) = ([0.0; 2], 0);
                 for y in top..(top + k).min(self.height) {
-                    for c in self.values[y * self.width + left..y * self.width + (left + k).min(self.width)].iter().flatten() {
+                    for c in
+                        self.values[y * self.width + left..y * self.width + (left + k).min(self.width)].iter().flatten()
+                    {
                         sum = [sum[0] + c[0] + c[1] + c[2], sum[1] + c[0] - c[2]];
                         n += 1;
                     }
@@ -280,8 +282,7 @@ impl Lattice {
                 }
                 sums[bin].1 += 1.0;
             }
-            let means: Vec<Option<Color>> =
-                sums.iter().map(|(s, n)| (*n > 0.0).then(|| s.map(|v| v / n))).collect();
+            let means: Vec<Option<Color>> = sums.iter().map(|(s, n)| (*n > 0.0).then(|| s.map(|v| v / n))).collect();
             if means.iter().flatten().count() * 5 < means.len() * 4 {
                 return None;
             }

@@ -226,8 +226,7 @@ impl Survey {
         let mut field = Base::smooth(&without_pattern(&known, pattern.as_ref()), &smoothing)?;
         if let Some(lattice) = pattern.take() {
             let values = kept(&known, ratios(&known, |x, y| field.at(x, y)));
-            let again =
-                lattice.averaged_again(&Ratios { width, height: texture.height() as usize, values: &values });
+            let again = lattice.averaged_again(&Ratios { width, height: texture.height() as usize, values: &values });
             pattern = Some(again.unwrap_or(lattice));
             field = Base::smooth(&without_pattern(&known, pattern.as_ref()), &smoothing)?;
         }
@@ -257,10 +256,8 @@ impl Survey {
         RgbaImage::from_fn(self.texture.width(), self.texture.height(), |x, y| {
             let p = self.texture.get_pixel(x, y).0;
             let field = self.field.at(x, y);
-            let [r, g, b, _] = opaque(std::array::from_fn(|c| {
-                f32::from(p[c]) / field[c].max(1.0) * self.look.color[c]
-            }))
-            .0;
+            let [r, g, b, _] =
+                opaque(std::array::from_fn(|c| f32::from(p[c]) / field[c].max(1.0) * self.look.color[c])).0;
             if p[3] < KEPT { Rgba([0; 4]) } else { Rgba([r, g, b, 255]) }
         })
     }

@@ -7,7 +7,13 @@ fn tiles(width: u32, height: u32) -> RgbaImage {
         let (u, v) = (f64::from(x) / 33.4, f64::from(y) / 33.4);
         let joint = u.fract() < 0.09 || v.fract() < 0.09;
         let odd = (u.floor() + v.floor()).rem_euclid(2.0) > 0.5;
-        let tone = if joint { 60.0 } else if odd { 205.0 } else { 150.0 };
+        let tone = if joint {
+            60.0
+        } else if odd {
+            205.0
+        } else {
+            150.0
+        };
         let light = 1.0 - 0.06 * x as f32 / width as f32;
         let grain = (hash(u64::from(y) << 32 | u64::from(x)) % 7) as f32 - 3.0;
         opaque([tone * light + grain, tone * light * 0.95 + grain, tone * light * 0.9 + grain])
@@ -65,8 +71,11 @@ fn carpet_goes_on_with_its_grain_and_gets_no_pattern() {
     assert!(survey.look.periods().is_none());
     let whole = survey.complete();
     let spread = |x0: u32, x1: u32| {
-        let values: Vec<f64> =
-            whole.enumerate_pixels().filter(|(x, _, _)| (x0..x1).contains(x)).map(|(_, _, p)| f64::from(p.0[1])).collect();
+        let values: Vec<f64> = whole
+            .enumerate_pixels()
+            .filter(|(x, _, _)| (x0..x1).contains(x))
+            .map(|(_, _, p)| f64::from(p.0[1]))
+            .collect();
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt())
     };
@@ -81,7 +90,18 @@ fn a_nook_beside_something_tells_the_light_and_leaves_no_shape() {
     let texture = RgbaImage::from_fn(300, 300, |x, y| {
         let d = x.abs_diff(150).max(y.abs_diff(150));
         let [r, g, b, _] = opaque([if d < 56 { 110.0 } else { 180.0 }; 3]).0;
-        Rgba([r, g, b, if d < 40 { 0 } else if d < 60 { 160 } else { 255 }])
+        Rgba([
+            r,
+            g,
+            b,
+            if d < 40 {
+                0
+            } else if d < 60 {
+                160
+            } else {
+                255
+            },
+        ])
     });
     let whole = survey(&texture).complete();
     let row: Vec<f64> = (80..150).map(|x| f64::from(whole.get_pixel(x, 150).0[0])).collect();
@@ -131,7 +151,8 @@ fn a_printed_pattern_lies_at_its_size_under_the_light_that_was_seen() {
 #[test]
 fn shapes_that_happen_to_look_alike_are_no_pattern() {
     // Four dark blots on a wall, nearly at the corners of a parallelogram, each of another shape.
-    let blots = [(90.0, 80.0, 30.0, 20.0), (250.0, 90.0, 24.0, 34.0), (130.0, 210.0, 36.0, 16.0), (292.0, 216.0, 22.0, 30.0)];
+    let blots =
+        [(90.0, 80.0, 30.0, 20.0), (250.0, 90.0, 24.0, 34.0), (130.0, 210.0, 36.0, 16.0), (292.0, 216.0, 22.0, 30.0)];
     let texture = RgbaImage::from_fn(400, 300, |x, y| {
         let dark = blots.iter().any(|(u, v, a, b): &(f64, f64, f64, f64)| {
             ((f64::from(x) - u) / a).powi(2) + ((f64::from(y) - v) / b).powi(2) < 1.0

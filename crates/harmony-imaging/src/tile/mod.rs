@@ -10,7 +10,6 @@ mod lattice;
 mod look;
 mod quilt;
 
-
 use harmony_scene::ImageSize;
 use image::{Rgba, RgbaImage};
 

@@ -130,7 +130,9 @@ impl Board {
         let [low, high] = self.y;
         // Outline across the board, from the wall under it to the wall over it: depth and height.
         let outline = match self.edge {
-            Edge::Top => vec![[0.0, low], [trim.depth, low], [trim.depth, high - bevel], [trim.depth - bevel, high], [0.0, high]],
+            Edge::Top => {
+                vec![[0.0, low], [trim.depth, low], [trim.depth, high - bevel], [trim.depth - bevel, high], [0.0, high]]
+            }
             Edge::Bottom => {
                 vec![[0.0, low], [trim.depth - bevel, low], [trim.depth, low + bevel], [trim.depth, high], [0.0, high]]
             }
@@ -176,7 +178,8 @@ mod tests {
 
     fn room() -> Room {
         let door = Opening { kind: OpeningKind::Door, wall: Wall::Left, u: [3.0, 3.9], y: [0.0, 2.0], object: None };
-        let window = Opening { kind: OpeningKind::Window, wall: Wall::Back, u: [1.0, 2.0], y: [0.9, 2.0], object: None };
+        let window =
+            Opening { kind: OpeningKind::Window, wall: Wall::Back, u: [1.0, 2.0], y: [0.9, 2.0], object: None };
         Room {
             room_type: "bedroom".into(),
             extents: Extents { width: 4.0, height: 2.5, depth: 5.0 },

@@ -108,8 +108,7 @@ async fn ask(
     name: &str,
 ) -> Result<LastLookAnswer, PhaseError> {
     let ids: Vec<String> = state.partial.placed.iter().map(|p| p.item.id.to_string()).collect();
-    let lights: Vec<String> =
-        state.lighting.iter().flat_map(|l| &l.lights).map(|light| light.id.clone()).collect();
+    let lights: Vec<String> = state.lighting.iter().flat_map(|l| &l.lights).map(|light| light.id.clone()).collect();
     let objects = state.partial.placed.iter().map(|p| {
         let slots = state.mesh_of(&p.item.id).map_or(String::new(), |mesh| {
             mesh.materials.iter().map(|m| m.name.as_str()).collect::<Vec<_>>().join(", ")
@@ -401,7 +400,8 @@ mod tests {
     #[test]
     fn a_textured_slot_gets_the_colour_in_the_mean() {
         let mut mesh = two_slots();
-        let image = RgbaImage::from_fn(2, 1, |x, _| image::Rgba(if x == 0 { [0, 0, 0, 255] } else { [255, 255, 255, 255] }));
+        let image =
+            RgbaImage::from_fn(2, 1, |x, _| image::Rgba(if x == 0 { [0, 0, 0, 255] } else { [255, 255, 255, 255] }));
         mesh.materials[0].texture = Some(Arc::new(image));
         mesh.materials[0].base_color = [1.0; 4];
         // The texture's mean is half of white in linear light, so that a quarter needs a factor of one half.

@@ -103,7 +103,13 @@ fn lay_pieces(shape: &mut BuiltShape, tree: &ShapeTree, photo: &RgbImage) {
         let across = quad[0].distance(quad[1]).max(quad[3].distance(quad[2])).clamp(PIECE_PX, 1024.0);
         let down = quad[0].distance(quad[3]).max(quad[1].distance(quad[2])).clamp(PIECE_PX, 1024.0);
         let piece = rectify_quad(photo, quad, ImageSize::new(across.ceil() as u32, down.ceil() as u32));
-        let tile = Arc::new(Tile { size: map.size.map(|v| v as f32), color: Arc::new(piece), turn: 0.0, normal: None, surface: None });
+        let tile = Arc::new(Tile {
+            size: map.size.map(|v| v as f32),
+            color: Arc::new(piece),
+            turn: 0.0,
+            normal: None,
+            surface: None,
+        });
         for material in shape.mesh.materials.iter_mut().filter(|m| m.name == spec.name) {
             material.tile = Some(Arc::clone(&tile));
             material.base_color = [1.0, 1.0, 1.0, material.base_color[3]];

@@ -85,11 +85,8 @@ async fn ask(
         let text = program.map_or(String::new(), |o| format!("\n```python\n{}\n```", o.source.trim_end()));
         format!("{}, made as {how}{text}", views::line(p))
     });
-    let question = second_look(&ProgramsVars {
-        room: views::room_line(state),
-        objects: lines.collect(),
-        guide: GUIDE.to_owned(),
-    });
+    let question =
+        second_look(&ProgramsVars { room: views::room_line(state), objects: lines.collect(), guide: GUIDE.to_owned() });
     let (shown, rows) = (state.clone(), chosen.to_vec());
     let sheet = ctx.computed(move || sheet(&shown, &rows)).await?;
     let pictures = vec![Picture { caption: "IMAGE 1: the rows".into(), image: Arc::new(sheet) }];

@@ -31,10 +31,7 @@ pub(crate) fn functions() -> Vec<Function> {
             });
             copies(c, &parts, places.collect())
         }),
-        Function::new(
-            "along(curve, part, n=None, spacing=None, start=0, hang=False, jitter=0, seed=None, ...)",
-            along,
-        ),
+        Function::new("along(curve, part, n=None, spacing=None, start=0, hang=False, jitter=0, seed=None, ...)", along),
         Function::new("scatter(parts, on, n, gap=0, seed=None, ...)", |c| {
             let count = c.need_count("n", 1..=5000)?;
             c.session.charge_places(u64::from(count))?;
@@ -151,7 +148,10 @@ fn row<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
             let width = parts.iter().map(|id| c.session.bounds(*id).map(|b| b.size().x)).collect::<Option<Vec<_>>>();
             let width = width.and_then(|w| w.into_iter().reduce(f64::max));
             let Some(width) = width else {
-                return Err(Complaint::new("row() needs step or to: the width of the part is not known before it is meshed").into());
+                return Err(Complaint::new(
+                    "row() needs step or to: the width of the part is not known before it is meshed",
+                )
+                .into());
             };
             DVec3::new(width, 0.0, 0.0)
         }
@@ -201,7 +201,9 @@ fn along<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
             let spacing = c.need_number("spacing", 1e-4..=MAX_COORDINATE)?;
             let n = ((length - start).max(0.0) / spacing + 1e-9).floor() + 1.0;
             if n > f64::from(COPIES) {
-                return Err(Complaint::limit(format!("along() would make {n} copies; at most {COPIES} are allowed")).into());
+                return Err(
+                    Complaint::limit(format!("along() would make {n} copies; at most {COPIES} are allowed")).into()
+                );
             }
             let n = if curve.closed { n - 1.0 } else { n }.max(1.0) as u32;
             (0..n).map(|i| start + spacing * f64::from(i)).collect()

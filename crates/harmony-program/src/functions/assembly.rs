@@ -109,7 +109,9 @@ fn group<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
         children.push(if generic { id } else { named(c, id, &key)? });
     }
     if children.is_empty() {
-        return Err(Complaint::new("group() without parts").with_hint("group(\"lamp\", base = base, shade = shade)").into());
+        return Err(Complaint::new("group() without parts")
+            .with_hint("group(\"lamp\", base = base, shade = shade)")
+            .into());
     }
     let id = c.add(Kind::Group { children }, material)?;
     if let Some(name) = name {
@@ -166,7 +168,8 @@ fn books<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
         let cover = covers[(between([0.0, covers.len() as f64]) as usize).min(covers.len() - 1)];
         let tilt = if lean > 0.0 && i > 0 { between([0.0, lean]) } else { 0.0 };
         let board = 0.0025_f64.min(thick / 4.0);
-        let solid = |size: [f64; 3], bevel: f64| Kind::Box { size, bevel, segments: 1, taper: [1.0; 2], shear: [0.0; 2] };
+        let solid =
+            |size: [f64; 3], bevel: f64| Kind::Box { size, bevel, segments: 1, taper: [1.0; 2], shear: [0.0; 2] };
         let left = c.add(solid([board, height, depth], 0.0006), Some(cover))?;
         let spine = c.add(solid([thick, height, board], 0.001), Some(cover))?;
         let pages = c.add(solid([thick - 2.0 * board, height - 0.006, depth - 0.006], 0.0), Some(paper))?;
@@ -182,7 +185,8 @@ fn books<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
         let turn = DAffine3::from_mat3(turn_xyz(DVec3::new(0.0, 0.0, tilt)));
         let corner = DVec3::new(thick / 2.0, 0.0, -depth / 2.0);
         let reach = height * libm::sin(tilt.to_radians());
-        let map = DAffine3::from_translation(DVec3::new(x + reach, 0.0, 0.0)) * turn * DAffine3::from_translation(corner);
+        let map =
+            DAffine3::from_translation(DVec3::new(x + reach, 0.0, 0.0)) * turn * DAffine3::from_translation(corner);
         children.push(place(c, book, map)?);
         x += thick * libm::cos(tilt.to_radians()) + reach + 0.0006;
     }
@@ -196,7 +200,8 @@ fn books<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
 }
 
 fn template<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
-    let kind = c.text("kind")?.ok_or_else(|| Complaint::new("template() needs the name of a kind, such as \"armchair\""))?;
+    let kind =
+        c.text("kind")?.ok_or_else(|| Complaint::new("template() needs the name of a kind, such as \"armchair\""))?;
     let size = match (c.given("size"), c.session.inputs.size) {
         (None, Some(size)) => [size.width, size.height, size.depth],
         _ => c.list("size", None, LENGTH)?,
@@ -252,7 +257,8 @@ fn framed<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
     }
     if let Some(fill) = fill {
         let thin = (depth * 0.2).min(0.006);
-        let plain = Kind::Box { size: [inner[0], inner[1], thin], bevel: 0.0, segments: 1, taper: [1.0; 2], shear: [0.0; 2] };
+        let plain =
+            Kind::Box { size: [inner[0], inner[1], thin], bevel: 0.0, segments: 1, taper: [1.0; 2], shear: [0.0; 2] };
         let pane = put(c, plain, Some(fill), 0.0, rail)?;
         c.session.name(pane, "fill");
     }
@@ -262,7 +268,8 @@ fn framed<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
 fn decal<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
     let child = c.part("part")?;
     let face = c.choice("face", &FACES, None)?;
-    let with = c.material("map")?.ok_or_else(|| Complaint::new("decal() needs a map: photo(...), a pattern or a mat"))?;
+    let with =
+        c.material("map")?.ok_or_else(|| Complaint::new("decal() needs a map: photo(...), a pattern or a mat"))?;
     let size = match (c.given("size"), c.session.with_material(with, |m| m.photo.as_ref().map(|p| p.size))) {
         (None, Some(size)) => size,
         _ => c.list("size", None, LENGTH)?,

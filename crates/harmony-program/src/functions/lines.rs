@@ -34,7 +34,8 @@ pub(crate) fn functions() -> Vec<Function> {
         Function::new("helix(r, pitch, turns, r2=None)", |c| {
             let r = c.need_number("r", LENGTH0)?;
             let r2 = c.number("r2", r, LENGTH0)?;
-            let points = curves::helix(r, r2, c.need_number("pitch", COORDINATE)?, c.need_number("turns", 0.01..=200.0)?);
+            let points =
+                curves::helix(r, r2, c.need_number("pitch", COORDINATE)?, c.need_number("turns", 0.01..=200.0)?);
             finish(c, points, false)
         }),
         Function::new("catenary(a, b, slack=1.03, sag=None)", |c| {

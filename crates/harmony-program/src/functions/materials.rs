@@ -87,10 +87,22 @@ pub(crate) fn patterns() -> Vec<Function> {
         };
     }
     vec![
-        pattern!(Planks, "planks(w=0.14, l=1.8, joint=0.001, tone=0.3, amount=0.5, kind=\"running\", turn=0, colors=None, seed=None)"),
-        pattern!(Parquet, "parquet(kind=\"herringbone\", w=0.07, l=0.42, joint=0.001, tone=0.3, amount=0.5, turn=0, colors=None, seed=None)"),
-        pattern!(Tiles, "tiles(w=0.3, h=None, joint=0.003, kind=\"stack\", tone=0.1, amount=0.2, turn=0, colors=None, seed=None)"),
-        pattern!(Brick, "brick(w=0.24, h=0.071, joint=0.01, kind=\"running\", tone=0.4, amount=0.4, turn=0, colors=None, seed=None)"),
+        pattern!(
+            Planks,
+            "planks(w=0.14, l=1.8, joint=0.001, tone=0.3, amount=0.5, kind=\"running\", turn=0, colors=None, seed=None)"
+        ),
+        pattern!(
+            Parquet,
+            "parquet(kind=\"herringbone\", w=0.07, l=0.42, joint=0.001, tone=0.3, amount=0.5, turn=0, colors=None, seed=None)"
+        ),
+        pattern!(
+            Tiles,
+            "tiles(w=0.3, h=None, joint=0.003, kind=\"stack\", tone=0.1, amount=0.2, turn=0, colors=None, seed=None)"
+        ),
+        pattern!(
+            Brick,
+            "brick(w=0.24, h=0.071, joint=0.01, kind=\"running\", tone=0.4, amount=0.4, turn=0, colors=None, seed=None)"
+        ),
         pattern!(Checks, "checks(c=0.1, h=None, tone=0, turn=0, colors=None, seed=None)"),
         pattern!(Stripes, "stripes(w=0.05, joint=None, tone=0, turn=0, colors=None, seed=None)"),
         pattern!(Dots, "dots(pitch=0.05, r=0.012, kind=\"diagonal\", tone=0, turn=0, colors=None, seed=None)"),
@@ -142,7 +154,17 @@ fn usual(kind: PatternKind) -> (f64, f64, f64, f64, f64, &'static str) {
 }
 
 const VARIANTS: [&str; 11] = [
-    "running", "stack", "herringbone", "chevron", "diagonal", "box", "diamond", "channel", "straight", "basket", "hexagon",
+    "running",
+    "stack",
+    "herringbone",
+    "chevron",
+    "diagonal",
+    "box",
+    "diamond",
+    "channel",
+    "straight",
+    "basket",
+    "hexagon",
 ];
 
 fn sized<'v>(c: &mut Call<'v, '_>, kind: PatternKind) -> Outcome<'v> {

@@ -252,7 +252,6 @@ fn noise(p: DVec3, seed: u32) -> f64 {
     1.4 * mix(mix(line(0.0, 0.0), line(1.0, 0.0), v), mix(line(0.0, 1.0), line(1.0, 1.0), v), w)
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -280,6 +279,5 @@ mod tests {
         }
         assert!(noise(DVec3::new(3.0, -2.0, 5.0), 1).abs() <= 1e-12);
         assert!(least > -1.8 && most < 1.8 && most - least > 0.8, "{least} {most}");
-
     }
 }

@@ -62,12 +62,8 @@ impl Frame {
     }
 }
 
-const WALLS: [(&str, Surface); 4] = [
-    ("back", Surface::Back),
-    ("left", Surface::Left),
-    ("right", Surface::Right),
-    ("front", Surface::Front),
-];
+const WALLS: [(&str, Surface); 4] =
+    [("back", Surface::Back), ("left", Surface::Left), ("right", Surface::Right), ("front", Surface::Front)];
 
 pub(crate) fn functions() -> Vec<Function> {
     vec![
@@ -124,7 +120,8 @@ fn program_from_room(c: &Call<'_, '_>) -> DAffine3 {
 
 fn frame<'v>(c: &mut Call<'v, '_>, surface: Surface) -> Outcome<'v> {
     let Some(room) = &c.session.inputs.room else {
-        let complaint = Complaint::new("this program is not given the room: wall(), floor() and ceiling() are for room features");
+        let complaint =
+            Complaint::new("this program is not given the room: wall(), floor() and ceiling() are for room features");
         return Err(complaint.with_hint("build the object about its own origin; its size comes as w, h, d").into());
     };
     let frame = Frame::of(surface, room).mapped(&program_from_room(c));
@@ -151,8 +148,9 @@ fn pixel<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
     let direction = (to_program.matrix3 * ray.direction).normalize_or(DVec3::NEG_Z);
     let ray = Ray { origin, direction };
     let miss = |what: &str| {
-        Complaint::new(format!("pixel({}, {}): the ray does not meet {what}", at.x, at.y))
-            .with_hint("x and y are thousandths of the photo's width and height from its top left; check the surface's name")
+        Complaint::new(format!("pixel({}, {}): the ray does not meet {what}", at.x, at.y)).with_hint(
+            "x and y are thousandths of the photo's width and height from its top left; check the surface's name",
+        )
     };
     let point = match Thing::from_value(value).map(|t| &t.kind) {
         Some(Kind::Frame(frame)) => {

@@ -103,10 +103,7 @@ pub(crate) fn functions() -> Vec<Function> {
                 seed: c.seed()?,
             })
         }),
-        Function::new(
-            "fringe(curve, kind=\"thread\", length=0.06, spacing=0.01, jitter=0.3, seed=None, ...)",
-            fringe,
-        ),
+        Function::new("fringe(curve, kind=\"thread\", length=0.06, spacing=0.01, jitter=0.3, seed=None, ...)", fringe),
         Function::new("fuzz(part, length=0.01, density=0.6, kind=\"pile\", seed=None, ...)", |c| {
             let kinds = [
                 ("pile", FuzzKind::Pile),

@@ -46,11 +46,8 @@ pub(crate) fn functions() -> Vec<Function> {
         }),
         Function::new("sphere(r, ...)", |c| {
             let value = c.need("r")?;
-            let radii = if number(value).is_some() {
-                [c.need_number("r", LENGTH)?; 3]
-            } else {
-                c.list("r", None, LENGTH)?
-            };
+            let radii =
+                if number(value).is_some() { [c.need_number("r", LENGTH)?; 3] } else { c.list("r", None, LENGTH)? };
             c.make(Kind::Sphere { radii })
         }),
         Function::new("lathe(profile, smooth=40, wall=0, oval=1, lobes=0, ...)", lathe),
@@ -143,7 +140,9 @@ fn outline_or_points(c: &Call<'_, '_>, name: &str) -> Result<Outline, Complaint>
 fn lathe<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
     let profile = c.points2("profile")?;
     if profile.len() < 2 {
-        return Err(Complaint::new("lathe() needs a profile of two points at least").with_hint("[(radius, height), ...]").into());
+        return Err(Complaint::new("lathe() needs a profile of two points at least")
+            .with_hint("[(radius, height), ...]")
+            .into());
     }
     if let Some(p) = profile.iter().find(|p| p[0] < 0.0) {
         let complaint = Complaint::new(format!("lathe(): a profile point has the radius {}", p[0]));
@@ -209,8 +208,13 @@ fn bent_sheet<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
     if profile.len() < 2 {
         return Err(Complaint::new("bent_sheet() needs a profile of two points at least").into());
     }
-    let axes =
-        [("x", Pull::Own(Axis::X)), ("y", Pull::Own(Axis::Y)), ("z", Pull::Own(Axis::Z)), ("u", Pull::U), ("v", Pull::V)];
+    let axes = [
+        ("x", Pull::Own(Axis::X)),
+        ("y", Pull::Own(Axis::Y)),
+        ("z", Pull::Own(Axis::Z)),
+        ("u", Pull::U),
+        ("v", Pull::V),
+    ];
     let (width, thick) = (c.need_number("width", LENGTH)?, c.number("thick", 0.002, LENGTH0)?);
     let smooth = c.flag("smooth", false)?;
     match c.choice("axis", &axes, Some(Pull::Own(Axis::X)))? {

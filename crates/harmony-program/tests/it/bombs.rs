@@ -60,7 +60,9 @@ fn big_numbers_end() {
 fn too_many_parts_are_refused_with_the_number() {
     let many = bomb("    a = box((1, 1, 1))\n    for i in range(100000):\n        a = box((1, 1, 1), bevel = 0.1)");
     assert!(many.message.contains("20000"), "{many}");
-    let copies = bomb("    a = row(box((0.01, 0.01, 0.01)), 300)\n    for i in range(9):\n        a = row(a, 300, step = 0.001)");
+    let copies = bomb(
+        "    a = row(box((0.01, 0.01, 0.01)), 300)\n    for i in range(9):\n        a = row(a, 300, step = 0.001)",
+    );
     assert!(copies.message.contains("copies"), "{copies}");
     let points = bomb("    for i in range(100000):\n        c = spline([(j, i % 7, j % 3) for j in range(90)])");
     assert!(points.message.contains("points"), "{points}");
@@ -98,7 +100,15 @@ fn things_that_hold_themselves_end() {
 
 #[test]
 fn nothing_of_the_machine_is_there() {
-    for body in ["open('/etc/passwd')", "load('//x', 'y')", "print(os.environ)", "eval('1')", "exec('1')", "time()", "__import__('os')"] {
+    for body in [
+        "open('/etc/passwd')",
+        "load('//x', 'y')",
+        "print(os.environ)",
+        "eval('1')",
+        "exec('1')",
+        "time()",
+        "__import__('os')",
+    ] {
         let source = format!("def build():\n    {body}\n    return box((1, 1, 1))\n");
         let error = run(&source, &object(), &tight(), &child()).expect_err(body);
         assert!(matches!(error.kind, ErrorKind::Run | ErrorKind::Syntax), "{error:?}");

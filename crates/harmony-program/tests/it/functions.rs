@@ -19,7 +19,8 @@ fn close(a: Vec3, b: [f64; 3]) {
 /// What a program computes, read off the size of a box: (x, y, z).
 fn computed(statements: &str, expression: &str) -> [f64; 3] {
     let body: String = statements.lines().map(|l| format!("    {l}\n")).collect();
-    let source = format!("def build(w, h, d):\n{body}    v = {expression}\n    return box((1, 1, 1)).at(v[0], v[1], v[2])\n");
+    let source =
+        format!("def build(w, h, d):\n{body}    v = {expression}\n    return box((1, 1, 1)).at(v[0], v[1], v[2])\n");
     let t = tree(&source);
     placed(&t, root(&t))[3].to_array()
 }
@@ -41,7 +42,10 @@ fn vectors_are_counted_with() {
     assert_eq!(computed("", "(1, 0, 0) + vec(1, 2, 3) * 2"), [3.0, 4.0, 6.0]);
     assert_eq!(computed("", "2 * vec(1, 2, 3) - vec(1, 1, 1) / 2"), [1.5, 3.5, 5.5]);
     assert_eq!(computed("", "-vec(1, 0, 0).cross((0, 1, 0))"), [0.0, 0.0, -1.0]);
-    assert_eq!(computed("x, y, z = vec(3, 4, 0)", "(x, vec(3, 4, 0).len, vec(3, 4, 0).dot((1, 1, 1)))"), [3.0, 5.0, 7.0]);
+    assert_eq!(
+        computed("x, y, z = vec(3, 4, 0)", "(x, vec(3, 4, 0).len, vec(3, 4, 0).dot((1, 1, 1)))"),
+        [3.0, 5.0, 7.0]
+    );
     assert_eq!(computed("", "lerp((0, 0, 0), (2, 4, 6), 0.5)"), [1.0, 2.0, 3.0]);
     assert_eq!(computed("", "sum([(1, 2, 3), vec(1, 1, 1)])"), [2.0, 3.0, 4.0]);
     assert_eq!(computed("", "(sum([1, 2.5]), round(2.6), round(3.14159, 2))"), [3.5, 3.0, 3.14]);
@@ -51,9 +55,15 @@ fn vectors_are_counted_with() {
 
 #[test]
 fn curves_are_measured() {
-    assert_eq!(computed("c = line([(0, 0, 0), (3, 0, 0), (3, 4, 0)])", "(c.len, c.at(1).y, c.at(3 / 7).x)"), [7.0, 4.0, 3.0]);
+    assert_eq!(
+        computed("c = line([(0, 0, 0), (3, 0, 0), (3, 4, 0)])", "(c.len, c.at(1).y, c.at(3 / 7).x)"),
+        [7.0, 4.0, 3.0]
+    );
     assert_eq!(computed("c = line([(0, 0, 0), (3, 0, 0)])", "c.tangent(0.5)"), [1.0, 0.0, 0.0]);
-    assert_eq!(computed("c = line([(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)], closed = True)", "(c.len, 0, 0)"), [4.0, 0.0, 0.0]);
+    assert_eq!(
+        computed("c = line([(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)], closed = True)", "(c.len, 0, 0)"),
+        [4.0, 0.0, 0.0]
+    );
 }
 
 #[test]
@@ -74,7 +84,10 @@ fn copies_stand_where_they_should() {
     assert_eq!(places("row(box((1, 1, 1)), 3)"), [Vec3::ZERO, Vec3::X, Vec3::X * 2.0]);
     assert_eq!(places("row(box((1, 1, 1)), 3, to = (0, 4, 0))")[1], Vec3::Y * 2.0);
     let grid = places("grid(box((1, 1, 1)), (2, 2, 1), (4, 3, 0))");
-    assert_eq!(grid, [Vec3::new(-2.0, 0.0, 0.0), Vec3::new(2.0, 0.0, 0.0), Vec3::new(-2.0, 3.0, 0.0), Vec3::new(2.0, 3.0, 0.0)]);
+    assert_eq!(
+        grid,
+        [Vec3::new(-2.0, 0.0, 0.0), Vec3::new(2.0, 0.0, 0.0), Vec3::new(-2.0, 3.0, 0.0), Vec3::new(2.0, 3.0, 0.0)]
+    );
     let ring = places("ring(box((1, 1, 1)), 4, 2)");
     close(ring[1], [2.0, 0.0, 0.0]);
     close(ring[2], [0.0, 0.0, -2.0]);
@@ -89,7 +102,10 @@ fn a_function_of_the_program_makes_a_surface() {
     let t = tree(&returning("surf(lambda u, v: (u * 2, v, 0), nu = 3, nv = 2)"));
     let Kind::Surf { points, nu, .. } = &root(&t).kind else { panic!() };
     assert_eq!(*nu, 3);
-    assert_eq!(points[..], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [2.0, 1.0, 0.0]]);
+    assert_eq!(
+        points[..],
+        [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [2.0, 1.0, 0.0]]
+    );
     let t = tree(&returning("surf(lambda u, v: (u, v, 0), nu = 4, nv = 2, closed_u = True)"));
     let Kind::Surf { points, .. } = &root(&t).kind else { panic!() };
     assert_eq!(points[3][0], 0.75, "a closed row does not repeat its start");
@@ -97,7 +113,9 @@ fn a_function_of_the_program_makes_a_surface() {
 
 #[test]
 fn names_come_from_groups_and_a_part_in_two_groups_keeps_the_first() {
-    let t = tree("def build():\n    a = box((1, 1, 1))\n    b = group('left', foot = a)\n    return group('all', one = b, other = group('right', leg = a))\n");
+    let t = tree(
+        "def build():\n    a = box((1, 1, 1))\n    b = group('left', foot = a)\n    return group('all', one = b, other = group('right', leg = a))\n",
+    );
     let names: Vec<_> = t.nodes.iter().map(|n| n.name.as_deref().unwrap_or("-")).collect();
     assert_eq!(names, ["foot", "left", "leg", "right", "one", "other", "all"]);
     let lines: Vec<u32> = t.nodes.iter().map(|n| n.line).collect();
@@ -106,7 +124,9 @@ fn names_come_from_groups_and_a_part_in_two_groups_keeps_the_first() {
 
 #[test]
 fn what_is_made_and_not_used_is_not_in_the_tree() {
-    let t = tree("def build():\n    red = mat('red', '#f00')\n    x = sphere(1, mat = red)\n    blue = mat('blue', (0, 0, 255))\n    return box((1, 1, 1), mat = blue)\n");
+    let t = tree(
+        "def build():\n    red = mat('red', '#f00')\n    x = sphere(1, mat = red)\n    blue = mat('blue', (0, 0, 255))\n    return box((1, 1, 1), mat = blue)\n",
+    );
     assert_eq!(t.nodes.len(), 1);
     assert_eq!(t.materials.len(), 1);
     assert_eq!((t.materials[0].name.as_str(), t.materials[0].color.as_str()), ("blue", "#0000ff"));
@@ -115,7 +135,9 @@ fn what_is_made_and_not_used_is_not_in_the_tree() {
 
 #[test]
 fn a_hem_goes_to_a_fringe_and_materials_of_all_kinds_are_taken() {
-    let t = tree("def build():\n    c = hang(1, 2)\n    f = fringe(c.hem('foot'), 'pompom')\n    b = box((1, 1, 1), mat = checks(0.1, colors = ['#fff', '#000']))\n    p = decal(b, 'front', photo([100, 100, 300, 300], (0.4, 0.3)))\n    return group('x', c = c, f = f, p = p.paint('top', '#123456'))\n");
+    let t = tree(
+        "def build():\n    c = hang(1, 2)\n    f = fringe(c.hem('foot'), 'pompom')\n    b = box((1, 1, 1), mat = checks(0.1, colors = ['#fff', '#000']))\n    p = decal(b, 'front', photo([100, 100, 300, 300], (0.4, 0.3)))\n    return group('x', c = c, f = f, p = p.paint('top', '#123456'))\n",
+    );
     sound(&t);
     let hem = t.nodes.iter().find_map(|n| match &n.kind {
         Kind::Fringe { along: Along::Hem { of, side }, .. } => Some((*of, side.clone())),
@@ -125,31 +147,55 @@ fn a_hem_goes_to_a_fringe_and_materials_of_all_kinds_are_taken() {
     assert!(matches!(t.nodes[of.0 as usize].kind, Kind::Hang { .. }));
     assert_eq!(side, "foot");
     assert_eq!(t.materials.len(), 3);
-    let Kind::Decal { size, .. } = t.nodes.iter().map(|n| &n.kind).find(|k| matches!(k, Kind::Decal { .. })).unwrap() else { panic!() };
+    let Kind::Decal { size, .. } = t.nodes.iter().map(|n| &n.kind).find(|k| matches!(k, Kind::Decal { .. })).unwrap()
+    else {
+        panic!()
+    };
     assert_eq!(*size, [0.4, 0.3], "as large as the piece");
 }
 
 #[test]
 fn every_function_can_be_called_as_the_guide_shows_it() {
     let calls = [
-        "lathe([(0, 0), (1, 0), (1, 1)], lobes = (5, 0.1))", "extrude(heart(0.3), 0.02, bevel = 0.002)",
-        "extrude(text('Hi!', 0.1), 0.01)", "extrude(ngon(5, 0.1, star = 0.05).plus(circle(0.05)), 0.01, axis = 'y')",
+        "lathe([(0, 0), (1, 0), (1, 1)], lobes = (5, 0.1))",
+        "extrude(heart(0.3), 0.02, bevel = 0.002)",
+        "extrude(text('Hi!', 0.1), 0.01)",
+        "extrude(ngon(5, 0.1, star = 0.05).plus(circle(0.05)), 0.01, axis = 'y')",
         "extrude(polygon([(0, 0), (1, 0), (0, 1)], smooth = True).offset(0.02).minus(rect(0.1, 0.1)), 0.1)",
-        "sweep(helix(0.1, 0.02, 5), 0.004)", "sweep(arc((0, 0, 0), 1, 0, 180, 'z'), rect(0.02, 0.05), caps = 'flat')",
+        "sweep(helix(0.1, 0.02, 5), 0.004)",
+        "sweep(arc((0, 0, 0), 1, 0, 180, 'z'), rect(0.02, 0.05), caps = 'flat')",
         "loft([(circle(0.1), 0), (rect(0.2, 0.2), 0.3), (circle(0.05), (0, 0.5, 0), (0, 0, 10))])",
-        "bent_sheet([(0, 0), (0.1, 0.05), (0.2, 0)], 1)", "mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])",
-        "blend([sphere(0.1), sphere(0.1).at(0.1, 0, 0)], 0.03)", "cut(box((1, 1, 1)), sphere(0.3))",
-        "join(box((1, 1, 1)), sphere(0.3))", "common(box((1, 1, 1)), sphere(0.3))", "shell(box((1, 1, 1)), 0.02)",
-        "pillow(0.5, 0.5, 0.15)", "quilt(cushion((1, 0.2, 1)), 0.1)", "slump(sphere(0.5), 0.4)",
-        "slump(sphere(0.5), 0.4, onto = box((1, 1, 1)))", "roll(0.4, 0.06)", "folded(0.4, 0.3)",
-        "fringe(line([(0, 1, 0), (1, 1, 0)]))", "fuzz(box((1, 0.02, 1)), kind = 'fur')",
-        "braid(line([(0, 0, 0), (0, 1, 0)]), 0.02)", "wicker(cylinder(0.2, 0.3))", "mesh_wire(circle(0.3))",
-        "leaf(0.1, 0.04)", "plant('fern', 0.5, 0.6, leaf = leaf(0.1, 0.02), flower = '#ff0000')",
-        "scatter([sphere(0.02)], box((1, 1, 1)), 10)", "jitter(row(box((0.1, 0.1, 0.1)), 4), move = 0.01, turn = 5)",
-        "books(12, lean = 8)", "joint(box((1, 1, 1)), 'slide', axis = 'z', range = (0, 0.4))", "light('area', 500)",
-        "surface('top', (1, 1), at = (0, 1, 0))", "template('armchair', legs = 'turned')", "framed(1, 2, panes = (2, 3), fill = '#ffffff')",
+        "bent_sheet([(0, 0), (0.1, 0.05), (0.2, 0)], 1)",
+        "mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])",
+        "blend([sphere(0.1), sphere(0.1).at(0.1, 0, 0)], 0.03)",
+        "cut(box((1, 1, 1)), sphere(0.3))",
+        "join(box((1, 1, 1)), sphere(0.3))",
+        "common(box((1, 1, 1)), sphere(0.3))",
+        "shell(box((1, 1, 1)), 0.02)",
+        "pillow(0.5, 0.5, 0.15)",
+        "quilt(cushion((1, 0.2, 1)), 0.1)",
+        "slump(sphere(0.5), 0.4)",
+        "slump(sphere(0.5), 0.4, onto = box((1, 1, 1)))",
+        "roll(0.4, 0.06)",
+        "folded(0.4, 0.3)",
+        "fringe(line([(0, 1, 0), (1, 1, 0)]))",
+        "fuzz(box((1, 0.02, 1)), kind = 'fur')",
+        "braid(line([(0, 0, 0), (0, 1, 0)]), 0.02)",
+        "wicker(cylinder(0.2, 0.3))",
+        "mesh_wire(circle(0.3))",
+        "leaf(0.1, 0.04)",
+        "plant('fern', 0.5, 0.6, leaf = leaf(0.1, 0.02), flower = '#ff0000')",
+        "scatter([sphere(0.02)], box((1, 1, 1)), 10)",
+        "jitter(row(box((0.1, 0.1, 0.1)), 4), move = 0.01, turn = 5)",
+        "books(12, lean = 8)",
+        "joint(box((1, 1, 1)), 'slide', axis = 'z', range = (0, 0.4))",
+        "light('area', 500)",
+        "surface('top', (1, 1), at = (0, 1, 0))",
+        "template('armchair', legs = 'turned')",
+        "framed(1, 2, panes = (2, 3), fill = '#ffffff')",
         "box((1, 1, 1), mat = mat('a', map = over(grime(0.2), planks(), mask = 0.3), emit = 3))",
-        "box((1, 1, 1), mat = tint(motif(heart(0.1), 0.2), '#ff8080'))", "box((1, 1, 1), mat = ramp('#fff', '#000'))",
+        "box((1, 1, 1), mat = tint(motif(heart(0.1), 0.2), '#ff8080'))",
+        "box((1, 1, 1), mat = ramp('#fff', '#000'))",
         "sphere((0.1, 0.2, 0.3)).aim('y', (1, 0, 0)).against(box((1, 1, 1)), 'left')",
         "box((noise((1, 2, 3.5)) + 2, clamp(3), rng(4).int(1, 2)))",
         "box((rng(1).uniform(1, 2), abs(rng(1).normal(0, 0.1)) + 1, rng(2).pick([1, 2])))",

@@ -112,7 +112,13 @@ fn the_ceilings_sheet_covers_the_ceiling() {
     let (first, last) = (at(-2.0, &profile[0]), at(2.0, profile.last().unwrap()));
     assert!((first.truncate() - Vec2::ZERO).length() <= 1e-9, "{first}");
     assert!((last.truncate() - Vec2::new(4.0, 4.5)).length() <= 1e-9, "{last}");
-    assert!(profile.iter().all(|p| { let z = at(0.0, p).z; (-1e-9..=0.034 + 1e-9).contains(&z) }), "below the ceiling");
+    assert!(
+        profile.iter().all(|p| {
+            let z = at(0.0, p).z;
+            (-1e-9..=0.034 + 1e-9).contains(&z)
+        }),
+        "below the ceiling"
+    );
 }
 
 #[test]

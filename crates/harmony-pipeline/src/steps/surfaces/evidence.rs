@@ -38,11 +38,8 @@ pub fn bare_pixels(state: &SceneState) -> Bare {
     let margin = px(MARGIN).max(3);
     let ids = views::ids(state);
     let drawn = Mask::from_fn(size, |x, y| ids[(y * size.width + x) as usize] != 0);
-    let taken = state
-        .all_objects()
-        .dilated(margin)
-        .or(&drawn.dilated(margin / 2))
-        .or(&state.photo_frame.dilated(margin));
+    let taken =
+        state.all_objects().dilated(margin).or(&drawn.dilated(margin / 2)).or(&state.photo_frame.dilated(margin));
     let bare = without_slivers(&Mask::from_fn(size, |_, _| true).minus(&taken), px(SLIVER).max(2));
     let bare = match &state.partial.points {
         Some(points) if points.is_dense() => {

@@ -81,12 +81,8 @@ pub fn paint(faces: &[Face], answer: &[LayoutSurface], room: &Room) -> Painted {
 
 /// The strips of every face. A wainscot goes round the room, whichever wall it was named on.
 fn all_strips(answer: &[LayoutSurface], extents: &Extents) -> BTreeMap<Surface, Vec<Strip>> {
-    let goes_round: Vec<&LayoutPart> = answer
-        .iter()
-        .flat_map(|s| &s.parts)
-        .filter(|p| p.kind == LayoutPartKind::Wainscot)
-        .take(1)
-        .collect();
+    let goes_round: Vec<&LayoutPart> =
+        answer.iter().flat_map(|s| &s.parts).filter(|p| p.kind == LayoutPartKind::Wainscot).take(1).collect();
     let strips = |surface: Surface| {
         let mut whole = vec![Strip { from: 0.0, to: surface.size(extents).y, kind: None, color: None }];
         if surface.wall().is_none() {
@@ -128,7 +124,9 @@ impl Piece {
     fn of(face: &Face, strip: Strip, extents: &Extents) -> Self {
         let (width, height) = face.texture.dimensions();
         let is_wall = face.surface.wall().is_some();
-        let row = |v: f64| (f64::from(height) * (1.0 - v / extents.height.max(0.1))).round().clamp(0.0, f64::from(height)) as u32;
+        let row = |v: f64| {
+            (f64::from(height) * (1.0 - v / extents.height.max(0.1))).round().clamp(0.0, f64::from(height)) as u32
+        };
         let rows = if is_wall { [row(strip.to), row(strip.from)] } else { [0, height] };
         let tall = rows[1].saturating_sub(rows[0]);
         let texture = imageops::crop_imm(&face.texture, 0, rows[0], width, tall).to_image();
@@ -184,13 +182,7 @@ impl Piece {
     }
 
     /// The material of a strip of which nothing, or hardly anything, was seen.
-    fn borrowed(
-        &self,
-        all: &[Self],
-        plain: &Plain,
-        light: &Light,
-        answer: &[LayoutSurface],
-    ) -> (Look, &'static str) {
+    fn borrowed(&self, all: &[Self], plain: &Plain, light: &Light, answer: &[LayoutSurface]) -> (Look, &'static str) {
         let named = match self.strip.kind {
             Some(_) => self.strip.color,
             None => answer.iter().find(|s| s.surface.surface() == self.surface).and_then(LayoutSurface::rgb),
@@ -352,12 +344,8 @@ mod tests {
 
     #[test]
     fn a_named_colour_is_seen_under_the_rooms_light() {
-        let named = |surface, hex: &str| LayoutSurface {
-            surface,
-            color_hex: Some(hex.into()),
-            pattern: None,
-            parts: vec![],
-        };
+        let named =
+            |surface, hex: &str| LayoutSurface { surface, color_hex: Some(hex.into()), pattern: None, parts: vec![] };
         // The back wall is named at 200 and seen at 150: three quarters of the light.
         let answer = [named(SurfaceName::WallBack, "#c8c8c8"), named(SurfaceName::WallRight, "#50a0a0")];
         let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &answer, &room(&[]));
@@ -367,13 +355,8 @@ mod tests {
 
     #[test]
     fn a_wainscot_goes_round_the_room_at_its_height() {
-        let part = LayoutPart {
-            kind: LayoutPartKind::Wainscot,
-            from_m: 0.0,
-            to_m: 1.0,
-            color_hex: None,
-            pattern: None,
-        };
+        let part =
+            LayoutPart { kind: LayoutPartKind::Wainscot, from_m: 0.0, to_m: 1.0, color_hex: None, pattern: None };
         let answer =
             [LayoutSurface { surface: SurfaceName::WallBack, color_hex: None, pattern: None, parts: vec![part] }];
         let mut all = faces([None, None, Some([200, 198, 196]), None, None, None]);

@@ -150,7 +150,15 @@ mod tests {
     #[test]
     fn a_board_above_the_floor_is_found_with_its_height_and_colour() {
         // Two centimetres of floor at its foot: the line between floor and wall is a little off.
-        let face = wall(|v| if v < 0.02 { [80, 70, 60] } else if v < 0.1 { [235, 235, 230] } else { [150, 170, 160] });
+        let face = wall(|v| {
+            if v < 0.02 {
+                [80, 70, 60]
+            } else if v < 0.1 {
+                [235, 235, 230]
+            } else {
+                [150, 170, 160]
+            }
+        });
         let trims = trims(&LayoutTrims::default(), &[floor(), face], &ROOM);
         let board = trims.skirting.unwrap();
         assert!((board.height - 0.08).abs() < 0.011, "{}", board.height);
