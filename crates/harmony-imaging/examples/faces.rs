@@ -1,5 +1,7 @@
 //! Completes the faces of a run: `faces RUN/1_layout/textures/seen OUT PX_PER_M`.
 
+#![expect(clippy::print_stdout, reason = "a program")]
+
 use std::path::Path;
 
 use harmony_imaging::tile::{Grain, Survey};

@@ -199,7 +199,7 @@ pub(crate) const FACES: [(&str, Face); 6] = [
     ("bottom", Face::Bottom),
 ];
 
-impl<'v, 's> Call<'v, 's> {
+impl<'v> Call<'v, '_> {
     /// An argument that was given and is not `None`.
     pub fn given(&self, name: &str) -> Option<Value<'v>> {
         let i = self.function.params.iter().position(|(n, _)| n == name)?;
@@ -519,6 +519,7 @@ impl<'v, 's> Call<'v, 's> {
     }
 
     /// A value.
+    #[expect(clippy::unnecessary_wraps, reason = "what the functions of the language give back")]
     pub fn value(&self, kind: Kind) -> Outcome<'v> {
         Ok(self.heap.alloc(Thing::from(kind)))
     }

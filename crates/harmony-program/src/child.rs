@@ -39,6 +39,8 @@ pub(crate) const AT_LINE: &str = "line ";
 
 /// Does what a child does, and ends. Called before anything else of the program that is its own child.
 pub fn child_main() -> ExitCode {
+    static SEEN: [AtomicU32; 64] = [const { AtomicU32::new(0) }; 64];
+    static LAST: AtomicU32 = AtomicU32::new(0);
     // A panic of the interpreter is an answer, not something to print.
     std::panic::set_hook(Box::new(|_| {}));
     let mut text = String::new();
@@ -54,8 +56,6 @@ pub fn child_main() -> ExitCode {
             format!("no limits could be set: {error}"),
         )));
     }
-    static SEEN: [AtomicU32; 64] = [const { AtomicU32::new(0) }; 64];
-    static LAST: AtomicU32 = AtomicU32::new(0);
     // Each line once when it is first reached: the parent knows where the child was when it fell.
     let progress = |line: u32| {
         LAST.store(line, Ordering::Relaxed);

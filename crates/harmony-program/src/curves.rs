@@ -137,7 +137,7 @@ pub(crate) fn catenary(from: DVec3, to: DVec3, slack: f64) -> Vec<[f64; 3]> {
     if h < 1e-3 {
         // Down to the bight and up again.
         let low = from.y.min(to.y) - (length - v.abs()) / 2.0;
-        let bight = DVec3::new((from.x + to.x) / 2.0, low, (from.z + to.z) / 2.0);
+        let bight = DVec3::new(f64::midpoint(from.x, to.x), low, f64::midpoint(from.z, to.z));
         return vec![from.to_array(), bight.to_array(), to.to_array()];
     }
     let ratio = (length * length - v * v).sqrt() / h;
@@ -170,15 +170,15 @@ pub(crate) fn catenary(from: DVec3, to: DVec3, slack: f64) -> Vec<[f64; 3]> {
 
 /// The slack at which a cord between two points sags by `sag` in its middle: by halving, for `sag` grows with it.
 pub(crate) fn slack_for_sag(from: DVec3, to: DVec3, sag: f64) -> f64 {
-    let middle = (from.y + to.y) / 2.0;
+    let middle = f64::midpoint(from.y, to.y);
     let (mut low, mut high) = (1.0, 20.0);
     for _ in 0..60 {
-        let slack = (low + high) / 2.0;
+        let slack = f64::midpoint(low, high);
         let points = catenary(from, to, slack);
         let y = points.get(points.len() / 2).filter(|_| points.len() > 2).map_or(middle, |p| p[1]);
         if middle - y < sag { low = slack } else { high = slack }
     }
-    (low + high) / 2.0
+    f64::midpoint(low, high)
 }
 
 /// A curve shifted sideways in the horizontal plane (to the right of its direction, seen from above, for a positive

@@ -198,14 +198,12 @@ fn build<'v>(
         }
     }
     let result = eval.eval_function(function, &[], &given).map_err(|e| explained(&e, source, false))?;
-    match Thing::from_value(result).map(|t| &t.kind) {
-        Some(Kind::Part(id, _)) => Ok(*id),
-        _ => {
-            let is = thing::word(result);
-            let error = ProgramError::new(ErrorKind::Run, line, format!("build gives back {is}, not a part"));
-            Err(error.with_hint("end with: return group(\"name\", part = part, ...)"))
-        }
+    if let Some(Kind::Part(id, _)) = Thing::from_value(result).map(|t| &t.kind) {
+        return Ok(*id);
     }
+    let is = thing::word(result);
+    let error = ProgramError::new(ErrorKind::Run, line, format!("build gives back {is}, not a part"));
+    Err(error.with_hint("end with: return group(\"name\", part = part, ...)"))
 }
 
 /// JSON as a value; what is nested deeper than `depth` becomes None.
@@ -251,7 +249,7 @@ fn explained(error: &starlark::Error, source: &str, syntax: bool) -> ProgramErro
     let callers = error.call_stack().frames.iter().filter_map(|f| f.location.as_ref());
     let callers: Vec<u32> = callers.map(|l| l.resolve_span().begin.line as u32 + 1).filter(|l| *l != line).collect();
     if let Some(from) = callers.last() {
-        out.message.push_str(&format!(" (called from line {from})"));
+        out.message = format!("{} (called from line {from})", out.message);
     }
     out
 }

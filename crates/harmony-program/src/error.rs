@@ -50,10 +50,10 @@ impl ProgramError {
             if self.line == 0 { self.message.clone() } else { format!("line {}: {}", self.line, self.message) };
         if let Some(line) = (self.line as usize).checked_sub(1).and_then(|i| source.lines().nth(i)) {
             let shown: String = line.trim().chars().take(120).collect();
-            text.push_str(&format!("\n    {shown}"));
+            text.extend(["\n    ", &shown]);
         }
         if let Some(hint) = &self.hint {
-            text.push_str(&format!("\nhint: {hint}"));
+            text.extend(["\nhint: ", hint]);
         }
         text
     }

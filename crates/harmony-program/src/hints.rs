@@ -98,17 +98,6 @@ fn chained(text: &str) -> bool {
 
 /// A hint for what went wrong while running.
 pub(crate) fn for_run(message: &str) -> Option<&'static str> {
-    let attribute = message.split("has no attribute `").nth(1).and_then(|rest| rest.split('`').next());
-    match attribute {
-        Some("size" | "top" | "min" | "max" | "centre" | "center") => {
-            return Some(
-                "of drape, fringe, scatter and against the size is known only when they are meshed: use your own numbers",
-            );
-        }
-        Some("format") => return Some("no format(): str(round(x, 2)), or \"%s\" % x"),
-        Some("append") => return Some("lists have append; to put parts together use group(...)"),
-        _ => {}
-    }
     const PAIRS: [(&str, &str); 14] = [
         ("`isinstance`", "type(x) == \"int\" tells the type"),
         ("`random`", "chance is rng(seed): r = rng(1); r.uniform(a, b), r.pick(list), r.normal(m, s), r.int(a, b)"),
@@ -125,6 +114,17 @@ pub(crate) fn for_run(message: &str) -> Option<&'static str> {
         ("referenced before assignment", "a name that is assigned in a function is its own: pass it as an argument"),
         ("stack overflow", "calls are nested too deep: use a loop"),
     ];
+    let attribute = message.split("has no attribute `").nth(1).and_then(|rest| rest.split('`').next());
+    match attribute {
+        Some("size" | "top" | "min" | "max" | "centre" | "center") => {
+            return Some(
+                "of drape, fringe, scatter and against the size is known only when they are meshed: use your own numbers",
+            );
+        }
+        Some("format") => return Some("no format(): str(round(x, 2)), or \"%s\" % x"),
+        Some("append") => return Some("lists have append; to put parts together use group(...)"),
+        _ => {}
+    }
     if let Some((_, hint)) = PAIRS.iter().find(|(key, _)| message.contains(key)) {
         return Some(hint);
     }

@@ -18,8 +18,8 @@ pub(crate) fn number(value: Value<'_>) -> Option<f64> {
 }
 
 /// Elements of a list or a tuple.
-pub(crate) fn items<'v>(value: Value<'v>) -> Option<&'v [Value<'v>]> {
-    ListRef::from_value(value).map(ListRef::content).or_else(|| TupleRef::from_value(value).map(|t| t.content()))
+pub(crate) fn items(value: Value<'_>) -> Option<&[Value<'_>]> {
+    ListRef::from_value(value).map(ListRef::content).or_else(|| TupleRef::from_value(value).map(TupleRef::content))
 }
 
 /// Numbers of a list, a tuple or a vector.

@@ -277,7 +277,7 @@ mod tests {
         refused_with(&format!("x = (1\n{})", "+(1)\n".repeat(200)), "operators");
         refused_with(&format!("x = {}1", "lambda: ".repeat(9)), "lambdas");
         refused_with(&format!("x = {}1", "not ".repeat(90).repeat(2)), "bytes");
-        let blocks: String = (0..50).map(|i| format!("{}if 1:\n", " ".repeat(i))).collect();
+        let blocks: String = (0..50).map(|i| " ".repeat(i) + "if 1:\n").collect();
         refused_with(&blocks, "blocks");
         refused_with(&"x\n".repeat(2001), "lines");
         refused_with(&"#".repeat(MAX_BYTES + 1), "bytes");
@@ -286,8 +286,8 @@ mod tests {
 
     #[test]
     fn long_lists_and_chains_are_legal() {
-        let points: String = (0..1500).map(|i| format!("({i} * 0.1 + 1, -{i}.5e-3),\n")).collect();
-        prescan(&format!("P = [{points}]")).unwrap();
+        let points: Vec<String> = (0..1500).map(|i| format!("({i} * 0.1 + 1, -{i}.5e-3),\n")).collect();
+        prescan(&format!("P = [{}]", points.concat())).unwrap();
         prescan(&format!("x = f(1){}", ".at(1, 2, 3).turn(x = 4)".repeat(15))).unwrap();
         prescan("s = \"((((((\" + '''\n((([[[[''' # ((((\n").unwrap();
         assert_eq!(prescan(&format!("s = '''\n\n'''\nx = {}", "-".repeat(200))).unwrap_err().line, 4);

@@ -190,7 +190,7 @@ impl Session {
             match &node.kind {
                 Kind::Group { children } => waiting.extend(children),
                 Kind::Placed { child, .. } | Kind::Copies { child, .. } | Kind::Paint { child, .. } => {
-                    waiting.push(*child)
+                    waiting.push(*child);
                 }
                 Kind::Shell { child, .. } | Kind::Joint { child, .. } | Kind::On { child, .. } => waiting.push(*child),
                 Kind::Boolean { a, b, .. } => waiting.extend([*a, *b]),

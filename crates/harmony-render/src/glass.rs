@@ -171,9 +171,9 @@ fn over(pixel: &mut [u8], layer: &Layer) {
     let alpha = f32::from(pixel[3]) / 255.0;
     let kept = layer.passes.iter().sum::<f32>() / 3.0;
     let out = alpha * kept + (1.0 - kept);
-    for k in 0..3 {
-        let c = tables.decode[pixel[k] as usize] * alpha * layer.passes[k] + layer.own[k];
-        pixel[k] = tables.encode(if out > 0.0 { c / out } else { 0.0 });
+    for (k, value) in pixel.iter_mut().take(3).enumerate() {
+        let c = tables.decode[*value as usize] * alpha * layer.passes[k] + layer.own[k];
+        *value = tables.encode(if out > 0.0 { c / out } else { 0.0 });
     }
     pixel[3] = (out * 255.0 + 0.5) as u8;
 }

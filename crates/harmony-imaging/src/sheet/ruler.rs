@@ -54,7 +54,8 @@ fn ticks(from: f64, to: f64) -> Vec<f64> {
     let step =
         [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0].into_iter().find(|s| (to - from) / s <= TICKS).unwrap_or(500.0);
     let first = (from / step).ceil() as i64;
-    (first..).map(|k| k as f64 * step).take_while(|v| *v <= to).collect()
+    let last = (to / step).ceil() as i64;
+    (first..=last).map(|k| k as f64 * step).filter(|v| *v <= to).collect()
 }
 
 #[cfg(test)]

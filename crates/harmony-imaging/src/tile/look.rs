@@ -189,7 +189,9 @@ fn even(tile: &[Color], side: usize, grain: Grain) -> Vec<Color> {
         .collect();
     for k in 0..3 {
         let mean = ratios.iter().map(|r| r[k]).sum::<f32>() / ratios.len().max(1) as f32;
-        ratios.iter_mut().for_each(|r| r[k] /= mean.max(0.01));
+        for ratio in &mut ratios {
+            ratio[k] /= mean.max(0.01);
+        }
     }
     ratios
 }
@@ -350,7 +352,7 @@ fn believed(texture: &RgbaImage, look: &Look, field: &Base) -> RgbaImage {
     let odd: Vec<bool> = sums
         .iter()
         .zip(&counts)
-        .map(|(sum, n)| (*n as usize) * 20 < total && sum.iter().any(|s| (s / (*n).max(1) as f32).abs() > ODD))
+        .map(|(sum, n)| *n * 20 < total && sum.iter().any(|s| (s / (*n).max(1) as f32).abs() > ODD))
         .collect();
     let mut kept = texture.clone();
     for (p, label) in kept.pixels_mut().zip(&labels) {

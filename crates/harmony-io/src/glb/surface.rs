@@ -123,7 +123,6 @@ impl Writer {
             double_sided: material.double_sided,
             extensions,
             extras: if all_extras.is_empty() { Value::Null } else { Value::Object(all_extras) },
-            ..MaterialEntry::default()
         };
         let key = serde_json::to_string(&entry)?;
         let next = self.doc.materials.len();

@@ -152,8 +152,8 @@ fn light_group(channels: &BTreeMap<String, Vec<f32>>, group: &str, size: ImageSi
 /// The image of a pass under one of its names.
 fn rgb_of(channels: &BTreeMap<String, Vec<f32>>, names: &[&str], size: ImageSize) -> Result<LinearImage, LitError> {
     let channel = |c: char| {
-        let ends = names.iter().map(|n| format!("{n}.{c}"));
-        let found = ends.filter_map(|end| channels.iter().find(|(name, _)| name.ends_with(&end))).next();
+        let mut ends = names.iter().map(|n| format!("{n}.{c}"));
+        let found = ends.find_map(|end| channels.iter().find(|(name, _)| name.ends_with(&end)));
         found.map(|(_, values)| values).ok_or_else(|| bad(format!("the EXR has no pass {}", names.join(" or "))))
     };
     let (r, g, b) = (channel('R')?, channel('G')?, channel('B')?);

@@ -190,13 +190,13 @@ mod tests {
         }
     }
 
-    fn board(height: f64) -> Option<Trim> {
-        Some(Trim { height, depth: 0.015, color: [0.8; 3] })
+    fn board(height: f64) -> Trim {
+        Trim { height, depth: 0.015, color: [0.8; 3] }
     }
 
     #[test]
     fn boards_go_round_the_room_and_leave_the_door_out() {
-        let trims = Trims { skirting: board(0.1), cornice: board(0.06), casing: board(0.07) };
+        let trims = Trims { skirting: Some(board(0.1)), cornice: Some(board(0.06)), casing: Some(board(0.07)) };
         let shell = room_shell_with(&room(), &|_| None, &ShellOptions { trims, ..ShellOptions::default() });
         shell.check().unwrap();
         let names: Vec<&str> = shell.materials.iter().skip(6).map(|m| m.name.as_str()).collect();
@@ -227,9 +227,9 @@ mod tests {
 
     #[test]
     fn walls_that_are_left_out_have_no_boards() {
-        let trims = Trims { skirting: board(0.1), ..Trims::default() };
+        let trims = Trims { skirting: Some(board(0.1)), ..Trims::default() };
         let omit = vec![Surface::Front, Surface::Right];
-        let shell = room_shell_with(&room(), &|_| None, &ShellOptions { trims, omit, ..ShellOptions::default() });
+        let shell = room_shell_with(&room(), &|_| None, &ShellOptions { omit, trims, ..ShellOptions::default() });
         let boards = shell.groups.last().unwrap();
         let inside = |p: glam::Vec3| p.x < 0.02 || p.z < 0.02;
         assert!(boards.triangles.iter().flatten().all(|i| inside(shell.positions[*i as usize])));

@@ -29,7 +29,7 @@ pub(crate) fn functions() -> Vec<Function> {
                 let at = DVec3::new(r * libm::sin(angle), 0.0, r * libm::cos(angle));
                 DAffine3 { matrix3: if out { turn_y(angle) } else { DMat3::IDENTITY }, translation: at }
             });
-            copies(c, &parts, places.collect())
+            copies(c, &parts, &places.collect::<Vec<_>>())
         }),
         Function::new("along(curve, part, n=None, spacing=None, start=0, hang=False, jitter=0, seed=None, ...)", along),
         Function::new("scatter(parts, on, n, gap=0, seed=None, ...)", |c| {
@@ -58,7 +58,7 @@ pub(crate) fn functions() -> Vec<Function> {
                 let flipped: Vec<DAffine3> = places.iter().map(|p| flip * *p).collect();
                 places.extend(flipped);
             }
-            copies(c, &parts, places)
+            copies(c, &parts, &places)
         }),
         Function::new("jitter(part, move=0, turn=0, scale=0, seed=None, ...)", jitter),
     ]
@@ -112,7 +112,7 @@ pub(crate) fn place(c: &Call<'_, '_>, id: NodeId, map: DAffine3) -> Result<NodeI
 }
 
 /// Copies of parts in turn: the first at the first place, the second at the second, and so on.
-fn copies<'v>(c: &mut Call<'v, '_>, parts: &[NodeId], places: Vec<DAffine3>) -> Outcome<'v> {
+fn copies<'v>(c: &mut Call<'v, '_>, parts: &[NodeId], places: &[DAffine3]) -> Outcome<'v> {
     c.session.charge_places(places.len() as u64)?;
     let bad = |m: &DAffine3| columns(m).iter().flatten().any(|x| !x.is_finite() || x.abs() > MAX_COORDINATE);
     if places.iter().any(bad) {
@@ -156,8 +156,8 @@ fn row<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
             DVec3::new(width, 0.0, 0.0)
         }
     };
-    let places = (0..n).map(|i| DAffine3::from_translation(step * f64::from(i))).collect();
-    copies(c, &parts, places)
+    let places: Vec<DAffine3> = (0..n).map(|i| DAffine3::from_translation(step * f64::from(i))).collect();
+    copies(c, &parts, &places)
 }
 
 /// `n` by `n` by `n` copies, centred in x and z and from y = 0 upwards, the outer ones `span` apart.
@@ -179,7 +179,7 @@ fn grid<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
             }
         }
     }
-    copies(c, &parts, places)
+    copies(c, &parts, &places)
 }
 
 fn along<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
@@ -224,8 +224,8 @@ fn along<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
         let turn = if hang { DMat3::IDENTITY } else { curves::frame_along(direction) };
         DAffine3 { matrix3: turn * spun, translation: at }
     });
-    let places = places.collect();
-    copies(c, &parts, places)
+    let places: Vec<DAffine3> = places.collect();
+    copies(c, &parts, &places)
 }
 
 /// A little disorder: each part (each copy, for copies) is moved by up to `move` metres, turned by up to `turn` degrees

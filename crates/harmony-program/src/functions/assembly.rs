@@ -79,14 +79,12 @@ fn group<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
     let mut children = Vec::new();
     let (positional, pairs) = c.rest();
     // The name may be left out: group(a, b).
-    let first = c.given("name");
     let mut name = None;
-    match first {
-        Some(value) => match value.unpack_str() {
+    if let Some(value) = c.given("name") {
+        match value.unpack_str() {
             Some(text) => name = Some(text),
             None => children.extend(c.some_parts("name", value)?),
-        },
-        None => {}
+        }
     }
     for value in positional {
         children.extend(c.some_parts("parts", value)?);

@@ -188,14 +188,14 @@ fn sized<'v>(c: &mut Call<'v, '_>, kind: PatternKind) -> Outcome<'v> {
     match c.given("grain") {
         // Direction of the grain on the part: along its x, y or z, or its longest side.
         Some(_) if kind == PatternKind::Wood => {
-            pattern.variant = c.word("grain", &["x", "y", "z", "length", "u", "v"], "y")?.to_owned();
+            c.word("grain", &["x", "y", "z", "length", "u", "v"], "y")?.clone_into(&mut pattern.variant);
         }
         Some(_) => pattern.width = c.need_number("grain", LENGTH)?,
         None if kind == PatternKind::Wood => "y".clone_into(&mut pattern.variant),
         None => {}
     }
     if c.given("kind").is_some() {
-        pattern.variant = c.word("kind", &VARIANTS, "running")?.to_owned();
+        c.word("kind", &VARIANTS, "running")?.clone_into(&mut pattern.variant);
     }
     pattern.tone = c.number("tone", tone, SHARE)?;
     pattern.amount = c.number("amount", amount, SHARE)?;

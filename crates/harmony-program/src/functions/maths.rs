@@ -86,7 +86,7 @@ pub(crate) fn functions() -> Vec<Function> {
         Function::new("round(x, n=0)", |c| {
             let x = c.need_number("x", ANY)?;
             if c.given("n").is_none() {
-                return integer(c, libm::rint(x));
+                return Ok(integer(c, libm::rint(x)));
             }
             let k = libm::pow(10.0, f64::from(c.count("n", 0, 0..=12)?));
             Ok(c.heap.alloc(libm::rint(x * k) / k))
@@ -141,8 +141,8 @@ pub(crate) fn math() -> Vec<Function> {
             let (x, y) = (c.need_number("x", ANY)?, c.need_number("y", ANY)?);
             finite(c, libm::fmod(x, y))
         }),
-        Function::new("math.floor(x)", |c| integer(c, libm::floor(c.need_number("x", ANY)?))),
-        Function::new("math.ceil(x)", |c| integer(c, libm::ceil(c.need_number("x", ANY)?))),
+        Function::new("math.floor(x)", |c| Ok(integer(c, libm::floor(c.need_number("x", ANY)?)))),
+        Function::new("math.ceil(x)", |c| Ok(integer(c, libm::ceil(c.need_number("x", ANY)?)))),
     ]
 }
 
@@ -176,7 +176,7 @@ pub(crate) fn dice_methods() -> Vec<Function> {
             let (a, b) = (c.need_number("a", -1e9..=1e9)?, c.need_number("b", -1e9..=1e9)?);
             // Both ends included, as randint() has them.
             let x = libm::floor(a + (b - a + 1.0) * throw(c)).min(b).max(a);
-            integer(c, x)
+            Ok(integer(c, x))
         }),
         Function::new("pick(items)", |c| {
             let value = c.need("items")?;
@@ -204,8 +204,8 @@ fn finite<'v>(c: &Call<'v, '_>, x: f64) -> Outcome<'v> {
     if x.is_finite() { Ok(c.heap.alloc(x)) } else { Err(Complaint::new("the result is not a number").into()) }
 }
 
-fn integer<'v>(c: &Call<'v, '_>, x: f64) -> Outcome<'v> {
-    if x.abs() <= 2e9 { Ok(c.heap.alloc(x as i32)) } else { Ok(c.heap.alloc(x)) }
+fn integer<'v>(c: &Call<'v, '_>, x: f64) -> Value<'v> {
+    if x.abs() <= 2e9 { c.heap.alloc(x as i32) } else { c.heap.alloc(x) }
 }
 
 fn power<'v>(c: &Call<'v, '_>) -> Outcome<'v> {

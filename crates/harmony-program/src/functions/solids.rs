@@ -144,8 +144,8 @@ fn lathe<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
             .with_hint("[(radius, height), ...]")
             .into());
     }
-    if let Some(p) = profile.iter().find(|p| p[0] < 0.0) {
-        let complaint = Complaint::new(format!("lathe(): a profile point has the radius {}", p[0]));
+    if let Some([radius, ..]) = profile.iter().find(|p| p[0] < 0.0) {
+        let complaint = Complaint::new(format!("lathe(): a profile point has the radius {radius}"));
         return Err(complaint.with_hint("points are (radius, height), the radius not below 0").into());
     }
     let (lobes, lobe_depth) = match c.given("lobes") {

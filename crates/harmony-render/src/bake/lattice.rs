@@ -192,7 +192,7 @@ impl Border {
         let widest = (w.min(h) as f64 * WIDEST_BORDER) as usize;
         let spread = (picture.unrelated() / 2.0).sqrt();
         let line = |side: usize, t: usize| -> Vec<[f32; 3]> {
-            let along = if side % 2 == 0 { h } else { w };
+            let along = if side.is_multiple_of(2) { h } else { w };
             let at = |k: usize| match side {
                 0 => k * w + t,
                 1 => t * w + k,
@@ -204,7 +204,7 @@ impl Border {
         };
         let mut found: [Option<Vec<[f32; 3]>>; 4] = Default::default();
         for (side, found) in found.iter_mut().enumerate() {
-            let along = if side % 2 == 0 { h } else { w }.saturating_sub(2 * widest);
+            let along = if side.is_multiple_of(2) { h } else { w }.saturating_sub(2 * widest);
             let mut profile = Vec::new();
             let mut started = false;
             for t in 0..widest {

@@ -61,7 +61,9 @@ pub(super) fn weights(seen: &Seen) -> Vec<f32> {
             inside[seen.slots[*i] as usize - 1].add(color(*i), (1.0 - d) * (1.0 - prior));
         }
         let mut all = Histogram::default();
-        inside.iter().for_each(|h| all.join(h));
+        for own in &inside {
+            all.join(own);
+        }
         let models: Vec<[Vec<f32>; 2]> = inside
             .iter()
             .zip(seen.named)
@@ -206,7 +208,9 @@ impl Histogram {
                 *value = 0.25 * low + 0.5 * before[i] + 0.25 * high;
             }
         }
-        out.iter_mut().for_each(|v| *v += 1e-6);
+        for value in &mut out {
+            *value += 1e-6;
+        }
         out
     }
 }
