@@ -72,7 +72,13 @@ fn run_of(truth: &TruthRoom, made: &harmony_bench::generate::GeneratedRoom, fold
         ..GlbScene::default()
     };
     write_glb(&glb, &folder.join("scene_full.glb")).unwrap();
-    let lighting = Lighting { lights: Vec::new(), ambient_color: [1.0; 3], ambient_intensity: 1.0, exposure: 0.0 };
+    let lighting = Lighting {
+        lights: Vec::new(),
+        ambient_color: [1.0; 3],
+        ambient_intensity: 1.0,
+        exposure: 0.0,
+        view: harmony_scene::ViewTransform::Agx,
+    };
     let scene = Scene {
         version: SCENE_VERSION,
         generator: "test".to_owned(),

@@ -194,7 +194,7 @@ pub fn is_of_the_room(label: &str) -> bool {
         "wainscot",
     ];
     let words = label.to_lowercase();
-    let last = words.split(|c: char| !c.is_alphabetic()).filter(|w| !w.is_empty()).next_back();
+    let last = words.split(|c: char| !c.is_alphabetic()).rfind(|w| !w.is_empty());
     last.is_some_and(|w| PARTS.contains(&w)) || words.contains("skirting board")
 }
 

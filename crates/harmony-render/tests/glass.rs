@@ -154,7 +154,7 @@ fn over_nothing_glass_has_an_alpha() {
 /// Columns of black and white texels.
 fn tile(size: [f32; 2]) -> Arc<Tile> {
     let color = RgbaImage::from_fn(2, 1, |x, _| Rgba(if x == 0 { [255; 4] } else { [0, 0, 0, 255] }));
-    Arc::new(Tile { size, color: Arc::new(color), normal: None, surface: None })
+    Arc::new(Tile { size, turn: 0.0, color: Arc::new(color), normal: None, surface: None })
 }
 
 #[test]

@@ -142,6 +142,7 @@ mod tests {
             ambient_color: [1.0; 3],
             ambient_intensity: 0.1,
             exposure: 0.0,
+            view: harmony_scene::ViewTransform::Agx,
         };
         let said = oracle.lights(&json!({ "lighting": lighting }));
         let spec: Vec<&Value> = said["windows"].as_array().unwrap().iter().collect();

@@ -42,9 +42,9 @@ pub fn loss_with_gain(render: &RgbImage, target: &RgbImage) -> Option<f64> {
     }
     let mut sums = [[0_u64; 3]; 3];
     for (a, b) in render.pixels().zip(target.pixels()) {
-        for c in 0..3 {
+        for (c, sums) in sums.iter_mut().enumerate() {
             let (a, b) = (u64::from(a.0[c]), u64::from(b.0[c]));
-            for (sum, product) in sums[c].iter_mut().zip([a * a, a * b, b * b]) {
+            for (sum, product) in sums.iter_mut().zip([a * a, a * b, b * b]) {
                 *sum += product;
             }
         }

@@ -180,13 +180,13 @@ fn outlines(truth: &TruthRoom, view: &TruthView, run: &Prediction, scores: &[Obj
             let own = |i: usize| ids[i] == place as u32 + 1;
             let (mut both, mut either) = (0_u64, 0_u64);
             let mut apart = Vec::new();
-            for i in 0..ids.len() {
+            for (i, (found, wanted)) in depth.iter().zip(&view.depth).enumerate() {
                 let (a, b) = (own(i), there(i));
                 either += u64::from(a || b);
                 if a && b {
                     both += 1;
-                    if view.depth[i] > 0.0 {
-                        apart.push(f64::from((depth[i] - view.depth[i]).abs()));
+                    if *wanted > 0.0 {
+                        apart.push(f64::from((found - wanted).abs()));
                     }
                 }
             }

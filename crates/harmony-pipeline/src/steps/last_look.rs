@@ -59,7 +59,9 @@ pub async fn until_settled(
             wished.clone_from(&state.lighting);
         }
         if let (Some(before), Some(mut tried), false) = (&lit, wished, relit.is_empty()) {
-            relit.iter().for_each(|action| dim(&mut tried, action));
+            for action in &relit {
+                dim(&mut tried, action);
+            }
             let outcome = retouch(ctx, state, tried, before).await?;
             let kept = matches!(&outcome, Some((Judgement::Keep, _)));
             let reason = match &outcome {

@@ -164,15 +164,12 @@ async fn chain(
             Some(program) => programs::mesh(ctx, &member.candidate.id, program, size_of(member), state).await?,
             None => None,
         };
-        let mesh = match programmed {
-            Some(modelled) => {
-                member.plain_slots = modelled.plain_slots;
-                Some(modelled.mesh)
-            }
-            None => {
-                member.program = None;
-                generate(ctx, level, member).await?
-            }
+        let mesh = if let Some(modelled) = programmed {
+            member.plain_slots = modelled.plain_slots;
+            Some(modelled.mesh)
+        } else {
+            member.program = None;
+            generate(ctx, level, member).await?
         };
         if let Some(mesh) = mesh {
             made = Some((member.candidate.id.clone(), canonicalise(ctx, member, mesh).await?, member.inspected.size_m));
