@@ -129,7 +129,9 @@ pub fn bake_texture(
     for (slot, material) in mesh.materials.iter_mut().enumerate() {
         let (direct, all) = of_slot[slot];
         let keeps = options.plain_slots.contains(&material.name);
-        if keeps || bases[slot].is_tiled() && (direct as f64) < HARDLY_SEEN * all as f64 {
+        if keeps {
+            // It was said how it looks.
+        } else if bases[slot].is_tiled() && (direct as f64) < HARDLY_SEEN * all as f64 {
             recolour(material, &bases[slot], &colors[slot]);
         } else {
             material.texture = Some(Arc::clone(&texture));
@@ -139,7 +141,7 @@ pub fn bake_texture(
     BakedMesh { mesh, observed: seen as f64 / texels.len().max(1) as f64, colors }
 }
 
-/// Gives a slot that keeps its material the colour that was observed, when the model's is far off. What one sees through,
+/// Gives a slot that is hardly seen the colour that was observed, when the model's is far off. What one sees through,
 /// in or what shines has no colour of its own in a photo.
 fn recolour(material: &mut Material, base: &Base, seen: &SlotColour) {
     let dull = opacity(material) >= SOLID && material.metallic < 0.5 && material.emissive.iter().all(|e| *e <= 0.0);

@@ -13,7 +13,7 @@ use crate::before::{Before, Known};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Prepared, SceneState};
 use crate::steps::inspect::Inspection;
-use crate::steps::{detect, inspect, place, prepare, review, second_look, surfaces, texture};
+use crate::steps::{detect, inspect, place, prepare, programs, review, second_look, surfaces, texture};
 
 /// A level that can be placed.
 #[derive(Debug, Default)]
@@ -123,7 +123,8 @@ pub async fn place(
             state.prepared.insert(object.candidate.id.clone(), object);
         }
         ctx.step(&format!("placing {} objects", ids.len()));
-        let report = place::in_order(ctx, level, &mut state, ids, &prepared.inspection.order).await?;
+        let report = place::in_order(ctx, level, &mut state, ids.clone(), &prepared.inspection.order).await?;
+        programs::refit(ctx, &mut state, &ids).await?;
         texture::level(ctx, &mut state, level).await?;
         if level == Level::Decoration {
             place::orient_decorations(ctx, &mut state).await?;
@@ -139,6 +140,8 @@ pub async fn place(
     // On every level: walls that are not seen move with what stands at them.
     state.partial.room.openings = surfaces::openings(&state);
     if level == Level::Decoration {
+        let placed: Vec<_> = state.partial.placed.iter().map(|p| p.item.id.clone()).collect();
+        programs::refit(ctx, &mut state, &placed).await?;
         ctx.step("room surfaces");
         surfaces::all(ctx, &mut state, bare).await?;
         texture::everything(ctx, &mut state).await?;

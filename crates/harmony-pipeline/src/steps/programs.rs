@@ -10,6 +10,7 @@ use futures::future::join_all;
 use harmony_imaging::rectify::rectify_quad;
 use harmony_imaging::sheet::{grid_overlay, ruled_window};
 use harmony_mesh::Tile;
+use harmony_placement::{Shape, reshape};
 use harmony_program::{ChildCommand, GUIDE, Inputs, Limits};
 use harmony_prompts::{InspectedObject, ProgramsAnswer, ProgramsVars, programs};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture, Role, Usage};
@@ -27,6 +28,8 @@ use crate::views;
 
 /// Longest side of an object's crop, pixels.
 const CROP_PX: u32 = 720;
+/// Change of size below which a shape is not built anew.
+const NO_CHANGE: f64 = 0.01;
 /// Smallest side of a rectified piece of the photo, pixels.
 const PIECE_PX: f64 = 16.0;
 
@@ -90,13 +93,15 @@ pub fn built(
     let wanted = size.as_vec();
     let context = BuildContext { size: Some(wanted.to_array()), material: harmony_shape::material::material };
     let mut shape = tree.build(&context).map_err(|error| error.to_string())?;
-    shape.fit_to(wanted);
-    lay_pieces(&mut shape, &tree, photo);
+    let fit = shape.fit_to(wanted);
+    lay_pieces(&mut shape, &tree, photo, fit.scale.element_product().cbrt());
     Ok((shape, tree))
 }
 
 /// Lays rectified pieces of the photo on the materials that ask for them.
-fn lay_pieces(shape: &mut BuiltShape, tree: &ShapeTree, photo: &RgbImage) {
+///
+/// `scale` is what the shape's lengths were multiplied by.
+fn lay_pieces(shape: &mut BuiltShape, tree: &ShapeTree, photo: &RgbImage, scale: f64) {
     let (w, h) = (f64::from(photo.width()), f64::from(photo.height()));
     for (spec, map) in tree.materials.iter().filter_map(|m| m.photo.as_ref().map(|p| (m, p))) {
         let quad = map.quad.map(|[x, y]| glam::DVec2::new(x / 1000.0 * w, y / 1000.0 * h));
@@ -104,7 +109,7 @@ fn lay_pieces(shape: &mut BuiltShape, tree: &ShapeTree, photo: &RgbImage) {
         let down = quad[0].distance(quad[3]).max(quad[1].distance(quad[2])).clamp(PIECE_PX, 1024.0);
         let piece = rectify_quad(photo, quad, ImageSize::new(across.ceil() as u32, down.ceil() as u32));
         let tile = Arc::new(Tile {
-            size: map.size.map(|v| v as f32),
+            size: map.size.map(|v| (v * scale) as f32),
             color: Arc::new(piece),
             turn: 0.0,
             normal: None,
@@ -286,5 +291,51 @@ pub async fn mesh(
             ctx.warn(WarningKind::PlayerReplaced, Some(id.clone()), format!("its program cannot be used: {error}"));
             Ok(None)
         }
+    }
+}
+
+/// Builds the programs of a level anew at the sizes that its objects were placed with: proportions are the program's
+/// business, and patterns, bevels and edges keep their scale.
+///
+/// # Errors
+/// Unwritable files and computations that broke.
+pub async fn refit(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: &[ObjectId]) -> Result<(), PhaseError> {
+    for id in ids {
+        let Some(placed) = state.partial.find(id) else { continue };
+        let Some(program) = state.prepared.get(id).and_then(|p| p.program.clone()) else { continue };
+        let change = placed.pose.stretch * placed.pose.scale;
+        if (change - glam::DVec3::ONE).abs().max_element() < NO_CHANGE {
+            continue;
+        }
+        let size = placed.size();
+        let shown = Arc::new(state.clone());
+        let Some(made) = mesh(ctx, id, &program, size, &shown).await? else { continue };
+        let (settings, wanted) = (ctx.settings.placement.clone(), id.clone());
+        let refitted = ctx
+            .computed(move || {
+                let longest = size.as_vec().max_element();
+                let shape = Shape::from_parts(Arc::clone(&made.mesh.mesh), made.mesh.convex.as_deref(), longest);
+                let shape = Arc::new(shape);
+                let outcome = reshape(&shown.partial, &wanted, Arc::clone(&shape), &settings)?;
+                Ok::<_, harmony_placement::ActionError>((made, shape, outcome))
+            })
+            .await?;
+        let Ok((made, shape, outcome)) = refitted else { continue };
+        state.partial = outcome.scene;
+        adopt(state, id, made, shape, program);
+    }
+    Ok(())
+}
+
+/// Gives an object the shape that a program made.
+pub fn adopt(state: &mut SceneState, id: &ObjectId, made: Modelled, shape: Arc<Shape>, program: Arc<Program>) {
+    state.textured.remove(id);
+    if let Some(prepared) = state.prepared.get_mut(id) {
+        prepared.mesh = made.mesh.mesh;
+        prepared.plain_slots = made.plain_slots;
+        prepared.shape = shape;
+        prepared.part_model = None;
+        prepared.mesh_source = made.mesh.source;
+        prepared.program = Some(program);
     }
 }

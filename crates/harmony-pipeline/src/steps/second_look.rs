@@ -176,15 +176,7 @@ pub async fn try_program(
         Ok((made, shape, outcome, verdict)) => {
             if verdict.kept {
                 state.partial = outcome.scene;
-                state.textured.remove(id);
-                if let Some(prepared) = state.prepared.get_mut(id) {
-                    prepared.mesh = made.mesh.mesh;
-                    prepared.plain_slots = made.plain_slots;
-                    prepared.shape = shape;
-                    prepared.part_model = None;
-                    prepared.mesh_source = made.mesh.source;
-                    prepared.program = Some(Arc::new(program));
-                }
+                programs::adopt(state, id, made, shape, Arc::new(program));
             } else {
                 let message = format!("another shape was proposed and refused: {}", verdict.reason);
                 ctx.warn(WarningKind::ActionRefused, Some(id.clone()), message);

@@ -277,7 +277,12 @@ fn meshed(before: &Before<'_>, node: &Node) -> Result<Built, String> {
         Kind::Paint { child, face, with } => paint(before.get(*child), *face, *with),
         Kind::Decal { child, face, with, at, size } => {
             let mut out = before.get(*child).clone();
-            let piece = decal::decal(before.get(*child), *face, DVec2::from_array(*at), DVec2::from_array(*size))?;
+            let mut piece = decal::decal(before.get(*child), *face, DVec2::from_array(*at), DVec2::from_array(*size))?;
+            // A piece of the photo is shown once and whole, however large it is laid.
+            if let Some(photo) = before.tree.materials.get(*with as usize).and_then(|m| m.photo.as_ref()) {
+                let whole = DVec2::from_array(photo.size) / DVec2::from_array(*size);
+                piece.uvs.iter_mut().for_each(|uv| *uv *= whole);
+            }
             let mut part = Part::of(piece, line);
             part.look = Some(Look::Slot(*with));
             part.name = Arc::from("decal");

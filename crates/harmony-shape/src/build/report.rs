@@ -197,15 +197,15 @@ impl BuiltShape {
         self.mesh.bounds().map_or(DVec3::ZERO, |b| b.size())
     }
 
-    /// Scales the shape to a wanted size: each axis by itself where it is within 10 %, all alike (the geometric mean)
-    /// where one is farther off. Everything that belongs to the mesh follows.
+    /// Scales the shape to a wanted size: each axis by itself where it is within a factor of two, all alike (the geometric
+    /// mean) where one is farther off. Everything that belongs to the mesh follows.
     pub fn fit_to(&mut self, wanted: DVec3) -> Fit {
         let size = self.size().max(DVec3::splat(1e-6));
         let ratio = wanted / size;
         if !(ratio.is_finite() && ratio.min_element() > 0.0) {
             return Fit { scale: DVec3::ONE, uniform: true };
         }
-        let uniform = (ratio - DVec3::ONE).abs().max_element() > 0.1;
+        let uniform = ratio.max_element() > 2.0 || ratio.min_element() < 0.5;
         let scale = if uniform { DVec3::splat(libm::cbrt(ratio.element_product())) } else { ratio };
         let mean = libm::cbrt(scale.element_product());
         let s = scale.as_vec3();
