@@ -149,11 +149,11 @@ fn recolour(material: &mut Material, base: &Base, seen: &SlotColour) {
         return;
     }
     let mean = base.linear();
-    for k in 0..3 {
-        let wanted = base::linear(f32::from(seen.rgb[k]));
+    for ((value, mean), rgb) in material.base_color.iter_mut().zip(mean).zip(seen.rgb) {
+        let wanted = base::linear(f32::from(rgb));
         // Through a tile only a factor is to be had.
-        let factor = ((wanted + 0.002) / (mean[k] + 0.002)).clamp(0.1, 10.0);
-        material.base_color[k] = if base.is_tiled() { (material.base_color[k] * factor).min(1.0) } else { wanted };
+        let factor = ((wanted + 0.002) / (mean + 0.002)).clamp(0.1, 10.0);
+        *value = if base.is_tiled() { (*value * factor).min(1.0) } else { wanted };
     }
 }
 
