@@ -70,6 +70,11 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
             trusted: at_wall && catalogue::is_planar(&placed.item.label),
             ..BakeOptions::default()
         };
+        if prepared.mesh.materials.iter().all(|m| options.plain_slots.contains(&m.name)) {
+            // Nothing of it takes the photo's pixels.
+            state.textured.insert(id, prepared.mesh.clone());
+            continue;
+        }
         jobs.push((id, prepared.mesh.clone(), placed.pose, visible, options));
     }
     let photo = state.photo.clone();
