@@ -98,7 +98,7 @@ fn chained(text: &str) -> bool {
 
 /// A hint for what went wrong while running.
 pub(crate) fn for_run(message: &str) -> Option<&'static str> {
-    const PAIRS: [(&str, &str); 14] = [
+    const PAIRS: [(&str, &str); 15] = [
         ("`isinstance`", "type(x) == \"int\" tells the type"),
         ("`random`", "chance is rng(seed): r = rng(1); r.uniform(a, b), r.pick(list), r.normal(m, s), r.int(a, b)"),
         ("`np`", "no numpy here: lists, vec(x, y, z), math"),
@@ -110,6 +110,7 @@ pub(crate) fn for_run(message: &str) -> Option<&'static str> {
         ("`time`", "there is no clock here"),
         ("`abs`", "abs is math.fabs"),
         ("Bad format", "only %s and %d here: str(round(x, 2))"),
+        ("replacement field", "only %s and %d here: str(round(x, 2))"),
         ("format", "only %s and %d here: str(round(x, 2))"),
         ("referenced before assignment", "a name that is assigned in a function is its own: pass it as an argument"),
         ("stack overflow", "calls are nested too deep: use a loop"),

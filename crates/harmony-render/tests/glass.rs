@@ -169,7 +169,8 @@ fn tiles_repeat_at_their_metric_size_and_take_the_materials_colour() {
         let white = frame.color.get_pixel(25 * k + 6, 40).0;
         let black = frame.color.get_pixel(25 * k + 18, 40).0;
         assert!(white[0] > 250 && white[1].abs_diff(188) <= 3 && white[2] == 0, "{k}: {white:?}");
-        assert!(black[0] < 30, "{k}: {black:?}");
+        // The pixel's centre is a fiftieth of a texel off the black one's: sRGB 39.
+        assert!(black[0] < 45, "{k}: {black:?}");
     }
     // From far away only the mean is left (half of linear white is sRGB 188).
     mesh.materials[0].tile = Some(tile([0.004, 0.004]));

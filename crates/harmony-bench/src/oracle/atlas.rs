@@ -156,7 +156,7 @@ mod tests {
                 assert!(at.min_element() >= 1.0 && at.max_element() <= side as f32 - 1.0, "{at}");
                 let length = p[k].distance(p[(k + 1) % 3]);
                 let drawn = at.distance(place[(k + 1) % 3]);
-                if drawn > 12.0 {
+                if drawn > 4.0 {
                     scales.push(drawn / length);
                 }
             }

@@ -180,5 +180,6 @@ fn fine_texture_goes_on_where_nothing_was_seen() {
     let front = spread(&rgb, &mask);
     let (got, behind_mask) = photo(&baked.mesh, &pose(), &camera(0.8 + std::f64::consts::PI));
     let back = spread(&got, &behind_mask);
-    assert!(back > 0.3 * front && front > 1.0, "spread {front} where seen, {back} behind");
+    // The base is the material's even colour: only the fine part of what was seen goes on, a quarter of it here.
+    assert!(back > 0.2 * front && front > 1.0, "spread {front} where seen, {back} behind");
 }

@@ -84,14 +84,16 @@ fn on_wall(face: &Face, extents: &Extents, floor: Option<[f32; 3]>) -> Option<(T
     // The board's upper edge is the sharpest step, for walls darken smoothly towards the floor.
     let step = |k: usize| apart(mean(&profile[k - 3..k - 1]), mean(&profile[k + 1..k + 3]));
     let (low, high) = (at(HEIGHTS[0]).max(3), at(HEIGHTS[1]).min(profile.len() - 3));
-    let top = (low..high).max_by(|a, b| step(*a).total_cmp(&step(*b)))?;
+    let like_floor = |c: [f32; 3]| floor.is_some_and(|f| apart(c, f) < NOT_FLOOR);
+    // A line of floor at the foot of the wall ends in a step of its own.
+    let ends = |k: &usize| !profile[k - 3..k - 1].iter().any(|c| like_floor(*c));
+    let top = (low..high).filter(ends).max_by(|a, b| step(*a).total_cmp(&step(*b)))?;
     let sharpest = step(top);
     let others = (top + 4..profile.len() - 3).map(step).fold(0.0, f32::max);
     if sharpest < DIFFERENT || others > sharpest / 2.0 {
         return None;
     }
     // Down to the floor: the line between both may be a little off.
-    let like_floor = |c: [f32; 3]| floor.is_some_and(|f| apart(c, f) < NOT_FLOOR);
     let upper = mean(&profile[top - 3..top - 1]);
     let foot = (0..top - 1).rev().find(|k| like_floor(profile[*k]) || apart(profile[*k], upper) > ONE_BOARD);
     let foot = foot.map_or(0, |k| k + 1);
