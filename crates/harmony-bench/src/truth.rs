@@ -341,6 +341,7 @@ fn object(o: &Value, v: &[[f32; 3]], f: &[[u32; 3]]) -> Option<TruthObject> {
         materials: vec![Material::plain("grey", [0.5; 3])],
         normals: Vec::new(),
         metric_uvs: Vec::new(),
+        colors: Vec::new(),
     };
     let bounds = mesh.bounds()?;
     let origin = DVec3::new(bounds.centre().x, bounds.min.y, bounds.centre().z);

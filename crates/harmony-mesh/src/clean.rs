@@ -35,8 +35,17 @@ pub struct CleanReport {
 ///
 /// Simplification: edge collapses by quadric error (Garland and Heckbert 1997, as in meshoptimizer), borders and
 /// texture seams kept; when these keep it above the budget, without regard to topology. Missing normals and texture
-/// coordinates are made up. The result may be empty; [`Mesh::check`] tells.
+/// coordinates are made up; vertex colours are averaged into the materials. The result may be empty; [`Mesh::check`] tells.
 pub fn clean(mesh: &Mesh, max_triangles: usize) -> (Mesh, CleanReport) {
+    let averaged;
+    let mesh = if mesh.colors.is_empty() {
+        mesh
+    } else {
+        let mut copy = mesh.clone();
+        copy.average_colors();
+        averaged = copy;
+        &averaged
+    };
     let mut report = CleanReport { triangles_in: mesh.triangle_count(), ..CleanReport::default() };
     let count = mesh.positions.len();
     let finite = |i: u32| mesh.positions.get(i as usize).is_some_and(|p| p.is_finite() && p.abs().max_element() < 1e9);
@@ -182,6 +191,7 @@ pub fn simplified(mesh: &Mesh, triangles: usize, error: f32) -> Mesh {
         groups: vec![Group { material: 0, triangles: indices.as_chunks::<3>().0.to_vec() }],
         materials: vec![Material::plain("shape", [0.5; 3])],
         metric_uvs: Vec::new(),
+        colors: Vec::new(),
     };
     compact(&mut out);
     out.recompute_normals();

@@ -105,6 +105,9 @@ pub struct Mesh {
     pub uvs: Vec<Vec2>,
     /// Unwrapped positions in metres, one a position or none at all: what [`Tile`]s are laid by.
     pub metric_uvs: Vec<Vec2>,
+    /// Light on the surface where a look without lamps wants it: linear RGB from 0 to 1, one a position or none at all,
+    /// multiplied with the material's colour.
+    pub colors: Vec<[f32; 3]>,
     /// Triangles by material.
     pub groups: Vec<Group>,
     /// Materials.
@@ -198,8 +201,9 @@ impl Mesh {
     /// The first [`MeshError`] found.
     pub fn check(&self) -> Result<(), MeshError> {
         let count = self.positions.len();
-        let metric = self.metric_uvs.is_empty() || self.metric_uvs.len() == count;
-        if self.normals.len() != count || self.uvs.len() != count || !metric {
+        let whole = |n: usize| n == 0 || n == count;
+        let optional = whole(self.metric_uvs.len()) && whole(self.colors.len());
+        if self.normals.len() != count || self.uvs.len() != count || !optional {
             return Err(MeshError::Lengths { positions: count, normals: self.normals.len(), uvs: self.uvs.len() });
         }
         if self.triangle_count() == 0 {
@@ -228,6 +232,11 @@ impl Mesh {
             self.metric_uvs.extend_from_slice(&other.metric_uvs);
             self.metric_uvs.resize(self.positions.len() + other.positions.len(), Vec2::ZERO);
         }
+        if !self.colors.is_empty() || !other.colors.is_empty() {
+            self.colors.resize(self.positions.len(), [1.0; 3]);
+            self.colors.extend_from_slice(&other.colors);
+            self.colors.resize(self.positions.len() + other.positions.len(), [1.0; 3]);
+        }
         self.positions.extend_from_slice(&other.positions);
         self.normals.extend_from_slice(&other.normals);
         self.uvs.extend_from_slice(&other.uvs);
@@ -236,6 +245,84 @@ impl Mesh {
             material: g.material + materials,
             triangles: g.triangles.iter().map(|t| t.map(|i| i + base)).collect(),
         }));
+    }
+
+    /// Gives each material the mean of its vertices' [`Mesh::colors`], and drops them.
+    pub fn average_colors(&mut self) {
+        let colors = std::mem::take(&mut self.colors);
+        if colors.len() != self.positions.len() {
+            return;
+        }
+        let mut sums = vec![([0.0_f64; 3], 0_usize); self.materials.len()];
+        for group in &self.groups {
+            let Some((sum, count)) = sums.get_mut(group.material) else { continue };
+            for color in group.triangles.iter().flatten().filter_map(|i| colors.get(*i as usize)) {
+                for (s, c) in sum.iter_mut().zip(color) {
+                    *s += f64::from(*c);
+                }
+                *count += 1;
+            }
+        }
+        for (material, (sum, count)) in self.materials.iter_mut().zip(sums).filter(|(_, (_, count))| *count > 0) {
+            for (c, s) in material.base_color.iter_mut().zip(sum) {
+                *c *= (s / count as f64) as f32;
+            }
+        }
+    }
+
+    /// Cuts triangles at the middle of every edge that is longer than `most` (a length in the mesh's unit after `scale` is
+    /// applied to its axes), until none is or `budget` triangles are there: what is known by vertices gets places to be
+    /// known at. Neighbours that share the vertices of an edge are cut alike, so that no gap opens.
+    pub fn split_long_edges(&mut self, scale: Vec3, most: f32, budget: usize) {
+        for _ in 0..8 {
+            let long = |p: &[Vec3], a: u32, b: u32| ((p[a as usize] - p[b as usize]) * scale).length() > most;
+            let any = self.triangles().any(|[a, b, c]| {
+                let p = &self.positions;
+                long(p, a, b) || long(p, b, c) || long(p, c, a)
+            });
+            if !any || self.triangle_count() * 2 > budget {
+                return;
+            }
+            let mut middles = std::collections::BTreeMap::new();
+            let mut groups = std::mem::take(&mut self.groups);
+            for group in &mut groups {
+                let mut out = Vec::with_capacity(group.triangles.len() * 2);
+                for [a, b, c] in group.triangles.drain(..) {
+                    let mut middle = |i: u32, j: u32| {
+                        let cut = long(&self.positions, i, j);
+                        cut.then(|| *middles.entry((i.min(j), i.max(j))).or_insert_with(|| self.add_middle(i, j)))
+                    };
+                    let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+                    match (ab, bc, ca) {
+                        (None, None, None) => out.push([a, b, c]),
+                        (Some(m), None, None) => out.extend([[a, m, c], [m, b, c]]),
+                        (None, Some(m), None) => out.extend([[a, b, m], [a, m, c]]),
+                        (None, None, Some(m)) => out.extend([[a, b, m], [m, b, c]]),
+                        (Some(m), Some(n), None) => out.extend([[m, b, n], [a, m, n], [a, n, c]]),
+                        (None, Some(m), Some(n)) => out.extend([[m, c, n], [a, b, m], [a, m, n]]),
+                        (Some(m), None, Some(n)) => out.extend([[a, m, n], [m, b, c], [m, c, n]]),
+                        (Some(m), Some(n), Some(o)) => out.extend([[a, m, o], [m, b, n], [o, n, c], [m, n, o]]),
+                    }
+                }
+                group.triangles = out;
+            }
+            self.groups = groups;
+        }
+    }
+
+    fn add_middle(&mut self, i: u32, j: u32) -> u32 {
+        let (i, j) = (i as usize, j as usize);
+        self.positions.push((self.positions[i] + self.positions[j]) / 2.0);
+        self.normals.push((self.normals[i] + self.normals[j]).normalize_or(self.normals[i]));
+        self.uvs.push((self.uvs[i] + self.uvs[j]) / 2.0);
+        if !self.metric_uvs.is_empty() {
+            self.metric_uvs.push((self.metric_uvs[i] + self.metric_uvs[j]) / 2.0);
+        }
+        if !self.colors.is_empty() {
+            let (a, b) = (self.colors[i], self.colors[j]);
+            self.colors.push(std::array::from_fn(|k| (a[k] + b[k]) / 2.0));
+        }
+        (self.positions.len() - 1) as u32
     }
 
     /// Replaces the normals by area-weighted face normals (smooth over shared vertices).
@@ -259,5 +346,70 @@ impl Mesh {
         for n in &mut self.normals {
             *n = g(*n).normalize_or(Vec3::Y);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cube's side of one metre from two triangles, and one beside it that shares an edge.
+    fn sheet() -> Mesh {
+        let at = |x: f32, z: f32| Vec3::new(x, 0.0, z);
+        let positions = vec![at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0), at(2.0, 0.5)];
+        Mesh {
+            normals: vec![Vec3::Y; 5],
+            uvs: positions.iter().map(|p| Vec2::new(p.x, p.z)).collect(),
+            positions,
+            groups: vec![Group { material: 0, triangles: vec![[0, 2, 1], [0, 3, 2], [1, 2, 4]] }],
+            materials: vec![Material::plain("top", [0.5; 3])],
+            ..Mesh::default()
+        }
+    }
+
+    fn area(mesh: &Mesh) -> f32 {
+        let side = |t: [u32; 3]| t.map(|i| mesh.positions[i as usize]);
+        mesh.triangles().map(side).map(|[a, b, c]| (b - a).cross(c - a).y / 2.0).sum()
+    }
+
+    #[test]
+    fn long_edges_are_cut_without_gaps_or_folds() {
+        let mut mesh = sheet();
+        let before = area(&mesh);
+        mesh.split_long_edges(Vec3::ONE, 0.3, 10_000);
+        mesh.check().unwrap();
+        assert!((area(&mesh) - before).abs() < 1e-5, "{} and {before}", area(&mesh));
+        let mut sides = std::collections::BTreeMap::new();
+        for [a, b, c] in mesh.triangles() {
+            for (i, j) in [(a, b), (b, c), (c, a)] {
+                assert!(mesh.positions[i as usize].distance(mesh.positions[j as usize]) <= 0.3);
+                *sides.entry((i.min(j), i.max(j))).or_insert(0) += 1;
+            }
+        }
+        // Inside every edge has two triangles: those of one triangle lie on the outline of the sheet.
+        for ((i, j), _) in sides.iter().filter(|(_, n)| **n == 1) {
+            let m = (mesh.positions[*i as usize] + mesh.positions[*j as usize]) / 2.0;
+            let slanted = (m.z - 0.5 * (m.x - 1.0)).abs().min((m.z - 1.0 + 0.5 * (m.x - 1.0)).abs());
+            assert!(m.x.abs() < 1e-5 || m.z.abs() < 1e-5 || (m.z - 1.0).abs() < 1e-5 || slanted < 1e-5, "{m}");
+        }
+        for (p, uv) in mesh.positions.iter().zip(&mesh.uvs) {
+            assert!((Vec2::new(p.x, p.z) - *uv).length() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_budget_ends_the_cutting() {
+        let mut mesh = sheet();
+        mesh.split_long_edges(Vec3::ONE, 0.001, 40);
+        assert!(mesh.triangle_count() <= 80);
+    }
+
+    #[test]
+    fn colors_become_their_mean() {
+        let mut mesh = sheet();
+        mesh.colors = vec![[0.5, 1.0, 0.0]; 5];
+        mesh.average_colors();
+        assert!(mesh.colors.is_empty());
+        assert_eq!(mesh.materials[0].base_color, [0.25, 0.5, 0.0, 1.0]);
     }
 }

@@ -148,7 +148,11 @@ pub fn write_scene_glb(path: &Path, state: &SceneState, scene: Option<&Scene>) -
     let nodes = objects
         .iter()
         .filter_map(|object| {
-            let mesh = with_material(state.mesh_of(&object.id)?, object);
+            let mut mesh = with_material(state.mesh_of(&object.id)?, object);
+            if scene.is_none() {
+                // What is path-traced gets real light.
+                mesh.colors.clear();
+            }
             Some(GlbNode {
                 name: object.id.to_string(),
                 mesh: Arc::new(mesh),
@@ -208,6 +212,7 @@ fn shell_nodes(shell: &Mesh) -> Vec<GlbNode> {
                 normals: old.iter().map(|i| shell.normals[*i as usize]).collect(),
                 uvs: old.iter().map(|i| shell.uvs[*i as usize]).collect(),
                 metric_uvs: old.iter().filter_map(|i| shell.metric_uvs.get(*i as usize).copied()).collect(),
+                colors: Vec::new(),
                 groups: vec![harmony_mesh::Group {
                     material: 0,
                     triangles: group.triangles.iter().map(|t| t.map(|i| used[&i])).collect(),

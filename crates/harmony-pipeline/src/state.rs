@@ -48,6 +48,8 @@ pub struct Prepared {
     pub program: Option<Arc<Program>>,
     /// Slots that keep their look whatever the photo shows.
     pub plain_slots: Vec<String>,
+    /// Those of them whose colour was said, not cut from the photo: they are lit as the photo has it.
+    pub said_slots: Vec<String>,
     /// Who made the mesh, in words.
     pub mesh_source: String,
     /// Material.

@@ -232,6 +232,7 @@ mod tests {
     fn floor() -> Proxy {
         let mut mesh = Mesh {
             metric_uvs: Vec::new(),
+            colors: Vec::new(),
             positions: [[-9.0, 0.0, -9.0], [9.0, 0.0, -9.0], [9.0, 0.0, 9.0], [-9.0, 0.0, 9.0]]
                 .map(glam::Vec3::from)
                 .to_vec(),

@@ -157,6 +157,11 @@ fn recolour(material: &mut Material, base: &Base, seen: &SlotColour) {
     }
 }
 
+/// Linear mean colour of each material, by colour and pattern.
+pub(crate) fn mean_color(mesh: &Mesh) -> Vec<[f32; 3]> {
+    base::of(mesh).iter().map(Base::linear).collect()
+}
+
 /// Median photo colour of each slot as visible in the pose, to recolour a part model without baking.
 pub fn slot_colors(
     mesh: &Mesh,

@@ -32,6 +32,7 @@ mod raster;
 mod renderer;
 mod resolve;
 mod shade;
+mod shading;
 mod srgb;
 
 pub use bake::{BakeOptions, BakedMesh, SlotColour, bake_texture, slot_colors};
@@ -39,3 +40,4 @@ pub use cameras::{RoomView, canonical_camera, mesh_view_camera, orbit_cameras};
 pub use frame::{DepthFrame, Frame, Glass, Instance, Lighting, RenderOptions, Window, WindowFrame};
 pub use glass::{SOLID, opacity};
 pub use renderer::{Renderer, projected_window, render, render_depth_ids, render_window};
+pub use shading::{LightLaw, Shaded, Stands, shade};

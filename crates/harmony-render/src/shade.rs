@@ -101,12 +101,14 @@ impl Facet {
         let [r, g, b, _] = run.base_color;
         let mut color = [r, g, b];
         let lit = options.lighting == Lighting::HeadLight;
-        if run.texture.is_some() || lit {
+        let colors = &draw.placed[run.placed].mesh.colors;
+        if run.texture.is_some() || lit || !colors.is_empty() {
             let meeting = self.meet(x, y);
             if let Some(texture) = &run.texture {
                 let t = meeting.sample(texture, probes);
                 color = [r * t[0], g * t[1], b * t[2]];
             }
+            color = self.tinted(color, colors, &meeting);
             if lit {
                 let k = head_light(self.cosine(draw, run.placed, &meeting, x, y));
                 color = color.map(|c| c * k);
@@ -128,8 +130,24 @@ impl Facet {
         }
         let cosine = self.cosine(draw, run.placed, &meeting, x, y);
         let [r, g, b, a] = color;
+        let [r, g, b] = self.tinted([r, g, b], &draw.placed[run.placed].mesh.colors, &meeting);
         let k = if options.lighting == Lighting::HeadLight { head_light(cosine) } else { 1.0 };
         ([r * k, g * k, b * k, a], cosine)
+    }
+
+    /// A colour under the light that the vertices say.
+    fn tinted(&self, color: [f32; 3], colors: &[[f32; 3]], meeting: &Meeting) -> [f32; 3] {
+        if colors.is_empty() {
+            return color;
+        }
+        let mut light = [0.0; 3];
+        for (i, w) in self.corners.iter().zip(meeting.weights) {
+            let vertex = colors.get(*i).copied().unwrap_or([1.0; 3]);
+            for (l, v) in light.iter_mut().zip(vertex) {
+                *l += v * w;
+            }
+        }
+        std::array::from_fn(|k| color[k] * light[k])
     }
 
     /// Cosine between normal and view, at least 0; 1 where there is no normal.

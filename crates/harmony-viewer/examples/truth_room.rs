@@ -253,6 +253,7 @@ fn mesh(name: &str, index: u32, v: &Array, f: &Array) -> Mesh {
     material.double_sided = true;
     let mut mesh = Mesh {
         metric_uvs: Vec::new(),
+        colors: Vec::new(),
         normals: vec![Vec3::Y; positions.len()],
         uvs: vec![Vec2::ZERO; positions.len()],
         groups: vec![Group {

@@ -53,6 +53,7 @@ pub(super) fn densified(mesh: &Mesh, faces: usize) -> Mesh {
         materials: vec![Material::plain("surface", [0.5; 3])],
         normals: Vec::new(),
         metric_uvs: Vec::new(),
+        colors: Vec::new(),
     };
     out.recompute_normals();
     out

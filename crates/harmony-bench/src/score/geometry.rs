@@ -232,6 +232,7 @@ mod tests {
             materials: vec![Material::plain("grey", [0.5; 3])],
             normals: Vec::new(),
             metric_uvs: Vec::new(),
+            colors: Vec::new(),
         };
         shell.recompute_normals();
         let shell = Arc::new(shell);

@@ -61,6 +61,7 @@ pub(super) fn creased(mesh: &Mesh) -> Mesh {
                     out.positions.push(mesh.positions[i as usize]);
                     out.uvs.push(mesh.uvs[i as usize]);
                     out.metric_uvs.extend(mesh.metric_uvs.get(i as usize));
+                    out.colors.extend(mesh.colors.get(i as usize));
                     out.normals.push(normal);
                     out.positions.len() as u32 - 1
                 })

@@ -197,6 +197,9 @@ impl Reader<'_> {
         if mesh.materials.iter().all(|m| m.tile.is_none()) {
             mesh.metric_uvs.clear();
         }
+        if mesh.colors.iter().flatten().all(|c| *c > 0.999) {
+            mesh.colors.clear();
+        }
         let mesh = Arc::new(mesh);
         self.meshes[index] = Some(Arc::clone(&mesh));
         Ok(mesh)
@@ -260,15 +263,16 @@ impl Reader<'_> {
             Some(uvs) => uvs.into_iter().map(|uv| look.uv(Vec2::from_array(uv))).collect(),
             None => vec![Vec2::ZERO; positions.len()],
         };
-        let tint = match attribute("COLOR_0") {
-            Some(i) => mean_color(&self.source.floats::<3>(i, left)?),
+        let colors = match attribute("COLOR_0") {
+            Some(i) => Some(self.source.floats::<3>(i, left)?).filter(|c| same_length(c.len())).map(bounded_colors),
             None => None,
         };
         let metric_uvs = match look.material.tile.as_ref().filter(|_| has_uvs) {
             Some(tile) => uvs.iter().map(|uv| tile.metric(*uv)).collect(),
             None => vec![Vec2::ZERO; positions.len()],
         };
-        let mut part = Mesh { positions, uvs, metric_uvs, ..Mesh::default() };
+        let colors = colors.unwrap_or_else(|| vec![[1.0; 3]; positions.len()]);
+        let mut part = Mesh { positions, uvs, metric_uvs, colors, ..Mesh::default() };
         part.groups = vec![Group { material: 0, triangles }];
         match normals {
             Some(normals) => {
@@ -288,13 +292,7 @@ impl Reader<'_> {
             (material.texture, material.tile) = (None, None);
             self.notes.push(format!("mesh {mesh_index}: a texture without coordinates was left out"));
         }
-        if let Some(tint) = tint {
-            for (c, t) in material.base_color.iter_mut().zip(tint) {
-                *c *= t;
-            }
-            self.notes.push(format!("mesh {mesh_index}: vertex colours were averaged"));
-        }
-        let key = primitive.material.filter(|_| has_uvs && tint.is_none());
+        let key = primitive.material.filter(|_| has_uvs);
         let slot = key.and_then(|k| materials.iter().position(|m| *m == Some(k)));
         let slot = slot.unwrap_or_else(|| {
             materials.push(key);
@@ -327,7 +325,8 @@ fn add_vertices<'p>(
             && mesh.positions.get(span.clone()) == Some(&part.positions[..])
             && mesh.normals.get(span.clone()) == Some(&part.normals[..])
             && mesh.uvs.get(span.clone()) == Some(&part.uvs[..])
-            && mesh.metric_uvs.get(span) == Some(&part.metric_uvs[..])
+            && mesh.metric_uvs.get(span.clone()) == Some(&part.metric_uvs[..])
+            && mesh.colors.get(span) == Some(&part.colors[..])
     };
     if let Some((_, start)) = starts.iter().find(same) {
         return *start;
@@ -338,6 +337,7 @@ fn add_vertices<'p>(
     mesh.normals.append(&mut part.normals);
     mesh.uvs.append(&mut part.uvs);
     mesh.metric_uvs.append(&mut part.metric_uvs);
+    mesh.colors.append(&mut part.colors);
     start
 }
 
@@ -353,16 +353,9 @@ fn triangles(order: &[u32], mode: u32) -> Vec<[u32; 3]> {
     }
 }
 
-/// Mean linear colour of the vertices, unless all are white.
-fn mean_color(colors: &[[f32; 3]]) -> Option<[f32; 3]> {
-    let mut sum = [0.0_f64; 3];
-    for c in colors {
-        for (s, v) in sum.iter_mut().zip(c) {
-            *s += if v.is_finite() { f64::from(v.clamp(0.0, 1.0)) } else { 1.0 };
-        }
-    }
-    let mean = sum.map(|s| (s / colors.len().max(1) as f64) as f32);
-    (!colors.is_empty() && mean.iter().any(|m| *m < 0.999)).then_some(mean)
+/// Linear colours from 0 to 1; what is not finite is white.
+fn bounded_colors(colors: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
+    colors.into_iter().map(|c| c.map(|v| if v.is_finite() { v.clamp(0.0, 1.0) } else { 1.0 })).collect()
 }
 
 /// `parent_from_node`, or `None` when it is not finite.

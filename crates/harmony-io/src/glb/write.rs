@@ -169,6 +169,10 @@ impl Writer {
         attributes.insert("POSITION".to_owned(), self.vectors(&positions, true));
         let normals: Vec<Vec3> = pick(&mesh.normals, used).into_iter().map(|n| unit(n).unwrap_or(Vec3::Y)).collect();
         attributes.insert("NORMAL".to_owned(), self.vectors(&normals, false));
+        if mesh.colors.len() == mesh.positions.len() && !mesh.colors.is_empty() {
+            let colors = pick(&mesh.colors, used);
+            attributes.insert("COLOR_0".to_owned(), self.colors(&colors));
+        }
         let textured = mesh.groups.iter().any(|g| mesh.materials[g.material].texture.is_some());
         let uvs: Option<Vec<Vec2>> = match tile {
             Some(tile) => Some(pick(&mesh.metric_uvs, used).into_iter().map(|m| finite(tile.uv(m))).collect()),
@@ -214,6 +218,25 @@ impl Writer {
         });
         let flat: Vec<f32> = values.iter().flat_map(glam::Vec3::to_array).collect();
         self.floats(&flat, 3, range)
+    }
+
+    /// Linear colours as 16-bit shares, with an opaque alpha that keeps elements at multiples of four bytes.
+    fn colors(&mut self, colors: &[[f32; 3]]) -> usize {
+        let share = |v: f32| (v.clamp(0.0, 1.0) * 65_535.0).round() as u16;
+        let bytes: Vec<u8> = colors
+            .iter()
+            .flat_map(|[r, g, b]| [share(*r), share(*g), share(*b), u16::MAX])
+            .flat_map(u16::to_le_bytes)
+            .collect();
+        let view = self.view(&bytes, Some(ARRAY_BUFFER));
+        self.accessor(Accessor {
+            buffer_view: Some(view),
+            component_type: UNSIGNED_SHORT,
+            normalized: true,
+            count: colors.len(),
+            kind: "VEC4".to_owned(),
+            ..Accessor::default()
+        })
     }
 
     fn floats(&mut self, values: &[f32], components: usize, range: Option<(Vec3, Vec3)>) -> usize {

@@ -13,7 +13,7 @@ use crate::before::{Before, Known};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Prepared, SceneState};
 use crate::steps::inspect::Inspection;
-use crate::steps::{detect, inspect, place, prepare, programs, review, second_look, surfaces, texture};
+use crate::steps::{detect, inspect, place, prepare, programs, review, second_look, shading, surfaces, texture};
 
 /// A level that can be placed.
 #[derive(Debug, Default)]
@@ -145,6 +145,7 @@ pub async fn place(
         ctx.step("room surfaces");
         surfaces::all(ctx, &mut state, bare).await?;
         texture::everything(ctx, &mut state).await?;
+        shading::everything(ctx, &mut state).await?;
     }
     place::write_files(ctx, level, &state, &outcome).await?;
     Ok(state)

@@ -212,6 +212,7 @@ pub async fn assemble(
     };
     Ok(Prepared {
         plain_slots: g.part_model.as_ref().map_or(c.plain_slots, plain),
+        said_slots: c.said_slots,
         material: material_of(&c.inspected),
         candidate: c.candidate,
         inspected: c.inspected,

@@ -78,6 +78,9 @@ pub async fn until_settled(
                 lit = Some(pictures);
             }
         }
+        if changed {
+            super::shading::everything(ctx, state).await?;
+        }
         ctx.write_json(&format!("{name}.json"), &json!({ "differences": answer.differences, "tried": results }))?;
         if answer.converged || !changed {
             break;
@@ -309,16 +312,27 @@ fn recolored(mesh: &Mesh, slot: Option<&str>, rgb: [f32; 3]) -> Option<Mesh> {
         None => largest()?,
     };
     let mut mesh = mesh.clone();
+    let light = light_on(&mesh, which);
     let material = &mut mesh.materials[which];
     let image = material.texture.as_ref().or(material.tile.as_ref().map(|t| &t.color));
     let [r, g, b, _] = material.base_color;
     let shown = image.map_or([1.0; 3], |image| mean_linear(image));
-    let now = [r * shown[0], g * shown[1], b * shown[2]];
+    let now = [0, 1, 2].map(|k| [r, g, b][k] * shown[k] * light[k]);
     let factor = factors(now, rgb);
     for (channel, f) in material.base_color.iter_mut().zip(factor) {
         *channel = (*channel * f).max(0.0);
     }
     Some(mesh)
+}
+
+/// Mean of the vertices' colours of a slot.
+fn light_on(mesh: &Mesh, slot: usize) -> [f32; 3] {
+    let of_slot = mesh.groups.iter().filter(|g| g.material == slot).flat_map(|g| g.triangles.iter().flatten());
+    let colors: Vec<[f32; 3]> = of_slot.filter_map(|i| mesh.colors.get(*i as usize)).copied().collect();
+    if colors.is_empty() {
+        return [1.0; 3];
+    }
+    [0, 1, 2].map(|k| colors.iter().map(|c| c[k]).sum::<f32>() / colors.len() as f32)
 }
 
 fn factors(now: [f32; 3], wanted: [f32; 3]) -> [f32; 3] {

@@ -9,5 +9,6 @@ pub mod prepare;
 pub mod programs;
 pub mod review;
 pub mod second_look;
+pub mod shading;
 pub mod surfaces;
 pub mod texture;

@@ -36,6 +36,8 @@ pub struct Completed {
     pub program: Option<Arc<Program>>,
     /// Slots of the program that keep their look whatever the photo shows.
     pub plain_slots: Vec<String>,
+    /// Those of them whose colour was said.
+    pub said_slots: Vec<String>,
 }
 
 /// What comes out of the chains of a level.
@@ -154,7 +156,8 @@ async fn chain(
         };
         ctx.write_picture_rgba(&format!("crops/{}.png", candidate.id), &crop)?;
         let program = programs.get(&candidate.id).cloned().map(Arc::new);
-        members.push(Completed { candidate, inspected, image: Arc::new(crop), program, plain_slots: Vec::new() });
+        let (plain_slots, said_slots) = (Vec::new(), Vec::new());
+        members.push(Completed { candidate, inspected, image: Arc::new(crop), program, plain_slots, said_slots });
     }
     let mut made = None;
     for member in &mut members {
@@ -166,6 +169,7 @@ async fn chain(
         };
         let mesh = if let Some(modelled) = programmed {
             member.plain_slots = modelled.plain_slots;
+            member.said_slots = modelled.said_slots;
             Some(modelled.mesh)
         } else {
             member.program = None;

@@ -129,12 +129,15 @@ pub struct Modelled {
     pub mesh: GeneratedMesh,
     /// Slots that keep their look whatever the photo shows.
     pub plain_slots: Vec<String>,
+    /// Those of them whose colour was said, not cut from the photo.
+    pub said_slots: Vec<String>,
 }
 
 fn modelled(shape: BuiltShape, tree: &ShapeTree, program: &Program) -> Modelled {
     let lines = program.source.lines().filter(|l| !l.trim().is_empty()).count();
     let plain = tree.materials.iter().filter(|m| !m.paint);
-    let plain_slots = plain.map(|m| m.name.clone()).collect();
+    let plain_slots = plain.clone().map(|m| m.name.clone()).collect();
+    let said_slots = plain.filter(|m| m.photo.is_none()).map(|m| m.name.clone()).collect();
     let mesh = GeneratedMesh {
         mesh: Arc::new(shape.mesh),
         convex: Some(shape.convex),
@@ -144,7 +147,7 @@ fn modelled(shape: BuiltShape, tree: &ShapeTree, program: &Program) -> Modelled 
         notes: Vec::new(),
         usage: Usage::default(),
     };
-    Modelled { mesh, plain_slots }
+    Modelled { mesh, plain_slots, said_slots }
 }
 
 /// Asks for programs for the objects of a level that matter, where no generator makes the meshes.
@@ -333,6 +336,7 @@ pub fn adopt(state: &mut SceneState, id: &ObjectId, made: Modelled, shape: Arc<S
     if let Some(prepared) = state.prepared.get_mut(id) {
         prepared.mesh = made.mesh.mesh;
         prepared.plain_slots = made.plain_slots;
+        prepared.said_slots = made.said_slots;
         prepared.shape = shape;
         prepared.part_model = None;
         prepared.mesh_source = made.mesh.source;

@@ -253,28 +253,46 @@ impl Plain {
 }
 
 /// What the photo's light makes of colours that the answer gives.
-struct Light([f32; 3]);
+struct Light(Vec<Named>);
+
+/// A face whose colour was both named and seen.
+struct Named {
+    lab: [f32; 3],
+    /// Logarithm of seen over named, by channel.
+    ratio: [f32; 3],
+    weight: f32,
+}
+
+/// Difference of colours (Lab) at which one says much less about the other.
+const ALIKE: f32 = 10.0;
+/// Weight of a floor or a ceiling against that of a wall: light falls on them at another angle.
+const NOT_A_WALL: f32 = 0.2;
 
 impl Light {
-    /// Median ratio of seen to named colours.
     fn of(pieces: &[Piece], answer: &[LayoutSurface]) -> Self {
-        let mut ratios: [Vec<f32>; 3] = Default::default();
-        for piece in pieces.iter().filter(|p| p.strip.kind.is_none()) {
-            let named = answer.iter().find(|s| s.surface.surface() == piece.surface).and_then(LayoutSurface::rgb);
-            let Some((survey, named)) = piece.seen().zip(named) else { continue };
-            for ((r, seen), named) in ratios.iter_mut().zip(survey.look.color).zip(named) {
-                r.push((seen / f32::from(named).max(8.0)).clamp(0.2, 1.6));
-            }
-        }
-        // Without any: what rooms are exposed like.
-        Self(ratios.map(|mut r| {
-            let middle = r.len() / 2;
-            if r.is_empty() { 0.8 } else { *r.select_nth_unstable_by(middle, f32::total_cmp).1 }
-        }))
+        let of_piece = |piece: &Piece| {
+            let named = answer.iter().find(|s| s.surface.surface() == piece.surface).and_then(LayoutSurface::rgb)?;
+            let survey = piece.seen()?;
+            let ratio = |k: usize| (survey.look.color[k] / f32::from(named[k]).max(8.0)).clamp(0.2, 1.6).ln();
+            let weight = if piece.surface.wall().is_some() { 1.0 } else { NOT_A_WALL };
+            let area = (survey.seen_area / ENOUGH).min(1.0) as f32;
+            Some(Named { lab: lab_from_rgb8(named), ratio: std::array::from_fn(ratio), weight: weight * area })
+        };
+        Self(pieces.iter().filter(|p| p.strip.kind.is_none()).filter_map(of_piece).collect())
     }
 
+    /// The named colour by the ratios of seen to named of the faces that were named alike.
     fn on(&self, color: [u8; 3]) -> [f32; 3] {
-        std::array::from_fn(|c| (f32::from(color[c]) * self.0[c]).clamp(0.0, 255.0))
+        let lab = lab_from_rgb8(color);
+        // Without any: what rooms are exposed like.
+        let (mut sum, mut total) = ([0.8_f32.ln() * 1e-3; 3], 1e-3);
+        for named in &self.0 {
+            let off = (0..3).map(|k| (named.lab[k] - lab[k]).powi(2)).sum::<f32>().sqrt();
+            let weight = named.weight * (-off / ALIKE).exp();
+            total += weight;
+            sum.iter_mut().zip(named.ratio).for_each(|(s, r)| *s += weight * r);
+        }
+        std::array::from_fn(|k| (f32::from(color[k]) * (sum[k] / total).exp()).clamp(0.0, 255.0))
     }
 }
 
@@ -351,6 +369,23 @@ mod tests {
         let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &answer, &room(&[]));
         let right = mean(&painted.textures[&Surface::Right]);
         assert!((right[0] - 60.0).abs() < 5.0 && (right[1] - 120.0).abs() < 5.0, "{right:?}");
+    }
+
+    #[test]
+    fn a_wall_named_as_a_seen_one_looks_like_it_whatever_the_others_do() {
+        let named =
+            |surface, hex: &str| LayoutSurface { surface, color_hex: Some(hex.into()), pattern: None, parts: vec![] };
+        // A white wall of which the photo shows grey, and a floor and a blue wall that were named in other ways.
+        let answer = [
+            named(SurfaceName::Floor, "#8a7a5a"),
+            named(SurfaceName::WallBack, "#f0ece6"),
+            named(SurfaceName::WallLeft, "#3a5470"),
+            named(SurfaceName::WallRight, "#f0ece6"),
+        ];
+        let seen = [Some([150, 100, 60]), None, Some([180, 176, 170]), Some([40, 90, 150]), None, None];
+        let painted = paint(&faces(seen), &answer, &room(&[]));
+        let right = mean(&painted.textures[&Surface::Right]);
+        assert!(right.iter().zip([180.0, 176.0, 170.0]).all(|(a, b)| (a - b).abs() < 8.0), "{right:?}");
     }
 
     #[test]

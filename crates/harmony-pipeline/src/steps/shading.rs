@@ -1,0 +1,69 @@
+//! The photo's light on what was modelled by programs, for looks without lamps ([`harmony_render::shade`]).
+
+use std::sync::Arc;
+
+use harmony_mesh::{Material, Mesh};
+use harmony_render::{SOLID, Stands, opacity, shade};
+use harmony_scene::{Mask, ObjectId};
+
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::state::{Prepared, SceneState};
+use crate::views;
+
+/// Fits the law of light to what the photo shows and lights every material whose colour was said.
+///
+/// # Errors
+/// Only that of a computation that broke.
+pub async fn everything(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
+    let any = |id: &ObjectId| state.prepared.get(id).is_some_and(|p| !p.said_slots.is_empty());
+    if !state.partial.placed.iter().any(|p| any(&p.item.id)) {
+        return Ok(());
+    }
+    let shown = Arc::new(state.clone());
+    for (id, mesh) in ctx.computed(move || lit(&shown)).await? {
+        state.textured.insert(id, Arc::new(mesh));
+    }
+    Ok(())
+}
+
+fn lit(state: &SceneState) -> Vec<(ObjectId, Mesh)> {
+    struct Thing {
+        id: ObjectId,
+        mesh: Mesh,
+        pose: harmony_scene::Pose,
+        visible: Option<Mask>,
+        plain: Vec<bool>,
+    }
+    let ids = views::ids(state);
+    let things: Vec<Thing> = state
+        .partial
+        .placed
+        .iter()
+        .filter_map(|placed| {
+            let id = placed.item.id.clone();
+            let mut mesh = (**state.mesh_of(&id)?).clone();
+            mesh.colors.clear();
+            let prepared = state.prepared.get(&id)?;
+            let plain: Vec<bool> = mesh.materials.iter().map(|m| is_said(prepared, m)).collect();
+            let plain = if plain.contains(&true) { plain } else { Vec::new() };
+            let visible = if plain.is_empty() { None } else { state.visible_mask(&id, &ids) };
+            Some(Thing { id, mesh, pose: placed.pose, visible, plain })
+        })
+        .collect();
+    let stands: Vec<Stands<'_>> = things
+        .iter()
+        .map(|t| Stands { mesh: &t.mesh, pose: t.pose, visible: t.visible.as_ref(), plain: &t.plain })
+        .collect();
+    let shell = views::shell(state, Vec::new());
+    let shaded = shade(&shell, &stands, &state.partial.camera, &state.photo, &state.partial.room.extents);
+    things.iter().map(|t| t.id.clone()).zip(shaded.meshes).filter_map(|(id, mesh)| Some((id, mesh?))).collect()
+}
+
+/// Whether a material has a colour that was said and light falls on: not what shines or is seen through.
+fn is_said(prepared: &Prepared, material: &Material) -> bool {
+    prepared.program.is_some()
+        && prepared.said_slots.contains(&material.name)
+        && material.texture.is_none()
+        && material.emissive.iter().all(|e| *e <= 0.0)
+        && opacity(material) >= SOLID
+}

@@ -1,0 +1,236 @@
+//! What a photo says of light on surfaces: one smooth law for the room, one colour for each material.
+//!
+//! In logarithms the law is linear: `ln photo = ln said + slot + scene + b(normal, place) . w + g ln openness`, with `said`
+//! the colour that a material was given. It is solved by iterated reweighting (Huber) with weak priors, so that what was
+//! seen of few surfaces stays near to what was said.
+
+use glam::DVec3;
+use harmony_scene::Extents;
+
+/// Numbers of the law of a room: the general level, six of direction, three of place, one of openness.
+const TERMS: usize = 11;
+/// Deviation of a pixel from which it counts as an outlier, nats.
+const HUBER: f64 = 0.2;
+/// Prior deviation of a slot's colour from what was said, nats.
+const SLOT_SIGMA: f64 = 0.5;
+/// Prior deviations of the terms, nats for a whole unit, and their means.
+const SIGMA: [f64; TERMS] = [0.7, 0.3, 0.3, 0.3, 0.2, 0.2, 0.2, 0.3, 0.3, 0.3, 0.25];
+const MEAN: [f64; TERMS] = [0.0, 0.0, 0.15, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.6];
+/// Deviation of one pixel, nats; pixels beside each other err together.
+const PIXEL_SIGMA: f64 = 1.0;
+/// Added to linear values before logarithms are taken, so that black does not outweigh all.
+pub(super) const AIR: f64 = 0.01;
+const ROUNDS: usize = 12;
+/// Pixels by which the hue of a slot is believed half.
+const HUE_PIXELS: f64 = 80.0;
+/// Largest change of a channel against the others, nats.
+const MOST_HUE: f64 = 0.35;
+
+/// A pixel of the photo that shows a material.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sample {
+    /// Which slot.
+    pub slot: usize,
+    /// Unit normal.
+    pub normal: DVec3,
+    /// Room frame, metres.
+    pub point: DVec3,
+    /// From 0 to 1.
+    pub openness: f64,
+    /// Linear colour of the photo.
+    pub photo: [f64; 3],
+    /// Linear colour that was said.
+    pub said: [f64; 3],
+}
+
+/// The light law of a room, as the photo has it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LightLaw {
+    terms: [f64; TERMS],
+    room: DVec3,
+}
+
+fn basis(normal: DVec3, point: DVec3, open: f64, room: DVec3) -> [f64; TERMS] {
+    let n = normal;
+    let p = (point / room - 0.5).clamp(DVec3::splat(-0.6), DVec3::splat(0.6));
+    let open = open.clamp(0.1, 1.0).ln();
+    [1.0, n.x, n.y, n.z, n.y * n.y - 1.0 / 3.0, n.x * n.y, n.z * n.y, p.x, p.y, p.z, open]
+}
+
+impl LightLaw {
+    /// Light on a place as a factor on the colour that was said; within two thirds of a stop to three stops below one.
+    pub fn at(&self, normal: DVec3, point: DVec3, open: f64) -> f64 {
+        let b = basis(normal, point, open, self.room);
+        let sum: f64 = b.iter().zip(self.terms).map(|(b, w)| b * w).sum();
+        sum.clamp(-2.0, 0.45).exp()
+    }
+}
+
+/// The law and the factor on each slot's colour by channel, each within a stop and a half of what was said.
+pub(super) fn fit(samples: &[Sample], slots: usize, room: &Extents) -> (LightLaw, Vec<[f64; 3]>) {
+    let room = DVec3::new(room.width, room.height, room.depth).max(DVec3::splat(0.1));
+    let log = |v: f64| (v.max(0.0) + AIR).ln();
+    let luminance = |c: [f64; 3]| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
+    let rows: Vec<([f64; TERMS], usize, f64)> = samples
+        .iter()
+        .map(|s| {
+            let wanted = log(luminance(s.photo)) - log(luminance(s.said));
+            (basis(s.normal, s.point, s.openness, room), s.slot, wanted)
+        })
+        .collect();
+    let mut terms = MEAN;
+    let mut slot = vec![0.0; slots];
+    for _ in 0..ROUNDS {
+        (terms, slot) = step(&rows, &terms, &slot);
+    }
+    let law = LightLaw { terms, room };
+    let mut channels: Vec<[Vec<f64>; 3]> = vec![Default::default(); slots];
+    for s in samples {
+        let light = law.at(s.normal, s.point, s.openness);
+        for (k, list) in channels[s.slot].iter_mut().enumerate() {
+            list.push(log(s.photo[k]) - log(s.said[k] * light));
+        }
+    }
+    (law, channels.into_iter().map(gain).collect())
+}
+
+/// The factors of a slot from the logarithms of what its pixels ask for: brightness soon, hue only by many pixels, for
+/// the few of a small thing are its neighbours' too.
+fn gain(lists: [Vec<f64>; 3]) -> [f64; 3] {
+    let count = lists[0].len() as f64;
+    if lists[0].is_empty() {
+        return [1.0; 3];
+    }
+    let median = lists.map(|mut list| {
+        let middle = list.len() / 2;
+        *list.select_nth_unstable_by(middle, f64::total_cmp).1
+    });
+    let level = 0.2126 * median[0] + 0.7152 * median[1] + 0.0722 * median[2];
+    let brightness = (level * count / (count + 8.0)).clamp(-1.04, 1.04);
+    median.map(|m| {
+        let hue = ((m - level) * count / (count + HUE_PIXELS)).clamp(-MOST_HUE, MOST_HUE);
+        (brightness + hue).exp()
+    })
+}
+
+/// One round of reweighted least squares. Slots are eliminated: each has one number and its own rows.
+fn step(rows: &[([f64; TERMS], usize, f64)], terms: &[f64; TERMS], slot: &[f64]) -> ([f64; TERMS], Vec<f64>) {
+    let mut normal = [[0.0; TERMS]; TERMS];
+    let mut right = [0.0; TERMS];
+    for k in 0..TERMS {
+        normal[k][k] = SIGMA[k].powi(-2);
+        right[k] = MEAN[k] * SIGMA[k].powi(-2);
+    }
+    let mut own = vec![(SLOT_SIGMA.powi(-2), [0.0; TERMS], 0.0); slot.len()];
+    for (b, s, wanted) in rows {
+        let error = wanted - slot[*s] - dot(b, terms);
+        let w = (HUBER / error.abs().max(HUBER)) / (PIXEL_SIGMA * PIXEL_SIGMA);
+        for i in 0..TERMS {
+            for j in 0..TERMS {
+                normal[i][j] += w * b[i] * b[j];
+            }
+            right[i] += w * b[i] * wanted;
+        }
+        let o = &mut own[*s];
+        o.0 += w;
+        o.2 += w * wanted;
+        for (sum, b) in o.1.iter_mut().zip(b) {
+            *sum += w * b;
+        }
+    }
+    for (weight, sums, wanted) in &own {
+        for i in 0..TERMS {
+            for j in 0..TERMS {
+                normal[i][j] -= sums[i] * sums[j] / weight;
+            }
+            right[i] -= sums[i] * wanted / weight;
+        }
+    }
+    let terms = solve(normal, right).unwrap_or(*terms);
+    let slot = own.iter().map(|(weight, sums, wanted)| (wanted - dot(sums, &terms)) / weight).collect();
+    (terms, slot)
+}
+
+fn dot(a: &[f64; TERMS], b: &[f64; TERMS]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Gaussian elimination of a positive definite system.
+fn solve(mut a: [[f64; TERMS]; TERMS], mut b: [f64; TERMS]) -> Option<[f64; TERMS]> {
+    for k in 0..TERMS {
+        if a[k][k] < 1e-9 {
+            return None;
+        }
+        for i in k + 1..TERMS {
+            let f = a[i][k] / a[k][k];
+            let row = a[k];
+            for (value, above) in a[i].iter_mut().zip(row).skip(k) {
+                *value -= f * above;
+            }
+            b[i] -= f * b[k];
+        }
+    }
+    for k in (0..TERMS).rev() {
+        let known: f64 = (k + 1..TERMS).map(|j| a[k][j] * b[j]).sum();
+        b[k] = (b[k] - known) / a[k][k];
+    }
+    b.iter().all(|v| v.is_finite()).then_some(b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROOM: Extents = Extents { width: 4.0, height: 2.5, depth: 5.0 };
+
+    /// Three boxes' visible sides under a light from above and the left; the second was said too bright.
+    fn seen(truth: impl Fn(DVec3) -> f64, said: [f64; 3], real: [f64; 3], slot: usize) -> Vec<Sample> {
+        let sides = [DVec3::Y, DVec3::Z, DVec3::X, DVec3::new(0.6, 0.8, 0.0)];
+        (0..80)
+            .map(|i| {
+                let normal = sides[i % 4];
+                let point = DVec3::new(0.5 + 0.03 * i as f64, 0.4, 2.0);
+                let light = truth(normal);
+                Sample { slot, normal, point, openness: 1.0, photo: real.map(|c| c * light), said: [said[0]; 3] }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn light_is_told_from_paint_by_the_sides_of_things() {
+        let truth = |n: DVec3| 0.8 + 0.3 * n.y - 0.2 * n.x;
+        let mut all = seen(truth, [0.5; 3], [0.5; 3], 0);
+        all.extend(seen(truth, [0.8; 3], [0.4; 3], 1));
+        let (law, gains) = fit(&all, 3, &ROOM);
+        let at = |n: DVec3| law.at(n, DVec3::new(1.5, 0.4, 2.0), 1.0);
+        let ratio = at(DVec3::Y) / at(DVec3::X);
+        // Weak priors draw it a little towards an even light.
+        assert!((ratio - 1.1 / 0.6).abs() < 0.25, "{ratio}");
+        // What is predicted is what was seen, whoever holds the level.
+        for (slot, real, said) in [(0, 0.5, 0.5), (1, 0.4, 0.8)] {
+            let predicted = said * gains[slot][0] * at(DVec3::Z);
+            assert!((predicted / (real * truth(DVec3::Z)) - 1.0).abs() < 0.08, "{slot}: {predicted}");
+        }
+        assert_eq!(gains[2], [1.0; 3], "what was not seen keeps what was said");
+    }
+
+    #[test]
+    fn a_third_of_wrong_pixels_does_not_turn_the_light() {
+        let truth = |n: DVec3| 0.8 + 0.3 * n.y;
+        let mut all = seen(truth, [0.5; 3], [0.5; 3], 0);
+        for s in all.iter_mut().step_by(3) {
+            s.photo = [0.02; 3];
+        }
+        let (law, gains) = fit(&all, 1, &ROOM);
+        let predicted = 0.5 * gains[0][0] * law.at(DVec3::Y, DVec3::new(1.5, 0.4, 2.0), 1.0);
+        assert!((predicted / 0.55 - 1.0).abs() < 0.15, "{predicted}");
+    }
+
+    #[test]
+    fn without_pixels_the_law_is_a_usual_room() {
+        let (law, gains) = fit(&[], 1, &ROOM);
+        let at = |n: DVec3, open: f64| law.at(n, DVec3::new(2.0, 1.25, 2.5), open);
+        assert_eq!(gains, vec![[1.0; 3]]);
+        assert!(at(DVec3::Y, 1.0) > at(DVec3::NEG_Y, 1.0) && at(DVec3::Y, 0.3) < 0.7);
+    }
+}
