@@ -35,8 +35,11 @@ pub(super) fn assemble(tree: &ShapeTree, ctx: &BuildContext, root: &Built) -> Re
     let places = atlas(&parts, &pieces);
     let mut used: BTreeMap<usize, Vec<[u32; 3]>> = BTreeMap::new();
     let mut stamp: HashMap<(u32, bool), u32> = HashMap::new();
+    let coplanar = report::coplanar(&parts);
+    let nudges = report::nudges(parts.len(), &coplanar);
     for (i, part) in parts.iter().enumerate() {
         let k = pieces.of_part[i];
+        let swell = Swell::new(part, nudges[i]);
         let own = looks.of(part.look.as_ref(), part.piece.closed);
         let flip = part.place.matrix3.determinant() < 0.0;
         let normal_map = part.place.matrix3.inverse().transpose();
@@ -58,7 +61,7 @@ pub(super) fn assemble(tree: &ShapeTree, ctx: &BuildContext, root: &Built) -> Re
                         let uv = part.piece.uvs[v];
                         let local = (uv - chart.lo) * stretch;
                         let local = if turned { local.yx() } else { local };
-                        let p = part.place.transform_point3(part.piece.positions[v]) + origin;
+                        let p = swell.at(part.place.transform_point3(part.piece.positions[v])) + origin;
                         let n = (normal_map * part.piece.normals[v]).normalize_or(DVec3::Y);
                         mesh.positions.push(p.as_vec3());
                         mesh.normals.push(n.as_vec3());
@@ -79,7 +82,29 @@ pub(super) fn assemble(tree: &ShapeTree, ctx: &BuildContext, root: &Built) -> Re
     }
     let mut shape = BuiltShape { mesh, slots, origin, convex: convex(&parts, origin), ..BuiltShape::default() };
     report::fill(&mut shape, root, &parts);
+    shape.coplanar = report::named(&parts, &coplanar);
     Ok(shape)
+}
+
+/// A part made a little larger about the middle of its box.
+struct Swell {
+    middle: DVec3,
+    factor: DVec3,
+}
+
+impl Swell {
+    fn new(part: &Part, by: f64) -> Self {
+        let Some((lo, hi)) = part.bounds().filter(|_| by > 0.0) else {
+            return Self { middle: DVec3::ZERO, factor: DVec3::ONE };
+        };
+        // What is flat stays flat.
+        let factor = ((hi - lo) / 2.0).to_array().map(|half| if half > 1e-4 { 1.0 + by / half } else { 1.0 });
+        Self { middle: (lo + hi) / 2.0, factor: DVec3::from_array(factor) }
+    }
+
+    fn at(&self, point: DVec3) -> DVec3 {
+        if self.factor == DVec3::ONE { point } else { self.middle + (point - self.middle) * self.factor }
+    }
 }
 
 /// How much longer lengths are where the piece stands.

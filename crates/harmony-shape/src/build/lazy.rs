@@ -37,7 +37,7 @@ pub fn lazy_signs(shape: &BuiltShape, wanted: Option<DVec3>) -> Vec<String> {
     }
     let flicker: Vec<String> = shape.coplanar.iter().map(|(a, b)| format!("{} and {}", named(a), named(b))).collect();
     if !flicker.is_empty() {
-        out.push(format!("faces in one plane that will flicker: {}", listed(&flicker)));
+        out.push(format!("faces in one plane, set a hair apart lest they flicker: {}", listed(&flicker)));
     }
     out
 }

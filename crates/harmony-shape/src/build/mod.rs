@@ -64,7 +64,7 @@ pub struct BuiltShape {
     pub parts: Vec<BuiltPart>,
     /// The tree's origin in the mesh's frame: add it to a point of the program to find the point in the mesh.
     pub origin: DVec3,
-    /// Pairs of parts with faces that lie in one plane and look the same way.
+    /// Pairs of parts with faces that lay in one plane and look the same way; they stand a hair apart now.
     pub(crate) coplanar: Vec<(String, String)>,
 }
 

@@ -14,6 +14,10 @@ const MAX_LOOKED_AT: usize = 4000;
 const MIN_FACE: f64 = 4e-4;
 /// Planes nearer than this flicker, metres.
 const SAME_PLANE: f64 = 5e-4;
+/// Most pairs that are told apart.
+const MAX_PAIRS: usize = 4000;
+/// Step by which parts in one plane are told apart, metres.
+const NUDGE: f64 = 6e-5;
 
 /// Adds parts, joints, lights and surfaces.
 pub(super) fn fill(shape: &mut BuiltShape, root: &Built, parts: &[&Part]) {
@@ -70,7 +74,6 @@ pub(super) fn fill(shape: &mut BuiltShape, root: &Built, parts: &[&Part]) {
         .collect();
     shape.lights = root.lights.iter().map(|l| BuiltLight { position: l.position + origin, ..l.clone() }).collect();
     shape.surfaces = root.surfaces.iter().map(|s| BuiltSurface { at: s.at + origin, ..s.clone() }).collect();
-    shape.coplanar = coplanar(parts);
 }
 
 fn apart(a: (DVec3, DVec3), b: (DVec3, DVec3)) -> f64 {
@@ -138,10 +141,11 @@ struct Flat {
     hi: DVec3,
 }
 
-/// Pairs of parts (by name) with faces that look the same way, lie within half a millimetre and overlap.
-fn coplanar(parts: &[&Part]) -> Vec<(String, String)> {
+/// Pairs of parts with faces that look the same way, lie within half a millimetre and overlap.
+pub(super) fn coplanar(parts: &[&Part]) -> BTreeSet<(usize, usize)> {
+    let mut out = BTreeSet::new();
     if parts.len() > MAX_LOOKED_AT {
-        return Vec::new();
+        return out;
     }
     let mut faces: BTreeMap<[i64; 3], Vec<Flat>> = BTreeMap::new();
     for (i, part) in parts.iter().enumerate() {
@@ -172,23 +176,45 @@ fn coplanar(parts: &[&Part]) -> Vec<(String, String)> {
             }
         }
     }
-    let mut out: BTreeSet<(String, String)> = BTreeSet::new();
     for list in faces.values_mut() {
         list.sort_by(|a, b| a.offset.total_cmp(&b.offset));
         for (k, a) in list.iter().enumerate() {
             for b in &list[k + 1..] {
-                if b.offset - a.offset > SAME_PLANE || out.len() > 20 {
+                if b.offset - a.offset > SAME_PLANE || out.len() > MAX_PAIRS {
                     break;
                 }
                 let shared = (a.hi.min(b.hi) - a.lo.max(b.lo)) + a.normal.abs() * 0.01;
                 if a.part != b.part && shared.min_element() > 2e-3 {
-                    let (p, q) = (parts[a.part].name.to_string(), parts[b.part].name.to_string());
-                    out.insert(if p <= q { (p, q) } else { (q, p) });
+                    out.insert((a.part.min(b.part), a.part.max(b.part)));
                 }
             }
         }
     }
-    out.into_iter().collect()
+    out
+}
+
+/// How far each part stands out in all directions, metres, so that no two of a pair have a face in one plane: renderers
+/// show such faces black, or flickering.
+pub(super) fn nudges(count: usize, pairs: &BTreeSet<(usize, usize)>) -> Vec<f64> {
+    let mut level = vec![0_u32; count];
+    for (a, b) in pairs {
+        if level[*a] == level[*b] {
+            level[*b] += 1;
+        }
+    }
+    level.into_iter().map(|l| f64::from(l.min(8)) * NUDGE).collect()
+}
+
+/// Pairs by the names of their parts.
+pub(super) fn named(parts: &[&Part], pairs: &BTreeSet<(usize, usize)>) -> Vec<(String, String)> {
+    let names: BTreeSet<(String, String)> = pairs
+        .iter()
+        .map(|(a, b)| {
+            let (p, q) = (parts[*a].name.to_string(), parts[*b].name.to_string());
+            if p <= q { (p, q) } else { (q, p) }
+        })
+        .collect();
+    names.into_iter().take(20).collect()
 }
 
 impl BuiltShape {

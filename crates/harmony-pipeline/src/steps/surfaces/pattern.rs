@@ -3,7 +3,8 @@
 use glam::{DMat2, DVec2};
 use harmony_imaging::tile::{Look, Survey};
 use harmony_prompts::{LayoutPattern, LayoutPatternKind as Named};
-use harmony_shape::material::{MaterialSpec, Pattern, PatternKind, bake_tile, fit_evidence};
+use harmony_shape::material::{MaterialSpec, Pattern, PatternFit, PatternKind, bake_tile, fit_evidence};
+use image::RgbaImage;
 
 /// A look with the named pattern, refined by what was seen; `None` when what was seen says more than the name: it shows
 /// a repeat of its own, or the grain of something that has no pieces.
@@ -13,7 +14,7 @@ pub fn named_look(named: &LayoutPattern, look: &Look, seen: Option<&Survey>, px_
         return None;
     }
     let hint = pattern(named);
-    let pattern = seen.map_or_else(|| hint.clone(), |s| fit_evidence(&hint, &s.delit(), px_per_m).pattern);
+    let pattern = seen.map_or_else(|| hint.clone(), |s| fitted(&hint, &s.delit(), px_per_m));
     let [r, g, b] = look.color.map(|c| c.round().clamp(0.0, 255.0) as u8);
     let mut spec = MaterialSpec::plain("surface", &format!("#{r:02x}{g:02x}{b:02x}"));
     spec.map = Some(pattern);
@@ -23,6 +24,29 @@ pub fn named_look(named: &LayoutPattern, look: &Look, seen: Option<&Survey>, px_
     let cell_from_metres =
         DMat2::from_cols(DVec2::new(cos / width, -sin / height), DVec2::new(sin / width, cos / height));
     Some(look.printed(&tile.color, cell_from_metres * (1.0 / px_per_m), seed))
+}
+
+/// How much more of what is seen a pattern must explain that lies across the named one, or has another scale.
+const CLEARLY: f64 = 0.12;
+
+/// The named pattern fitted to what is seen, or the one that lies across it or is half or twice as large, where that
+/// explains clearly more: directions and "how wide" are easily meant in another way than they are read.
+fn fitted(hint: &Pattern, seen: &RgbaImage, px_per_m: f64) -> Pattern {
+    let explained = |fit: &PatternFit| fit.along_u.unwrap_or(0.0).max(fit.along_v.unwrap_or(0.0));
+    let mut best = fit_evidence(hint, seen, px_per_m);
+    let mut most = explained(&best) + CLEARLY;
+    for (turn, scale) in [(90.0, 1.0), (0.0, 0.5), (0.0, 2.0), (90.0, 0.5), (90.0, 2.0)] {
+        let mut other = hint.clone();
+        other.turn_deg += turn;
+        other.width *= scale;
+        other.length *= scale;
+        let fit = fit_evidence(&other, seen, px_per_m);
+        if explained(&fit) > most {
+            most = explained(&fit);
+            best = fit;
+        }
+    }
+    best.pattern
 }
 
 /// The pattern as the answer describes it.
@@ -59,6 +83,21 @@ fn pattern(named: &LayoutPattern) -> Pattern {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn stripes_stand_as_they_are_seen_however_they_were_named() {
+        // Vertical stripes, each 0.1 m, on what was named as lying stripes.
+        let mut hint = Pattern::new(PatternKind::Stripes);
+        (hint.width, hint.length, hint.turn_deg) = (0.1, 0.1, -90.0);
+        hint.colors = vec!["#cdb398".into(), "#b3977a".into()];
+        let tone = |x: u32| if (x / 10).is_multiple_of(2) { [205, 179, 152, 255] } else { [179, 151, 122, 255] };
+        let seen = RgbaImage::from_fn(200, 160, |x, y| {
+            let hidden = (60..130).contains(&x) && y > 70;
+            image::Rgba(if hidden { [0; 4] } else { tone(x) })
+        });
+        let fit = fitted(&hint, &seen, 100.0);
+        assert!(fit.turn_deg.rem_euclid(180.0).abs() < 1.0, "{}", fit.turn_deg);
+    }
 
     #[test]
     fn named_tiles_are_laid_at_their_size_where_nothing_was_seen() {
