@@ -152,7 +152,7 @@ struct Atlas {
 impl Atlas {
     /// Offset, whether turned, and scale of a chart of a part.
     fn place(&self, part: usize, piece: usize, chart: usize) -> (DVec2, bool, f64) {
-        let at = self.shared.as_ref().map_or(self.first[part], |s| s[piece]) + chart;
+        let at = self.shared.as_ref().map_or_else(|| self.first[part], |s| s[piece]) + chart;
         let scale = if self.tiny.as_ref().is_some_and(|t| t[at]) { 0.0 } else { self.scale };
         let (offset, turned) = self.places[at];
         (offset, turned, scale)

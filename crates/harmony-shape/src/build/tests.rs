@@ -96,6 +96,18 @@ fn a_table_is_canonical_with_groups_names_joints_and_hulls() {
 }
 
 #[test]
+fn a_shape_of_thousands_of_charts_is_built() {
+    // Each cube has six: copies share their places then.
+    let mut m = Maker::default();
+    let oak = m.material("oak");
+    let cube = m.cube("cube", Some(oak), [0.01; 3]);
+    let places = (0..900).map(|i| [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.02 * f64::from(i), 0.0, 0.0]]);
+    let places = places.collect();
+    m.node("row", None, Kind::Copies { child: cube, places });
+    assert_eq!(m.build().mesh.triangle_count(), 900 * 12);
+}
+
+#[test]
 fn charts_do_not_overlap_in_the_atlas() {
     let shape = table().build();
     let mut cells = vec![0_u32; 256 * 256];

@@ -26,16 +26,21 @@ pub fn named_look(named: &LayoutPattern, look: &Look, seen: Option<&Survey>, px_
     Some(look.printed(&tile.color, cell_from_metres * (1.0 / px_per_m), seed))
 }
 
-/// How much more of what is seen a pattern must explain that lies across the named one, or has another scale.
+/// How much more of what is seen another pattern than the named one must explain.
 const CLEARLY: f64 = 0.12;
 
-/// The named pattern fitted to what is seen, or the one that lies across it or is half or twice as large, where that
-/// explains clearly more: directions and "how wide" are easily meant in another way than they are read.
+/// The named pattern fitted to what is seen; for planks or stripes the one that lies across it, and for stripes (one or
+/// the repeat?) those of half or twice the width, where that explains clearly more.
 fn fitted(hint: &Pattern, seen: &RgbaImage, px_per_m: f64) -> Pattern {
     let explained = |fit: &PatternFit| fit.along_u.unwrap_or(0.0).max(fit.along_v.unwrap_or(0.0));
     let mut best = fit_evidence(hint, seen, px_per_m);
     let mut most = explained(&best) + CLEARLY;
-    for (turn, scale) in [(90.0, 1.0), (0.0, 0.5), (0.0, 2.0), (90.0, 0.5), (90.0, 2.0)] {
+    let others: &[(f64, f64)] = match hint.kind {
+        PatternKind::Stripes => &[(90.0, 1.0), (0.0, 0.5), (0.0, 2.0), (90.0, 0.5), (90.0, 2.0)],
+        PatternKind::Planks => &[(90.0, 1.0)],
+        _ => &[],
+    };
+    for (turn, scale) in others {
         let mut other = hint.clone();
         other.turn_deg += turn;
         other.width *= scale;

@@ -1,6 +1,6 @@
 //! Skirting boards: from the layout answer, or from the strip above the floor that all seen walls have.
 
-use harmony_imaging::color::{lab_from_rgb8, linear_from_srgb};
+use harmony_imaging::color::{lab_from_rgb8, linear_from_srgb, rgb8_from_linear};
 use harmony_mesh::{Trim, Trims};
 use harmony_prompts::{LayoutTrim, LayoutTrims};
 use harmony_scene::{Extents, Surface};
@@ -20,6 +20,8 @@ const DIFFERENT: f32 = 4.0;
 const NOT_FLOOR: f32 = 7.0;
 /// Colours that differ by less can be one board under uneven light.
 const ONE_BOARD: f32 = 12.0;
+/// Difference from the named colour from which a strip is not the named board, Lab units.
+const ANOTHER: f32 = 20.0;
 /// Depth of a board that is only seen, metres.
 const DEPTH: f64 = 0.014;
 
@@ -28,8 +30,11 @@ pub fn trims(answer: &LayoutTrims, faces: &[Face], extents: &Extents) -> Trims {
     let seen = seen_skirting(faces, extents);
     let skirting = match (&answer.skirting, seen) {
         // Its colour under the room's light is what the photo shows.
-        (Some(named), Some(seen)) => Some(Trim { height: named.height_m, depth: named.depth_m, color: seen.color }),
-        (Some(named), None) => Some(board(named)),
+        (Some(named), Some(seen)) if alike(board(named).color, seen.color) => {
+            Some(Trim { height: named.height_m, depth: named.depth_m, color: seen.color })
+        }
+        // What is seen in quite another colour is a shadow along the wall, or the line of the floor.
+        (Some(named), _) => Some(board(named)),
         (None, seen) => seen,
     };
     Trims { skirting, cornice: answer.cornice.as_ref().map(board), casing: answer.casing.as_ref().map(board) }
@@ -38,6 +43,12 @@ pub fn trims(answer: &LayoutTrims, faces: &[Face], extents: &Extents) -> Trims {
 fn board(named: &LayoutTrim) -> Trim {
     // A flat render shows things as lit: white in a room is no full white.
     Trim { height: named.height_m, depth: named.depth_m, color: linear(named.rgb().map(|c| f32::from(c) * 0.85)) }
+}
+
+/// Whether two linear colours can be one board in more or less light.
+fn alike(a: [f32; 3], b: [f32; 3]) -> bool {
+    let (a, b) = (lab_from_rgb8(rgb8_from_linear(a)), lab_from_rgb8(rgb8_from_linear(b)));
+    (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt() < ANOTHER
 }
 
 fn linear(color: [f32; 3]) -> [f32; 3] {
@@ -165,6 +176,15 @@ mod tests {
         let board = trims.skirting.unwrap();
         assert!((board.height - 0.08).abs() < 0.011, "{}", board.height);
         assert!((board.color[0] - linear_from_srgb(235.0 / 255.0)).abs() < 0.02);
+    }
+
+    #[test]
+    fn a_shadow_at_the_foot_of_a_wall_does_not_colour_the_named_board() {
+        let face = wall(|v| if v < 0.08 { [100, 90, 78] } else { [196, 188, 172] });
+        let named = LayoutTrim { height_m: 0.08, depth_m: 0.015, color_hex: "#c4c2bf".into() };
+        let answer = LayoutTrims { skirting: Some(named), ..LayoutTrims::default() };
+        let color = trims(&answer, &[floor(), face], &ROOM).skirting.unwrap().color;
+        assert!((color[0] - linear_from_srgb(196.0 * 0.85 / 255.0)).abs() < 0.01, "{color:?}");
     }
 
     #[test]
