@@ -6,6 +6,7 @@ use harmony_placement::RoomPoints;
 use harmony_scene::{Camera, Extents, ImageSize, Mask, Surface};
 use image::{RgbImage, Rgba, RgbaImage};
 
+use super::shadow::Shade;
 use crate::state::SceneState;
 use crate::views;
 
@@ -137,6 +138,8 @@ pub struct Face {
     pub sharp: Vec<bool>,
     /// Texels a metre.
     pub px_per_m: f64,
+    /// Shadows of things that were taken out.
+    pub shade: Option<Shade>,
 }
 
 impl Face {
@@ -159,7 +162,7 @@ impl Face {
         }
         let size = ImageSize::new(texture.width(), texture.height());
         let sharp = sharp(camera, extents, surface, size);
-        Self { surface, texture, sharp, px_per_m }
+        Self { surface, texture, sharp, px_per_m, shade: None }
     }
 
     /// Face coordinates of a texel's centre, metres.
