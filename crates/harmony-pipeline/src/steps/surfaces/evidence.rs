@@ -6,7 +6,6 @@ use harmony_placement::RoomPoints;
 use harmony_scene::{Camera, Extents, ImageSize, Mask, Surface};
 use image::{RgbImage, Rgba, RgbaImage};
 
-use super::shadow::Shade;
 use crate::state::SceneState;
 use crate::views;
 
@@ -138,8 +137,6 @@ pub struct Face {
     pub sharp: Vec<bool>,
     /// Texels a metre.
     pub px_per_m: f64,
-    /// Shadows of things that were taken out.
-    pub shade: Option<Shade>,
 }
 
 impl Face {
@@ -162,7 +159,7 @@ impl Face {
         }
         let size = ImageSize::new(texture.width(), texture.height());
         let sharp = sharp(camera, extents, surface, size);
-        Self { surface, texture, sharp, px_per_m, shade: None }
+        Self { surface, texture, sharp, px_per_m }
     }
 
     /// Face coordinates of a texel's centre, metres.

@@ -163,7 +163,7 @@ fn painted(state: &SceneState, bare: Option<&RgbImage>, finest: f64) -> (Painted
             if let Some(board) = trims.cornice {
                 face.without_heights(&extents, extents.height - board.height - BOARD_MARGIN, f64::INFINITY);
             }
-            face.shade = shadow::forget(&mut face.texture, face.px_per_m);
+            shadow::forget(&mut face.texture, face.px_per_m);
         }
     });
     (paint::paint(&faces, &answer.surfaces, &state.partial.room), trims, faces)

@@ -74,9 +74,6 @@ pub fn paint(faces: &[Face], answer: &[LayoutSurface], room: &Room) -> Painted {
             imageops::replace(&mut whole, image, 0, i64::from(piece.rows[0]));
             notes.push(note.clone());
         }
-        if let Some(shade) = &face.shade {
-            shade.lay_over(&mut whole);
-        }
         textures.insert(face.surface, whole);
     }
     Painted { textures, notes }
@@ -328,7 +325,7 @@ mod tests {
             Some([r, g, b]) if x > w / 3 => Rgba([r, g, b.saturating_add(((x * 7 + y * 3) % 4) as u8), 255]),
             _ => Rgba([0; 4]),
         });
-        Face { surface, sharp: vec![true; (w * h) as usize], texture, px_per_m: 50.0, shade: None }
+        Face { surface, sharp: vec![true; (w * h) as usize], texture, px_per_m: 50.0 }
     }
 
     fn faces(colors: [Option<[u8; 3]>; 6]) -> Vec<Face> {
