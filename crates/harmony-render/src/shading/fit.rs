@@ -23,6 +23,8 @@ pub(super) const AIR: f64 = 0.01;
 const ROUNDS: usize = 12;
 /// Pixels by which the hue of a slot is believed half.
 const HUE_PIXELS: f64 = 80.0;
+/// Difference of a channel against the others from which a slot's pixels are not its own, nats.
+const FOREIGN: f64 = 0.6;
 /// Largest change of a channel against the others, nats.
 const MOST_HUE: f64 = 0.35;
 
@@ -106,6 +108,10 @@ fn gain(lists: [Vec<f64>; 3]) -> [f64; 3] {
         *list.select_nth_unstable_by(middle, f64::total_cmp).1
     });
     let level = 0.2126 * median[0] + 0.7152 * median[1] + 0.0722 * median[2];
+    // Pixels of quite another hue are another thing's, which the scene has elsewhere.
+    if median.iter().any(|m| (m - level).abs() > FOREIGN) {
+        return [1.0; 3];
+    }
     let brightness = (level * count / (count + 8.0)).clamp(-1.04, 1.04);
     median.map(|m| {
         let hue = ((m - level) * count / (count + HUE_PIXELS)).clamp(-MOST_HUE, MOST_HUE);
@@ -224,6 +230,16 @@ mod tests {
         let (law, gains) = fit(&all, 1, &ROOM);
         let predicted = 0.5 * gains[0][0] * law.at(DVec3::Y, DVec3::new(1.5, 0.4, 2.0), 1.0);
         assert!((predicted / 0.55 - 1.0).abs() < 0.15, "{predicted}");
+    }
+
+    #[test]
+    fn pixels_of_another_hue_do_not_recolour_a_slot() {
+        // What was said to be red shows leather: its outline is off.
+        let mut all = seen(|_| 1.0, [0.5; 3], [0.5; 3], 0);
+        let (red, leather) = ([0.3, 0.035, 0.025], [0.43, 0.25, 0.12]);
+        all.extend(seen(|_| 1.0, red, leather, 1).into_iter().map(|s| Sample { said: red, ..s }));
+        let (_, gains) = fit(&all, 2, &ROOM);
+        assert_eq!(gains[1], [1.0; 3]);
     }
 
     #[test]

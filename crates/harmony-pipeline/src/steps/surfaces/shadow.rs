@@ -13,6 +13,8 @@ const REACH: f64 = 0.2;
 /// neighbours are that belong to it, nats.
 const BEGINS: f64 = 0.4;
 const GOES_ON: f64 = 0.3;
+/// What begins this near to a wall's edge is the corner's, metres.
+const CORNER: f64 = 0.2;
 /// Scale of the robust fit, nats.
 const SCALE: f64 = 0.05;
 /// Fewest cells that make a law of light, and the largest share of them that shadows may be.
@@ -54,13 +56,19 @@ pub fn forget(texture: &mut RgbaImage, px_per_m: f64) {
             inside.then(|| (y * i64::from(columns) + x) as usize)
         })
     };
+    // Corners of the room are dark by themselves.
+    let corner = (CORNER / CELL) as u32;
+    let inner = |i: usize| {
+        let (x, y) = (i as u32 % columns, i as u32 / columns);
+        x.min(y) >= corner && x + corner < columns && y + corner < rows
+    };
     // Steps from what hides the wall, through shadow.
     let most = (REACH / CELL) as usize;
     let mut steps: Vec<Option<usize>> = vec![None; light.len()];
     let mut front: Vec<usize> = seen
         .iter()
         .map(|(i, _)| *i)
-        .filter(|i| darker(*i) > BEGINS && around(*i).any(|j| light[j].is_none()))
+        .filter(|i| inner(*i) && darker(*i) > BEGINS && around(*i).any(|j| light[j].is_none()))
         .collect();
     for step in 0..most {
         for i in &front {
