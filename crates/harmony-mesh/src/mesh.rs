@@ -320,7 +320,7 @@ impl Mesh {
         }
         if !self.colors.is_empty() {
             let (a, b) = (self.colors[i], self.colors[j]);
-            self.colors.push(std::array::from_fn(|k| (a[k] + b[k]) / 2.0));
+            self.colors.push(std::array::from_fn(|k| f32::midpoint(a[k], b[k])));
         }
         (self.positions.len() - 1) as u32
     }

@@ -141,6 +141,7 @@ pub fn small_mesh(bad: f32) -> Mesh {
     let p = |x: f32, y: f32, z: f32| glam::Vec3::new(x, y, z);
     Mesh {
         metric_uvs: Vec::new(),
+        colors: Vec::new(),
         positions: vec![p(0.0, bad, 0.0), p(1.0 / 3.0, 0.0, 0.0), p(0.0, 0.7, 0.0), p(0.3, 0.7, 0.1)],
         normals: vec![glam::Vec3::Z; 4],
         uvs: vec![glam::Vec2::new(0.1, 0.9); 4],

@@ -343,6 +343,7 @@ fn truth(o: &Value, v: &[[f32; 3]], f: &[[u32; 3]]) -> Truth {
     let yaw = o["yaw_deg"].as_f64().unwrap().to_radians();
     let mut mesh = Mesh {
         metric_uvs: Vec::new(),
+        colors: Vec::new(),
         positions: v.iter().map(|p| glam::Vec3::from(*p)).collect(),
         uvs: vec![Vec2::ZERO.as_vec2(); v.len()],
         groups: vec![Group { material: 0, triangles: f.to_vec() }],
