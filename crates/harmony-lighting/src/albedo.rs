@@ -24,6 +24,8 @@ const SIGMAS: [f64; 2] = [0.06, 0.02];
 const MOST_STOPS: f32 = 2.5;
 /// Largest change of one update within a node, against its mean, stops.
 const MOST_STEP: f32 = 1.5;
+/// Largest change of a channel against the others within a node, stops.
+const MOST_HUE: f32 = 0.4;
 /// Light below which ratios are noise.
 const DARK: f32 = 0.004;
 /// A node has an own factor from so many counted pixels.
@@ -134,6 +136,11 @@ fn local_step(ratio: &[[f32; 3]], weights: &[f32], middle: [f32; 3], size: harmo
             }
         }
     }
+    // Light changes its hue a little over a surface; what changes it more is another thing's colour, beside the outline.
+    for s in &mut step {
+        let level = 0.2126 * s[0] + 0.7152 * s[1] + 0.0722 * s[2];
+        *s = s.map(|v| level + (v - level).clamp(-MOST_HUE, MOST_HUE));
+    }
     step
 }
 
@@ -163,6 +170,22 @@ mod tests {
     fn image(f: impl Fn(f32, f32) -> [f32; 3]) -> LinearImage {
         let rgb = (0..SIZE.pixels()).map(|i| f((i % 96) as f32 / 96.0, (i / 96) as f32 / 72.0)).collect();
         LinearImage { size: SIZE, rgb }
+    }
+
+    #[test]
+    fn a_patch_of_another_things_colour_does_not_dye_a_surface() {
+        // A red cushion stands where the scene has sofa.
+        let patch = |x: f32, y: f32| (0.3..0.5).contains(&x) && (0.3..0.6).contains(&y);
+        let photo = image(|x, y| if patch(x, y) { [0.5, 0.03, 0.03] } else { [0.4, 0.4, 0.4] });
+        let render = image(|_, _| [0.4, 0.4, 0.4]);
+        let ids = vec![1; SIZE.pixels()];
+        let weights = vec![1.0; SIZE.pixels()];
+        let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
+        let field = updated_field(&neutral_field(&camera()), &nodes()[..1], &seen);
+        for [r, g, b] in &field.nodes["back"].factors {
+            let most = r.max(*g).max(*b) / r.min(*g).min(*b);
+            assert!(most < (2.0 * MOST_HUE).exp2() + 0.1, "{r} {g} {b}");
+        }
     }
 
     fn nodes() -> Vec<FieldNode> {

@@ -90,12 +90,20 @@ pub fn built(
     photo: &RgbImage,
 ) -> Result<(BuiltShape, ShapeTree), String> {
     let tree = run(program, size, around)?;
+    // A fault of ours in one shape costs one object, not the run.
+    let build = std::panic::AssertUnwindSafe(|| meshed(&tree, size, photo));
+    let shape =
+        std::panic::catch_unwind(build).unwrap_or_else(|_| Err("its shape cannot be meshed (a fault here)".into()))?;
+    Ok((shape, tree))
+}
+
+fn meshed(tree: &ShapeTree, size: Size, photo: &RgbImage) -> Result<BuiltShape, String> {
     let wanted = size.as_vec();
     let context = BuildContext { size: Some(wanted.to_array()), material: harmony_shape::material::material };
     let mut shape = tree.build(&context).map_err(|error| error.to_string())?;
     let fit = shape.fit_to(wanted);
-    lay_pieces(&mut shape, &tree, photo, fit.scale.element_product().cbrt());
-    Ok((shape, tree))
+    lay_pieces(&mut shape, tree, photo, fit.length);
+    Ok(shape)
 }
 
 /// Lays rectified pieces of the photo on the materials that ask for them.

@@ -143,6 +143,8 @@ pub struct BuiltPart {
 pub struct Fit {
     /// Factor along each axis.
     pub scale: DVec3,
+    /// Factor on lengths along its surface: the mean of the axes that are not thin.
+    pub length: f64,
     /// Whether all axes were scaled alike, because the proportions were too far off.
     pub uniform: bool,
 }

@@ -14,6 +14,8 @@ const MAX_LOOKED_AT: usize = 4000;
 const MIN_FACE: f64 = 4e-4;
 /// Planes nearer than this flicker, metres.
 const SAME_PLANE: f64 = 5e-4;
+/// Share of the longest side below which a side is thin.
+const THIN: f64 = 0.06;
 /// Most pairs that are told apart.
 const MAX_PAIRS: usize = 4000;
 /// Step by which parts in one plane are told apart, metres.
@@ -224,16 +226,30 @@ impl BuiltShape {
     }
 
     /// Scales the shape to a wanted size: each axis by itself where it is within a factor of two, all alike (the geometric
-    /// mean) where one is farther off. Everything that belongs to the mesh follows.
+    /// mean) where one is farther off. The thin side of something flat is no proportion: it is scaled by itself, however
+    /// much, and does not shrink a rug whose pile was made too high. Everything that belongs to the mesh follows.
     pub fn fit_to(&mut self, wanted: DVec3) -> Fit {
         let size = self.size().max(DVec3::splat(1e-6));
         let ratio = wanted / size;
         if !(ratio.is_finite() && ratio.min_element() > 0.0) {
-            return Fit { scale: DVec3::ONE, uniform: true };
+            return Fit { scale: DVec3::ONE, length: 1.0, uniform: true };
         }
-        let uniform = ratio.max_element() > 2.0 || ratio.min_element() < 0.5;
-        let scale = if uniform { DVec3::splat(libm::cbrt(ratio.element_product())) } else { ratio };
-        let mean = libm::cbrt(scale.element_product());
+        let thin = (wanted / wanted.max_element()).to_array().map(|share| share < THIN);
+        // Geometric mean over the broad sides, of which there is one at least.
+        let mean_of = |v: DVec3| {
+            let broad = v.to_array().into_iter().zip(thin).filter(|(_, thin)| !thin);
+            let (product, count) = broad.fold((1.0, 0), |(p, n), (r, _)| (p * r, n + 1));
+            libm::pow(product, 1.0 / f64::from(count.max(1)))
+        };
+        let own = ratio.to_array();
+        let uniform = own.iter().zip(thin).any(|(r, thin)| !thin && !(0.5..=2.0).contains(r));
+        let scale = if uniform {
+            let all = mean_of(ratio);
+            DVec3::from_array(std::array::from_fn(|k| if thin[k] { own[k] } else { all }))
+        } else {
+            ratio
+        };
+        let mean = mean_of(scale);
         let s = scale.as_vec3();
         self.mesh.map(|p| p * s, |n| n / s);
         for uv in &mut self.mesh.metric_uvs {
@@ -261,6 +277,6 @@ impl BuiltShape {
             part.gap *= mean;
         }
         self.origin *= scale;
-        Fit { scale, uniform }
+        Fit { scale, length: mean, uniform }
     }
 }

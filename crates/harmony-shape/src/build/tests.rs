@@ -96,6 +96,16 @@ fn a_table_is_canonical_with_groups_names_joints_and_hulls() {
 }
 
 #[test]
+fn a_rug_that_was_made_too_high_keeps_its_width() {
+    let mut m = Maker::default();
+    let pile = m.material("pile");
+    m.cube("rug", Some(pile), [2.2, 0.05, 3.5]);
+    let mut shape = m.build();
+    let fit = shape.fit_to(DVec3::new(2.0, 0.01, 3.4));
+    assert!(!fit.uniform && (shape.size() - DVec3::new(2.0, 0.01, 3.4)).length() < 1e-4, "{:?}", shape.size());
+}
+
+#[test]
 fn a_shape_of_thousands_of_charts_is_built() {
     // Each cube has six: copies share their places then.
     let mut m = Maker::default();
