@@ -111,9 +111,10 @@ pub fn shade(shell: &Mesh, things: &[Stands<'_>], camera: &Camera, photo: &RgbIm
     let meshes = things
         .par_iter()
         .zip(&firsts)
-        .map(|(thing, first)| {
+        .zip(&said)
+        .map(|((thing, first), said)| {
             let gains = gains.get(*first..first + thing.plain.len())?;
-            thing.plain.contains(&true).then(|| lit(&world.bvh, thing, gains, &law))
+            thing.plain.contains(&true).then(|| lit(&world.bvh, thing, said, gains, &law))
         })
         .collect();
     Shaded { law, meshes, samples: samples.len() }
@@ -177,7 +178,7 @@ fn samples(
 }
 
 /// A thing's mesh with fitted colours and the law at its vertices.
-fn lit(world: &Bvh, thing: &Stands<'_>, gains: &[[f64; 3]], law: &LightLaw) -> Mesh {
+fn lit(world: &Bvh, thing: &Stands<'_>, said: &[[f64; 3]], gains: &[[f64; 3]], law: &LightLaw) -> Mesh {
     let mut mesh = thing.mesh.clone();
     let scale = thing.pose.stretch * thing.pose.scale;
     mesh.split_long_edges(scale.as_vec3(), EDGE, TRIANGLES);
@@ -203,19 +204,18 @@ fn lit(world: &Bvh, thing: &Stands<'_>, gains: &[[f64; 3]], law: &LightLaw) -> M
     mesh.colors = vec![[1.0; 3]; mesh.positions.len()];
     for (slot, material) in mesh.materials.iter_mut().enumerate() {
         let (Some(true), Some(gain)) = (thing.plain.get(slot), gains.get(slot)) else { continue };
+        // No colour is brighter than white: all channels give way together, or the hue would turn.
+        let shown = |k: usize| (said[slot][k] * gain[k]) as f32 * levels[slot];
+        let over = (0..3).map(shown).fold(1.0, f32::max);
+        levels[slot] /= over;
         let wanted: [f32; 3] = std::array::from_fn(|k| material.base_color[k] * gain[k] as f32 * levels[slot]);
-        // A factor above one has to go into the pattern, or the vertices give way.
+        // A factor above one has to go into the pattern.
         let most = wanted.iter().copied().fold(1.0, f32::max);
-        if most > 1.0
-            && let Some(tile) = &material.tile
-        {
+        if let Some(tile) = material.tile.as_ref().filter(|_| most > 1.0) {
             material.tile = Some(Arc::new(brighter(tile, most)));
         }
         for (value, wanted) in material.base_color.iter_mut().zip(wanted) {
             *value = (wanted / most).clamp(0.0, 1.0);
-        }
-        if material.tile.is_none() && most > 1.0 {
-            levels[slot] /= most;
         }
     }
     let mut level_of = vec![1.0_f32; mesh.positions.len()];
@@ -240,4 +240,78 @@ fn brighter(tile: &Tile, factor: f32) -> Tile {
         }
     }
     Tile { color: Arc::new(color), ..tile.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec2;
+    use harmony_mesh::Material;
+    use harmony_scene::{ImageSize, Intrinsics};
+    use image::{Rgb, RgbaImage};
+
+    use super::*;
+
+    fn plate(color: [f32; 3], tile: Option<[u8; 3]>) -> Mesh {
+        let positions = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(x, z)| Vec3::new(x, 0.0, z));
+        let mut material = Material::plain("top", color);
+        material.tile = tile.map(|[r, g, b]| {
+            Arc::new(Tile {
+                size: [0.1; 2],
+                turn: 0.0,
+                color: Arc::new(RgbaImage::from_pixel(4, 4, image::Rgba([r, g, b, 255]))),
+                normal: None,
+                surface: None,
+            })
+        });
+        Mesh {
+            positions: positions.to_vec(),
+            normals: vec![Vec3::Y; 4],
+            uvs: vec![Vec2::ZERO; 4],
+            metric_uvs: positions.map(|p| Vec2::new(p.x, p.z)).to_vec(),
+            groups: vec![Group { material: 0, triangles: vec![[0, 2, 1], [0, 3, 2]] }],
+            materials: vec![material],
+            ..Mesh::default()
+        }
+    }
+
+    /// The plate's look in a photo of one colour, as the scene shows it then.
+    fn shown(mesh: &Mesh, photo: [u8; 3]) -> [u8; 3] {
+        let size = ImageSize::new(160, 120);
+        let lens = Intrinsics::from_horizontal_fov(size, 0.6);
+        let camera = Camera::looking(size, lens, DVec3::new(1.0, 1.6, 2.4), DVec3::new(0.0, -0.4, -0.5));
+        let photo = RgbImage::from_pixel(160, 120, Rgb(photo));
+        let pose = Pose { position: DVec3::new(1.0, 0.5, 1.0), yaw: 0.0, scale: 1.0, stretch: DVec3::ONE };
+        let all = Mask::from_fn(size, |_, _| true);
+        let things = [Stands { mesh, pose, visible: Some(&all), plain: &[true] }];
+        let room = Extents { width: 2.0, height: 2.5, depth: 3.0 };
+        let shaded = shade(&Mesh::default(), &things, &camera, &photo, &room);
+        assert!(shaded.samples > 20, "{}", shaded.samples);
+        let lit = shaded.meshes[0].as_ref().unwrap();
+        lit.check().unwrap();
+        let frame = crate::render(&camera, &[crate::Instance::posed(lit, &pose, 1)], &crate::RenderOptions::default());
+        let at = frame.ids.iter().position(|id| *id == 1).unwrap();
+        let middle = frame.ids.iter().enumerate().filter(|(_, id)| **id == 1).map(|(i, _)| i).collect::<Vec<_>>();
+        let i = middle.get(middle.len() / 2).copied().unwrap_or(at) as u32;
+        let [r, g, b, _] = frame.color.get_pixel(i % 160, i / 160).0;
+        [r, g, b]
+    }
+
+    fn near(a: [u8; 3], b: [u8; 3], by: u8) -> bool {
+        a.iter().zip(b).all(|(a, b)| a.abs_diff(b) <= by)
+    }
+
+    #[test]
+    fn a_plate_of_a_colour_that_is_a_little_off_becomes_the_photos() {
+        let got = shown(&plate([0.4, 0.2, 0.1], None), [190, 140, 100]);
+        assert!(near(got, [190, 140, 100], 16), "{got:?}");
+        let got = shown(&plate([1.0; 3], Some([170, 125, 90])), [190, 140, 100]);
+        assert!(near(got, [190, 140, 100], 16), "{got:?}");
+    }
+
+    #[test]
+    fn a_burnt_out_photo_does_not_turn_the_hue_of_a_pattern() {
+        // Orange wood with a glare that is nearly white: orange it stays.
+        let [r, g, b] = shown(&plate([1.0; 3], Some([200, 120, 60])), [255, 205, 150]);
+        assert!(r > g.saturating_add(20) && g > b, "{r} {g} {b}");
+    }
 }

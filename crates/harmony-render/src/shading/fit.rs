@@ -26,7 +26,7 @@ const HUE_PIXELS: f64 = 80.0;
 /// Difference of a channel against the others from which a slot's pixels are not its own, nats.
 const FOREIGN: f64 = 0.6;
 /// Largest change of a channel against the others, nats.
-const MOST_HUE: f64 = 0.35;
+const MOST_HUE: f64 = 0.22;
 
 /// A pixel of the photo that shows a material.
 #[derive(Debug, Clone, Copy)]
