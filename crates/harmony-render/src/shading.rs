@@ -11,7 +11,7 @@ mod fit;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
-use harmony_mesh::{Bvh, Group, Mesh, Tile};
+use harmony_mesh::{Bvh, Group, Material, Mesh, Tile};
 use harmony_scene::{Camera, Extents, Mask, Pose};
 use image::RgbImage;
 use rayon::prelude::*;
@@ -194,40 +194,33 @@ fn lit(world: &Bvh, thing: &Stands<'_>, said: &[[f64; 3]], gains: &[[f64; 3]], l
         .zip(&open)
         .map(|((p, n), open)| law.at(n.as_dvec3(), p.as_dvec3(), f64::from(*open)) as f32)
         .collect();
-    let mut levels = vec![1.0_f32; mesh.materials.len()];
-    let mut plain = vec![false; mesh.positions.len()];
-    for group in mesh.groups.iter().filter(|g| thing.plain.get(g.material) == Some(&true)) {
-        let numbers = || group.triangles.iter().flatten().map(|i| *i as usize);
-        levels[group.material] = numbers().map(|i| light[i]).fold(0.05, f32::max);
-        numbers().for_each(|i| plain[i] = true);
-    }
+    let is_plain = |slot: usize| thing.plain.get(slot) == Some(&true);
     mesh.colors = vec![[1.0; 3]; mesh.positions.len()];
-    for (slot, material) in mesh.materials.iter_mut().enumerate() {
-        let (Some(true), Some(gain)) = (thing.plain.get(slot), gains.get(slot)) else { continue };
-        // No colour is brighter than white: all channels give way together, or the hue would turn.
-        let shown = |k: usize| (said[slot][k] * gain[k]) as f32 * levels[slot];
-        let over = (0..3).map(shown).fold(1.0, f32::max);
-        levels[slot] /= over;
-        let wanted: [f32; 3] = std::array::from_fn(|k| material.base_color[k] * gain[k] as f32 * levels[slot]);
-        // A factor above one has to go into the pattern.
-        let most = wanted.iter().copied().fold(1.0, f32::max);
-        if let Some(tile) = material.tile.as_ref().filter(|_| most > 1.0) {
-            material.tile = Some(Arc::new(brighter(tile, most)));
-        }
-        for (value, wanted) in material.base_color.iter_mut().zip(wanted) {
-            *value = (wanted / most).clamp(0.0, 1.0);
-        }
-    }
-    let mut level_of = vec![1.0_f32; mesh.positions.len()];
-    for group in &mesh.groups {
-        for i in group.triangles.iter().flatten() {
-            level_of[*i as usize] = levels[group.material];
-        }
-    }
-    for (i, color) in mesh.colors.iter_mut().enumerate().filter(|(i, _)| plain[*i]) {
-        *color = [(light[i] / level_of[i]).clamp(0.0, 1.0); 3];
+    let colors = &mut mesh.colors;
+    for group in mesh.groups.iter().filter(|g| is_plain(g.material)) {
+        let slot = group.material;
+        let numbers = || group.triangles.iter().flatten().map(|i| *i as usize);
+        // The brightest place of a slot has white vertices: the rest of the light is in its colour. No colour is brighter
+        // than white: all channels give way together, or the hue would turn.
+        let brightest = numbers().map(|i| light[i]).fold(0.05, f32::max);
+        let shown = |k: usize| (said[slot][k] * gains[slot][k]) as f32 * brightest;
+        let level = brightest / (0..3).map(shown).fold(1.0, f32::max);
+        numbers().for_each(|i| colors[i] = [(light[i] / level).clamp(0.0, 1.0); 3]);
+        repaint(&mut mesh.materials[slot], gains[slot].map(|g| g as f32 * level));
     }
     mesh
+}
+
+/// Multiplies a material's colour; what goes above one goes into its pattern.
+fn repaint(material: &mut Material, factor: [f32; 3]) {
+    let wanted: [f32; 3] = std::array::from_fn(|k| material.base_color[k] * factor[k]);
+    let most = wanted.iter().copied().fold(1.0, f32::max);
+    if let Some(tile) = material.tile.as_ref().filter(|_| most > 1.0) {
+        material.tile = Some(Arc::new(brighter(tile, most)));
+    }
+    for (value, wanted) in material.base_color.iter_mut().zip(wanted) {
+        *value = (wanted / most).clamp(0.0, 1.0);
+    }
 }
 
 /// A tile with its linear colours multiplied.
@@ -245,7 +238,6 @@ fn brighter(tile: &Tile, factor: f32) -> Tile {
 #[cfg(test)]
 mod tests {
     use glam::Vec2;
-    use harmony_mesh::Material;
     use harmony_scene::{ImageSize, Intrinsics};
     use image::{Rgb, RgbaImage};
 

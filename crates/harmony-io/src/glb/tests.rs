@@ -78,6 +78,27 @@ fn document(bytes: &[u8]) -> Value {
 }
 
 #[test]
+fn vertex_colours_come_back_and_a_mesh_without_any_stays_without() {
+    let plain = Arc::new(crate_box(chequer(16)));
+    let mut mesh = (*plain).clone();
+    mesh.colors = (0..mesh.positions.len()).map(|i| [i as f32 / 30.0, 0.5, 1.0]).collect();
+    let bytes = glb_bytes(&scene(&Arc::new(mesh.clone()))).unwrap();
+    let file = document(&bytes);
+    let accessor = file["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"].as_u64().unwrap() as usize;
+    let accessor = &file["accessors"][accessor];
+    assert_eq!((&accessor["type"], &accessor["normalized"]), (&json!("VEC4"), &json!(true)));
+    let back = read_glb(&bytes, &ReadLimits::default()).unwrap();
+    let got = &back.nodes[1].mesh;
+    for (i, j) in mesh.triangles().flatten().zip(got.triangles().flatten()) {
+        for (a, b) in mesh.colors[i as usize].iter().zip(got.colors[j as usize]) {
+            assert!((a - b).abs() <= 1.0 / 65_535.0, "{i} {j}: {a} {b}");
+        }
+    }
+    let without = read_glb(&glb_bytes(&scene(&plain)).unwrap(), &ReadLimits::default()).unwrap();
+    assert!(without.nodes.iter().all(|n| n.mesh.colors.is_empty()));
+}
+
+#[test]
 fn a_scene_comes_back_as_it_was_written() {
     let mesh = Arc::new(crate_box(chequer(16)));
     let bytes = glb_bytes(&scene(&mesh)).unwrap();

@@ -6,9 +6,11 @@
 
 use glam::DVec3;
 use harmony_scene::Extents;
+use nalgebra::{SMatrix, SVector};
 
 /// Numbers of the law of a room: the general level, six of direction, three of place, one of openness.
 const TERMS: usize = 11;
+type Terms = SVector<f64, TERMS>;
 /// Deviation of a pixel from which it counts as an outlier, nats.
 const HUBER: f64 = 0.2;
 /// Prior deviation of a slot's colour from what was said, nats.
@@ -16,13 +18,16 @@ const SLOT_SIGMA: f64 = 0.5;
 /// Prior deviations of the terms, nats for a whole unit, and their means.
 const SIGMA: [f64; TERMS] = [0.7, 0.3, 0.3, 0.3, 0.2, 0.2, 0.2, 0.3, 0.3, 0.3, 0.25];
 const MEAN: [f64; TERMS] = [0.0, 0.0, 0.15, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.6];
-/// Deviation of one pixel, nats; pixels beside each other err together.
-const PIXEL_SIGMA: f64 = 1.0;
 /// Added to linear values before logarithms are taken, so that black does not outweigh all.
 pub(super) const AIR: f64 = 0.01;
 const ROUNDS: usize = 12;
-/// Pixels by which the hue of a slot is believed half.
+/// Darkest and brightest light of the law, nats: three stops below and two thirds of one above the said colour.
+const LIGHT: [f64; 2] = [-2.0, 0.45];
+/// Pixels by which the brightness and the hue of a slot are believed half.
+const LEVEL_PIXELS: f64 = 8.0;
 const HUE_PIXELS: f64 = 80.0;
+/// Largest change of a slot's brightness, nats: a stop and a half.
+const MOST_LEVEL: f64 = 1.04;
 /// Difference of a channel against the others from which a slot's pixels are not its own, nats.
 const FOREIGN: f64 = 0.6;
 /// Largest change of a channel against the others, nats.
@@ -48,23 +53,21 @@ pub(super) struct Sample {
 /// The light law of a room, as the photo has it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LightLaw {
-    terms: [f64; TERMS],
+    terms: Terms,
     room: DVec3,
 }
 
-fn basis(normal: DVec3, point: DVec3, open: f64, room: DVec3) -> [f64; TERMS] {
+fn basis(normal: DVec3, point: DVec3, open: f64, room: DVec3) -> Terms {
     let n = normal;
     let p = (point / room - 0.5).clamp(DVec3::splat(-0.6), DVec3::splat(0.6));
     let open = open.clamp(0.1, 1.0).ln();
-    [1.0, n.x, n.y, n.z, n.y * n.y - 1.0 / 3.0, n.x * n.y, n.z * n.y, p.x, p.y, p.z, open]
+    Terms::from([1.0, n.x, n.y, n.z, n.y * n.y - 1.0 / 3.0, n.x * n.y, n.z * n.y, p.x, p.y, p.z, open])
 }
 
 impl LightLaw {
-    /// Light on a place as a factor on the colour that was said; within two thirds of a stop to three stops below one.
+    /// Light on a place as a factor on the colour that was said.
     pub fn at(&self, normal: DVec3, point: DVec3, open: f64) -> f64 {
-        let b = basis(normal, point, open, self.room);
-        let sum: f64 = b.iter().zip(self.terms).map(|(b, w)| b * w).sum();
-        sum.clamp(-2.0, 0.45).exp()
+        basis(normal, point, open, self.room).dot(&self.terms).clamp(LIGHT[0], LIGHT[1]).exp()
     }
 }
 
@@ -73,14 +76,14 @@ pub(super) fn fit(samples: &[Sample], slots: usize, room: &Extents) -> (LightLaw
     let room = DVec3::new(room.width, room.height, room.depth).max(DVec3::splat(0.1));
     let log = |v: f64| (v.max(0.0) + AIR).ln();
     let luminance = |c: [f64; 3]| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
-    let rows: Vec<([f64; TERMS], usize, f64)> = samples
+    let rows: Vec<(Terms, usize, f64)> = samples
         .iter()
         .map(|s| {
             let wanted = log(luminance(s.photo)) - log(luminance(s.said));
             (basis(s.normal, s.point, s.openness, room), s.slot, wanted)
         })
         .collect();
-    let mut terms = MEAN;
+    let mut terms = Terms::from(MEAN);
     let mut slot = vec![0.0; slots];
     for _ in 0..ROUNDS {
         (terms, slot) = step(&rows, &terms, &slot);
@@ -112,7 +115,7 @@ fn gain(lists: [Vec<f64>; 3]) -> [f64; 3] {
     if median.iter().any(|m| (m - level).abs() > FOREIGN) {
         return [1.0; 3];
     }
-    let brightness = (level * count / (count + 8.0)).clamp(-1.04, 1.04);
+    let brightness = (level * count / (count + LEVEL_PIXELS)).clamp(-MOST_LEVEL, MOST_LEVEL);
     median.map(|m| {
         let hue = ((m - level) * count / (count + HUE_PIXELS)).clamp(-MOST_HUE, MOST_HUE);
         (brightness + hue).exp()
@@ -120,67 +123,29 @@ fn gain(lists: [Vec<f64>; 3]) -> [f64; 3] {
 }
 
 /// One round of reweighted least squares. Slots are eliminated: each has one number and its own rows.
-fn step(rows: &[([f64; TERMS], usize, f64)], terms: &[f64; TERMS], slot: &[f64]) -> ([f64; TERMS], Vec<f64>) {
-    let mut normal = [[0.0; TERMS]; TERMS];
-    let mut right = [0.0; TERMS];
-    for k in 0..TERMS {
-        normal[k][k] = SIGMA[k].powi(-2);
-        right[k] = MEAN[k] * SIGMA[k].powi(-2);
-    }
-    let mut own = vec![(SLOT_SIGMA.powi(-2), [0.0; TERMS], 0.0); slot.len()];
+fn step(rows: &[(Terms, usize, f64)], terms: &Terms, slot: &[f64]) -> (Terms, Vec<f64>) {
+    let precision = Terms::from(SIGMA).map(|s| s.powi(-2));
+    let mut normal = SMatrix::<f64, TERMS, TERMS>::from_diagonal(&precision);
+    let mut right = Terms::from(MEAN).component_mul(&precision);
+    // Of each slot: weight, weighted sum of the basis, weighted sum of what is wanted.
+    let mut own = vec![(SLOT_SIGMA.powi(-2), Terms::zeros(), 0.0); slot.len()];
     for (b, s, wanted) in rows {
-        let error = wanted - slot[*s] - dot(b, terms);
-        let w = (HUBER / error.abs().max(HUBER)) / (PIXEL_SIGMA * PIXEL_SIGMA);
-        for i in 0..TERMS {
-            for j in 0..TERMS {
-                normal[i][j] += w * b[i] * b[j];
-            }
-            right[i] += w * b[i] * wanted;
-        }
+        let error = wanted - slot[*s] - b.dot(terms);
+        let weight = HUBER / error.abs().max(HUBER);
+        normal.ger(weight, b, b, 1.0);
+        right.axpy(weight * wanted, b, 1.0);
         let o = &mut own[*s];
-        o.0 += w;
-        o.2 += w * wanted;
-        for (sum, b) in o.1.iter_mut().zip(b) {
-            *sum += w * b;
-        }
+        o.0 += weight;
+        o.1.axpy(weight, b, 1.0);
+        o.2 += weight * wanted;
     }
     for (weight, sums, wanted) in &own {
-        for i in 0..TERMS {
-            for j in 0..TERMS {
-                normal[i][j] -= sums[i] * sums[j] / weight;
-            }
-            right[i] -= sums[i] * wanted / weight;
-        }
+        normal.ger(-1.0 / weight, sums, sums, 1.0);
+        right.axpy(-wanted / weight, sums, 1.0);
     }
-    let terms = solve(normal, right).unwrap_or(*terms);
-    let slot = own.iter().map(|(weight, sums, wanted)| (wanted - dot(sums, &terms)) / weight).collect();
+    let terms = normal.cholesky().map_or(*terms, |c| c.solve(&right));
+    let slot = own.iter().map(|(weight, sums, wanted)| (wanted - sums.dot(&terms)) / weight).collect();
     (terms, slot)
-}
-
-fn dot(a: &[f64; TERMS], b: &[f64; TERMS]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Gaussian elimination of a positive definite system.
-fn solve(mut a: [[f64; TERMS]; TERMS], mut b: [f64; TERMS]) -> Option<[f64; TERMS]> {
-    for k in 0..TERMS {
-        if a[k][k] < 1e-9 {
-            return None;
-        }
-        for i in k + 1..TERMS {
-            let f = a[i][k] / a[k][k];
-            let row = a[k];
-            for (value, above) in a[i].iter_mut().zip(row).skip(k) {
-                *value -= f * above;
-            }
-            b[i] -= f * b[k];
-        }
-    }
-    for k in (0..TERMS).rev() {
-        let known: f64 = (k + 1..TERMS).map(|j| a[k][j] * b[j]).sum();
-        b[k] = (b[k] - known) / a[k][k];
-    }
-    b.iter().all(|v| v.is_finite()).then_some(b)
 }
 
 #[cfg(test)]

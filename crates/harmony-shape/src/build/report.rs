@@ -20,6 +20,8 @@ const THIN: f64 = 0.06;
 const MAX_PAIRS: usize = 4000;
 /// Step by which parts in one plane are told apart, metres.
 const NUDGE: f64 = 6e-5;
+/// Most such steps.
+const MAX_LEVEL: u32 = 8;
 
 /// Adds parts, joints, lights and surfaces.
 pub(super) fn fill(shape: &mut BuiltShape, root: &Built, parts: &[&Part]) {
@@ -198,13 +200,17 @@ pub(super) fn coplanar(parts: &[&Part]) -> BTreeSet<(usize, usize)> {
 /// How far each part stands out in all directions, metres, so that no two of a pair have a face in one plane: renderers
 /// show such faces black, or flickering.
 pub(super) fn nudges(count: usize, pairs: &BTreeSet<(usize, usize)>) -> Vec<f64> {
-    let mut level = vec![0_u32; count];
+    let mut before: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (a, b) in pairs {
-        if level[*a] == level[*b] {
-            level[*b] += 1;
-        }
+        before.entry(*b).or_default().push(*a);
     }
-    level.into_iter().map(|l| f64::from(l.min(8)) * NUDGE).collect()
+    // Each part takes the least level that none of those before it has which it shares a plane with.
+    let mut level = vec![0_u32; count];
+    for (part, others) in before {
+        let taken: BTreeSet<u32> = others.iter().map(|a| level[*a]).collect();
+        level[part] = (0..MAX_LEVEL).find(|l| !taken.contains(l)).unwrap_or(MAX_LEVEL);
+    }
+    level.into_iter().map(|l| f64::from(l) * NUDGE).collect()
 }
 
 /// Pairs by the names of their parts.

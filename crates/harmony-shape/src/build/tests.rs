@@ -106,6 +106,24 @@ fn a_rug_that_was_made_too_high_keeps_its_width() {
 }
 
 #[test]
+fn no_two_parts_with_faces_in_one_plane_stand_out_alike() {
+    // Three that share planes, told in an order in which the last takes the first one's step when it is raised once.
+    let pairs = [(0, 1), (0, 2), (1, 2), (2, 3)].into_iter().collect();
+    let by = report::nudges(5, &pairs);
+    assert!(pairs.iter().all(|(a, b)| (by[*a] - by[*b]).abs() > 1e-5), "{by:?}");
+    assert_eq!((by[0], by[4]), (0.0, 0.0), "who shares with none before it stays");
+    // Two boxes with their fronts in one plane.
+    let mut m = Maker::default();
+    let a = m.cube("rail", None, [1.0, 0.1, 0.1]);
+    let b = m.cube("stile", None, [0.1, 1.0, 0.1]);
+    m.group("", vec![a, b]);
+    let shape = m.build();
+    let fronts: Vec<f32> = shape.mesh.positions.iter().map(|p| p.z).filter(|z| *z > 0.04).collect();
+    let (low, high) = fronts.iter().fold((f32::MAX, 0.0_f32), |(l, h), z| (l.min(*z), h.max(*z)));
+    assert!((1e-5..5e-4).contains(&(high - low)), "{low} {high}");
+}
+
+#[test]
 fn a_shape_of_thousands_of_charts_is_built() {
     // Each cube has six: copies share their places then.
     let mut m = Maker::default();

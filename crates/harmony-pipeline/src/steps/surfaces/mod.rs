@@ -3,7 +3,6 @@
 mod evidence;
 mod paint;
 mod pattern;
-mod shadow;
 mod trim;
 
 use std::sync::Arc;
@@ -163,7 +162,6 @@ fn painted(state: &SceneState, bare: Option<&RgbImage>, finest: f64) -> (Painted
             if let Some(board) = trims.cornice {
                 face.without_heights(&extents, extents.height - board.height - BOARD_MARGIN, f64::INFINITY);
             }
-            shadow::forget(&mut face.texture, face.px_per_m);
         }
     });
     (paint::paint(&faces, &answer.surfaces, &state.partial.room), trims, faces)
