@@ -100,6 +100,9 @@ pub struct SceneState {
     pub prepared: BTreeMap<ObjectId, Prepared>,
     /// Textured meshes of placed objects, canonical frame.
     pub textured: BTreeMap<ObjectId, Arc<Mesh>>,
+    /// The same in the photo's light, for what has colours that were said ([`crate::steps::shading`]); always made from
+    /// [`Self::unlit`], never from itself.
+    pub lit: BTreeMap<ObjectId, Arc<Mesh>>,
     /// Textures of the room's faces.
     pub surfaces: BTreeMap<Surface, Arc<RgbaImage>>,
     /// Boards along the walls.
@@ -155,7 +158,24 @@ impl SceneState {
 
     /// The mesh to draw for a placed object.
     pub fn mesh_of(&self, id: &ObjectId) -> Option<&Arc<Mesh>> {
+        self.lit.get(id).or_else(|| self.unlit(id))
+    }
+
+    /// An object's mesh without the photo's light on it.
+    pub fn unlit(&self, id: &ObjectId) -> Option<&Arc<Mesh>> {
         self.textured.get(id).or_else(|| self.prepared.get(id).map(|p| &p.mesh))
+    }
+
+    /// Gives an object a textured mesh.
+    pub fn set_textured(&mut self, id: ObjectId, mesh: Arc<Mesh>) {
+        self.lit.remove(&id);
+        self.textured.insert(id, mesh);
+    }
+
+    /// Forgets how an object looks, for its shape or place is another one now.
+    pub fn forget_look(&mut self, id: &ObjectId) {
+        self.lit.remove(id);
+        self.textured.remove(id);
     }
 
     /// Union of all masks of what was found, prepared or left out: everything that is not bare room.

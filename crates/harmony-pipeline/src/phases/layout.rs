@@ -126,6 +126,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         partial,
         prepared: BTreeMap::new(),
         textured: BTreeMap::new(),
+        lit: BTreeMap::new(),
         surfaces: BTreeMap::new(),
         trims: harmony_mesh::Trims::default(),
         rejected: Vec::new(),

@@ -260,21 +260,24 @@ fn recolor_object(state: &mut SceneState, id: &ObjectId, action: &LastAction) ->
     let Some(rgb) = action.color_hex.as_deref().and_then(parse_color) else {
         return (false, "there is no colour".to_owned());
     };
-    let Some(mesh) = state.mesh_of(id).cloned() else { return (false, format!("there is no object {id}")) };
-    let Some(changed) = recolored(&mesh, action.slot.as_deref(), linear_rgb(rgb)) else {
+    let Some(mesh) = state.mesh_of(id) else { return (false, format!("there is no object {id}")) };
+    let Some((slot, factor)) = recoloring(mesh, action.slot.as_deref(), linear_rgb(rgb)) else {
         let slots: Vec<&str> = mesh.materials.iter().map(|m| m.name.as_str()).collect();
         return (false, format!("it has no slot {:?}; its slots are {}", action.slot, slots.join(", ")));
     };
     let index = state.partial.find(id).map_or(0, |p| p.item.index);
-    let before = (difference(state, |own| own == index), state.textured.get(id).cloned());
-    state.textured.insert(id.clone(), Arc::new(changed));
-    let after = difference(state, |own| own == index);
-    let (kept, reason) = weighed(before.0, after);
-    if !kept {
-        match before.1 {
-            Some(old) => state.textured.insert(id.clone(), old),
-            None => state.textured.remove(id),
-        };
+    let before = difference(state, |own| own == index);
+    let mut tried = state.clone();
+    // As it is shown, and below the photo's light, which is laid on anew afterwards.
+    if let Some(mesh) = state.lit.get(id) {
+        tried.lit.insert(id.clone(), Arc::new(recolored(mesh, slot, factor)));
+    }
+    if let Some(mesh) = state.unlit(id) {
+        tried.textured.insert(id.clone(), Arc::new(recolored(mesh, slot, factor)));
+    }
+    let (kept, reason) = weighed(before, difference(&tried, |own| own == index));
+    if kept {
+        *state = tried;
     }
     (kept, reason)
 }
@@ -304,25 +307,28 @@ fn recolor_surface(state: &mut SceneState, action: &LastAction) -> (bool, String
     (kept, reason)
 }
 
-/// The mesh with a slot (the largest one when none is named) of another mean colour; `None` when there is no such slot.
-fn recolored(mesh: &Mesh, slot: Option<&str>, rgb: [f32; 3]) -> Option<Mesh> {
+/// A slot (the largest one when none is named) and the factors by which its mean colour becomes another one; `None` when
+/// there is no such slot.
+fn recoloring(mesh: &Mesh, slot: Option<&str>, rgb: [f32; 3]) -> Option<(usize, [f32; 3])> {
     let largest = || mesh.groups.iter().max_by_key(|g| g.triangles.len()).map(|g| g.material);
     let which = match slot {
         Some(name) => mesh.materials.iter().position(|m| m.name == name)?,
         None => largest()?,
     };
-    let mut mesh = mesh.clone();
-    let light = light_on(&mesh, which);
-    let material = &mut mesh.materials[which];
+    let material = &mesh.materials[which];
     let image = material.texture.as_ref().or(material.tile.as_ref().map(|t| &t.color));
-    let [r, g, b, _] = material.base_color;
     let shown = image.map_or([1.0; 3], |image| mean_linear(image));
-    let now = [0, 1, 2].map(|k| [r, g, b][k] * shown[k] * light[k]);
-    let factor = factors(now, rgb);
-    for (channel, f) in material.base_color.iter_mut().zip(factor) {
+    let light = light_on(mesh, which);
+    let now = [0, 1, 2].map(|k| material.base_color[k] * shown[k] * light[k]);
+    Some((which, factors(now, rgb)))
+}
+
+fn recolored(mesh: &Mesh, slot: usize, factor: [f32; 3]) -> Mesh {
+    let mut mesh = mesh.clone();
+    for (channel, f) in mesh.materials[slot].base_color.iter_mut().zip(factor) {
         *channel = (*channel * f).max(0.0);
     }
-    Some(mesh)
+    mesh
 }
 
 /// Mean of the vertices' colours of a slot.
@@ -404,13 +410,14 @@ mod tests {
     #[test]
     fn a_slot_takes_the_colour_and_the_others_keep_theirs() {
         let mesh = two_slots();
-        let changed = recolored(&mesh, Some("legs"), [0.25, 0.5, 1.0]).unwrap();
+        let named = |slot, rgb| recoloring(&mesh, slot, rgb).map(|(slot, factor)| recolored(&mesh, slot, factor));
+        let changed = named(Some("legs"), [0.25, 0.5, 1.0]).unwrap();
         assert_eq!(changed.materials[0].base_color, mesh.materials[0].base_color);
         for (channel, wanted) in changed.materials[1].base_color.iter().zip([0.25, 0.5, 1.0]) {
             assert!((channel - wanted).abs() < 1e-5);
         }
-        assert_eq!(recolored(&mesh, None, [0.1; 3]).unwrap().materials[1].base_color, mesh.materials[1].base_color);
-        assert!(recolored(&mesh, Some("shade"), [0.1; 3]).is_none());
+        assert_eq!(named(None, [0.1; 3]).unwrap().materials[1].base_color, mesh.materials[1].base_color);
+        assert!(named(Some("shade"), [0.1; 3]).is_none());
     }
 
     #[test]
@@ -421,7 +428,8 @@ mod tests {
         mesh.materials[0].texture = Some(Arc::new(image));
         mesh.materials[0].base_color = [1.0; 4];
         // The texture's mean is half of white in linear light, so that a quarter needs a factor of one half.
-        let changed = recolored(&mesh, Some("seat"), [0.25; 3]).unwrap();
+        let (slot, factor) = recoloring(&mesh, Some("seat"), [0.25; 3]).unwrap();
+        let changed = recolored(&mesh, slot, factor);
         assert!((changed.materials[0].base_color[0] - 0.5).abs() < 1e-3);
     }
 

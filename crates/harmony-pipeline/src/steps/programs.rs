@@ -340,7 +340,7 @@ pub async fn refit(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: &[ObjectId])
 
 /// Gives an object the shape that a program made.
 pub fn adopt(state: &mut SceneState, id: &ObjectId, made: Modelled, shape: Arc<Shape>, program: Arc<Program>) {
-    state.textured.remove(id);
+    state.forget_look(id);
     if let Some(prepared) = state.prepared.get_mut(id) {
         prepared.mesh = made.mesh.mesh;
         prepared.plain_slots = made.plain_slots;

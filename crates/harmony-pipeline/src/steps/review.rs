@@ -138,7 +138,7 @@ pub async fn try_on(
     Ok(tried.map(|(outcome, verdict)| {
         if verdict.kept {
             for id in &outcome.touched {
-                state.textured.remove(id);
+                state.forget_look(id);
             }
             adopt_copies(state, &outcome.scene);
             state.partial = outcome.scene;

@@ -1,5 +1,6 @@
 //! The photo's light on what was modelled by programs, for looks without lamps ([`harmony_render::shade`]).
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use harmony_mesh::{Material, Mesh};
@@ -20,16 +21,14 @@ pub async fn everything(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<()
         return Ok(());
     }
     let shown = Arc::new(state.clone());
-    for (id, mesh) in ctx.computed(move || lit(&shown)).await? {
-        state.textured.insert(id, Arc::new(mesh));
-    }
+    state.lit = ctx.computed(move || lit(&shown)).await?;
     Ok(())
 }
 
-fn lit(state: &SceneState) -> Vec<(ObjectId, Mesh)> {
+fn lit(state: &SceneState) -> BTreeMap<ObjectId, Arc<Mesh>> {
     struct Thing {
         id: ObjectId,
-        mesh: Mesh,
+        mesh: Arc<Mesh>,
         pose: harmony_scene::Pose,
         visible: Option<Mask>,
         plain: Vec<bool>,
@@ -41,8 +40,7 @@ fn lit(state: &SceneState) -> Vec<(ObjectId, Mesh)> {
         .iter()
         .filter_map(|placed| {
             let id = placed.item.id.clone();
-            let mut mesh = (**state.mesh_of(&id)?).clone();
-            mesh.colors.clear();
+            let mesh = Arc::clone(state.unlit(&id)?);
             let prepared = state.prepared.get(&id)?;
             let plain: Vec<bool> = mesh.materials.iter().map(|m| is_said(prepared, m)).collect();
             let plain = if plain.contains(&true) { plain } else { Vec::new() };
@@ -56,7 +54,8 @@ fn lit(state: &SceneState) -> Vec<(ObjectId, Mesh)> {
         .collect();
     let shell = views::shell(state, Vec::new());
     let shaded = shade(&shell, &stands, &state.partial.camera, &state.photo, &state.partial.room.extents);
-    things.iter().map(|t| t.id.clone()).zip(shaded.meshes).filter_map(|(id, mesh)| Some((id, mesh?))).collect()
+    let ids = things.iter().map(|t| t.id.clone());
+    ids.zip(shaded.meshes).filter_map(|(id, mesh)| Some((id, Arc::new(mesh?)))).collect()
 }
 
 /// Whether a material has a colour that was said and light falls on: not what shines or is seen through.

@@ -72,7 +72,8 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
         };
         if prepared.mesh.materials.iter().all(|m| options.plain_slots.contains(&m.name)) {
             // Nothing of it takes the photo's pixels.
-            state.textured.insert(id, prepared.mesh.clone());
+            let mesh = prepared.mesh.clone();
+            state.set_textured(id, mesh);
             continue;
         }
         jobs.push((id, prepared.mesh.clone(), placed.pose, visible, options));
@@ -102,7 +103,7 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
         for material in mesh.materials.iter_mut().filter(|m| m.texture.is_some()) {
             material.transmission = 0.0;
         }
-        state.textured.insert(id, Arc::new(mesh));
+        state.set_textured(id, Arc::new(mesh));
     }
     Ok(())
 }
