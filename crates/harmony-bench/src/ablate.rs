@@ -303,7 +303,7 @@ mod tests {
         assert!(
             all.len() > PAPER.len() && all.iter().all(|c| c == FULL || with_change(&Settings::default(), c).is_ok())
         );
-        assert_eq!(name_of("placement.second_look=false"), "w/o second look");
+        assert_eq!(name_of("placement.optimiser=false"), "w/o optimiser");
         assert_eq!(folder_of("placement.refinement=false"), "placement_refinement_false");
     }
 

@@ -143,7 +143,7 @@ pub async fn play(counts: [usize; 4], pace: Pace, offline: &Cast, out: &Path) ->
     settings.mesh.faces = 1000;
     // What is computed is not what is measured: first poses are enough.
     let placement = &mut settings.placement;
-    (placement.refinement, placement.optimiser, placement.second_look) = (false, false, false);
+    (placement.refinement, placement.optimiser) = (false, false);
     (placement.global_refinement, placement.collision) = (false, false);
     (placement.max_rounds, placement.renders_per_object, placement.window_px) = (1, 2, 32);
     let request = RunRequest {

@@ -195,9 +195,9 @@ impl Settings {
         range("placement.max_rounds", self.placement.max_rounds as f64, 0.0, 100.0)?;
         range("placement.renders_per_object", self.placement.renders_per_object as f64, 0.0, 100_000.0)?;
         range("placement.window_px", self.placement.window_px.into(), 16.0, 2048.0)?;
-        range("placement.wall_gap", self.placement.wall_gap, 0.0, 1.0)?;
-        range("placement.size_sigma", self.placement.size_sigma, 0.001, 10.0)?;
-        range("placement.collision_tolerance", self.placement.collision_tolerance, 0.0, 1.0)?;
+        range("placement.noise.wall_clearance", self.placement.noise.wall_clearance, 0.0, 1.0)?;
+        range("placement.noise.size", self.placement.noise.size, 0.001, 10.0)?;
+        range("placement.noise.contact", self.placement.noise.contact, 0.0, 1.0)?;
         range("filters.max_candidates", self.filters.max_candidates as f64, 1.0, 200.0)
     }
 }

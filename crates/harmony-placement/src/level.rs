@@ -2,32 +2,29 @@
 
 use std::sync::Arc;
 
-use harmony_scene::{Level, Mask, ObjectId, Support, Wall, Warning, WarningKind};
+use harmony_scene::{Level, ObjectId, Support, Warning, WarningKind};
 
-use crate::anchoring::{Anchoring, Frame, LARGEST_GAP, YawRule};
-use crate::cost::angle_between;
-use crate::solve::{polish, solve};
-use crate::view::{Neighbour, View};
-use crate::{Evidence, GroupReport, Item, OrderReport, PartialScene, Placed, PlacementSettings, YawHint, collision};
-
-/// Objects that agree less with their mask than this are placed anew when the level is complete.
-const DOUBTFUL_IOU: f64 = 0.8;
+use crate::accept::{accepts, odds};
+use crate::contact::collision::{Collision, collisions, relax};
+use crate::contact::rest::{back_onto_hosts, hangs_in_the_air, settle_all};
+use crate::contact::rows::narrow_rows;
+use crate::measure::{measure_all, measure_posterior};
+use crate::observe::{Window, drop_strangers};
+use crate::propose::between_curtains;
+use crate::scene::subtree::subtree;
+use crate::solve::joint::refine_globally;
+use crate::solve::local::solve;
+use crate::terms::placed_energy;
+use crate::{Evidence, Item, OrderReport, PartialScene, Placed, PlacementSettings};
 
 /// Objects of less confidence get a warning.
-const LOW_CONFIDENCE: f64 = 0.4;
-/// So does a level whose named sizes are doubted by more than this factor.
-const TOLD_DOUBT: f64 = 1.3;
-
-/// Two objects that no move separated.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Unresolved {
-    /// One.
-    pub a: ObjectId,
-    /// The other; `None` for a wall or the floor.
-    pub b: Option<ObjectId>,
-    /// How deep they are in one another, metres.
-    pub penetration: f64,
-}
+const LOW_CONFIDENCE: f64 = 0.05;
+/// So does a level whose named sizes are believed less by more than this factor.
+const TOLD_INFLATION: f64 = 1.3;
+/// Probability that something hangs in the air.
+const IN_THE_AIR: f64 = 1e-4;
+/// Probability that a window whose ends are hidden is not in the middle of the curtains that hide them.
+const OFF_CURTAINS: f64 = 0.1;
 
 /// How one object fared.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,13 +54,11 @@ pub struct LevelReport {
     pub objects: Vec<ObjectReport>,
     /// Items that could not be placed at all, with the reason.
     pub dropped: Vec<(ObjectId, PlacementError)>,
-    /// Collisions that stay; the pipeline may ask for another order.
-    pub unresolved: Vec<Unresolved>,
+    /// Collisions that stay, deepest first.
+    pub unresolved: Vec<Collision>,
     /// Members of rows at a wall that were together longer than their place, and by what share each was narrowed.
     pub narrowed: Vec<(ObjectId, f64)>,
-    /// What group refinement changed.
-    pub groups: GroupReport,
-    /// What the global refinement did, if it ran.
+    /// What the joint solve did, if it ran.
     pub global: Option<crate::GlobalReport>,
     /// Shift of the whole scene along x, because the left wall was not seen and had to move, metres.
     pub shifted_x: f64,
@@ -114,62 +109,48 @@ pub fn place_level(
 ) -> LevelReport {
     let mut report = LevelReport::default();
     let mut items: Vec<Item> = items.into_iter().filter(|i| usable(scene, i, &mut report)).collect();
-    for item in &mut items {
-        crate::pieces::drop_strangers(scene, item);
-    }
+    let Some(level) = items.first().map(|i| i.level) else { return report };
+    items.iter_mut().for_each(|item| drop_strangers(scene, item));
     let items: Vec<Arc<Item>> = items.into_iter().map(Arc::new).collect();
     report.order = crate::placement_order(scene, &items, given_order, settings);
     let mut waiting: Vec<Arc<Item>> = report.order.entries.iter().map(|e| Arc::clone(&items[e.item])).collect();
     waiting.reverse();
-    let level = items.first().map(|i| i.level);
-    let first = scene.placed.len();
     while let Some(item) = waiting.pop() {
         place_one(scene, &item, &waiting, settings, &mut report);
     }
-    if settings.refinement && settings.second_look {
-        look_again(scene, first, settings, &mut report);
+    if settings.refinement && settings.global_refinement {
+        measure_all(scene, settings);
+        report.global = refine_globally(scene, settings);
+        tracing::debug!(?level, report = ?report.global, "solved jointly");
     }
-    if let Some(level) = level.filter(|_| settings.groups) {
-        report.groups = crate::refine_groups(scene, level, settings);
-        let changed = !report.groups.resized.is_empty() || !report.groups.turned.is_empty();
-        if changed && settings.collision {
-            for i in first..scene.placed.len() {
-                separate(scene, i, settings, &mut report);
-            }
-        }
+    centre_windows(scene, settings);
+    back_onto_hosts(scene);
+    if settings.refinement {
+        follow_hosts(scene, settings);
     }
-    if let Some(level) = level {
-        if settings.refinement && settings.global_refinement {
-            crate::evidence::measure_all(scene, settings);
-            report.global = crate::refine_globally(scene, settings);
-            tracing::debug!(?level, report = ?report.global, "refined globally");
-        }
-        crate::plausible::fronts_from_walls(scene, settings);
-        crate::plausible::between_curtains(scene, settings);
-        crate::plausible::back_onto_hosts(scene);
-        if settings.refinement {
-            follow_hosts(scene, settings);
-        }
-        if settings.collision {
-            part_all(scene, settings, &mut report);
-        }
-        report.shifted_x = scene.fit_loose_walls();
-        // Collisions may have moved a host under what it carries.
-        crate::global::settle_all(scene, settings);
-        crate::evidence::measure_all(scene, settings);
+    if settings.collision {
+        part(scene, settings, &mut report);
     }
+    report.shifted_x = scene.fit_loose_walls();
+    settle_all(scene, settings);
+    measure_posterior(scene, settings);
     for object in &mut report.objects {
         if let Some(p) = scene.find(&object.id) {
             object.evidence = p.evidence;
-            let given = p.item.relations.on_top_of.as_ref();
-            object.rehosted_to = match &p.support {
-                Support::Object { id } if given.is_some_and(|g| g != id) => Some(id.clone()),
-                _ => None,
-            };
+            object.rehosted_to = rehosted_to(p);
         }
     }
-    report.warnings = level.map_or(Vec::new(), |level| warnings(scene, level, &report));
+    report.warnings = warnings(scene, level, &report);
     report
+}
+
+/// The host that carries an object, where it is not the given one.
+fn rehosted_to(placed: &Placed) -> Option<ObjectId> {
+    let given = placed.item.relations.on_top_of.as_ref()?;
+    match &placed.support {
+        Support::Object { id } if given != id => Some(id.clone()),
+        _ => None,
+    }
 }
 
 /// What a person should know about a level, beside what was dropped and what stays unresolved: those are lists of
@@ -188,15 +169,17 @@ fn warnings(scene: &PartialScene, level: Level, report: &LevelReport) -> Vec<War
         tell(None, WarningKind::AnswerRepaired, message);
     }
     if let Some(global) = &report.global {
-        if global.doubt > TOLD_DOUBT {
-            let message =
-                format!("the named sizes contradict one another: they were believed {:.1} times less", global.doubt);
+        if global.size_inflation > TOLD_INFLATION {
+            let message = format!(
+                "the named sizes contradict one another: they were believed {:.1} times less",
+                global.size_inflation
+            );
             tell(None, WarningKind::LowConfidence, message);
         }
         if !global.kept {
+            let [before, after] = global.energy;
             let message = format!(
-                "the refinement of camera, room and objects together was not kept: agreement with the masks {:.2} before, {:.2} after, {} lost theirs",
-                global.iou[0], global.iou[1], global.lost
+                "the refinement of camera, room and objects together was not kept: its energy rose from {before:.0} to {after:.0} nats"
             );
             tell(None, WarningKind::Fallback, message);
         }
@@ -210,139 +193,70 @@ fn warnings(scene: &PartialScene, level: Level, report: &LevelReport) -> Vec<War
             let message = format!("it was placed on {host}, where its box lies, not on the given host");
             tell(Some(&object.id), WarningKind::AnswerRepaired, message);
         }
-        if scene.position(&object.id).is_some_and(|i| crate::plausible::hangs_in_the_air(scene, i)) {
+        if scene.position(&object.id).is_some_and(|i| hangs_in_the_air(scene, i)) {
             let message = "nothing is under it: what it stands on was perhaps not found in the photo".to_owned();
             tell(Some(&object.id), WarningKind::LowConfidence, message);
         }
         let confidence = scene.find(&object.id).map_or(0.0, |p| p.confidence().overall);
         if confidence < LOW_CONFIDENCE {
-            let message = format!("mask, depth and neighbours agree little with its pose ({confidence:.2})");
+            let message =
+                format!("it is probably not within 15 cm, 10 degrees and 12 % of where it should be ({confidence:.2})");
             tell(Some(&object.id), WarningKind::LowConfidence, message);
         }
     }
     out
 }
 
-/// Places every object of the level once more, now that all its neighbours are there: what was excused as perhaps
-/// hidden by an object to come can be checked by now.
-fn look_again(scene: &mut PartialScene, first: usize, settings: &PlacementSettings, report: &mut LevelReport) {
-    for i in first..scene.placed.len() {
-        let item = Arc::clone(&scene.placed[i].item);
-        let others = neighbours(scene, &item, &[], Some(i));
-        let Some(view) = View::new(scene, Some(i), &item.mask, &others, settings.window_px) else { continue };
-        let placed = &scene.placed[i];
-        let seen = view.compare(item.shape.proxy(), &placed.pose);
-        let yaw = match item.yaw {
-            YawHint::Fixed(yaw) => YawRule::Fixed(yaw),
-            _ => YawRule::About { yaw: placed.pose.yaw, sigma: 0.2 },
-        };
-        let (anchoring, wall_gap) = (anchoring_of(scene, i), settings.wall_gap);
-        let frame = Frame { scene, item: &item, anchoring, yaw, wall_gap, fixed_size: false };
-        let mut best = polish(frame, &placed.pose, &view, settings, settings.renders_per_object / 3);
-        if seen.strict_iou < DOUBTFUL_IOU {
-            let fresh = solve(scene, &item, &view, settings);
-            if fresh.cost < best.cost {
-                best = fresh;
-            }
-        }
-        let (pose, support, renders) = (best.pose, best.support(), best.renders);
-        let by = pose.position - scene.placed[i].pose.position;
-        for dependant in collision::body(scene, i) {
-            scene.placed[dependant].pose.position += by;
-        }
-        scene.placed[i].pose = pose;
-        scene.placed[i].support = support;
-        if let Some(object) = report.objects.iter_mut().find(|o| o.id == item.id) {
-            object.renders += renders;
-        }
-    }
-    report.unresolved.clear();
-    if settings.collision {
-        for i in first..scene.placed.len() {
-            separate(scene, i, settings, report);
+/// Centres windows of which both ends are hidden between the curtains that hide them.
+fn centre_windows(scene: &mut PartialScene, settings: &PlacementSettings) {
+    for i in 0..scene.placed.len() {
+        let Some(pose) = between_curtains(scene, i, settings) else { continue };
+        let before = placed_energy(scene, i, settings).unwrap_or_default().total();
+        let old = std::mem::replace(&mut scene.placed[i].pose, pose);
+        let after = placed_energy(scene, i, settings).unwrap_or_default().total();
+        if !accepts(before, after, odds(OFF_CURTAINS)) {
+            scene.placed[i].pose = old;
         }
     }
 }
 
-/// Places anew what hangs in the air because the global refinement took its host from under it.
+/// Places anew what hangs in the air because the joint solve took its host from under it.
 fn follow_hosts(scene: &mut PartialScene, settings: &PlacementSettings) {
     for i in 0..scene.placed.len() {
-        if !crate::plausible::hangs_in_the_air(scene, i) {
+        if !hangs_in_the_air(scene, i) {
             continue;
         }
         let item = Arc::clone(&scene.placed[i].item);
-        let others = neighbours(scene, &item, &[], Some(i));
-        let Some(view) = View::new(scene, Some(i), &item.mask, &others, settings.window_px) else { continue };
-        let anew = solve(scene, &item, &view, settings);
-        let (pose, support) = (anew.pose, anew.support());
+        let Some(window) = Window::new(scene, &item, Some(i), &[], settings) else { continue };
+        let anew = solve(scene, &item, &window, settings);
+        let (pose, support) = (anew.pose, anew.objective.constraint.support());
+        let energy = |scene: &PartialScene| placed_energy(scene, i, settings).unwrap_or_default().total();
+        let was = energy(scene);
         let before = (scene.placed[i].pose, scene.placed[i].support.clone());
         (scene.placed[i].pose, scene.placed[i].support) = (pose, support);
-        if crate::plausible::hangs_in_the_air(scene, i) {
+        if hangs_in_the_air(scene, i) || !accepts(was, energy(scene), odds(IN_THE_AIR)) {
             (scene.placed[i].pose, scene.placed[i].support) = before;
             continue;
         }
         // What stands on it goes along.
         let by = pose.position - before.0.position;
-        for member in collision::body(scene, i).into_iter().filter(|member| *member != i) {
+        for member in subtree(scene, i).into_iter().filter(|member| *member != i) {
             scene.placed[member].pose.position += by;
         }
     }
 }
 
 /// Brings everything apart together, and reports what stays.
-fn part_all(scene: &mut PartialScene, settings: &PlacementSettings, report: &mut LevelReport) {
-    crate::evidence::measure_all(scene, settings);
-    let gone = collision::relax(scene, settings);
+fn part(scene: &mut PartialScene, settings: &PlacementSettings, report: &mut LevelReport) {
+    measure_all(scene, settings);
+    let gone = relax(scene, settings);
     for (placed, far) in scene.placed.iter().zip(gone) {
         if let Some(object) = report.objects.iter_mut().find(|o| o.id == placed.item.id) {
             object.moved_by_collision += far;
         }
     }
-    report.narrowed = crate::plausible::narrow_rows(scene, settings);
-    report.unresolved = collision::collisions(scene, settings)
-        .into_iter()
-        .map(|c| Unresolved { a: c.a, b: Some(c.b), penetration: c.penetration })
-        .collect();
-}
-
-/// Looks at every object once more in the camera and room that the global refinement left.
-pub(crate) fn polish_all(scene: &mut PartialScene, settings: &PlacementSettings) {
-    use rayon::prelude::*;
-    let still: &PartialScene = scene;
-    let poses: Vec<(usize, harmony_scene::Pose)> = (0..still.placed.len())
-        .into_par_iter()
-        .filter_map(|i| {
-            let item = Arc::clone(&still.placed[i].item);
-            let others = neighbours(still, &item, &[], Some(i));
-            let view = View::new(still, Some(i), &item.mask, &others, settings.window_px)?;
-            let pose = still.placed[i].pose;
-            let yaw = YawRule::About { yaw: pose.yaw, sigma: 0.04 };
-            let (anchoring, wall_gap) = (anchoring_of(still, i), settings.wall_gap);
-            let frame = Frame { scene: still, item: &item, anchoring, yaw, wall_gap, fixed_size: false };
-            Some((i, polish(frame, &pose, &view, settings, settings.renders_per_object / 4).pose))
-        })
-        .collect();
-    crate::global::take_poses(scene, poses, settings);
-}
-
-/// Resolves the collisions of one placed object.
-fn separate(scene: &mut PartialScene, object: usize, settings: &PlacementSettings, report: &mut LevelReport) {
-    let resolution = collision::resolve(scene, object, settings);
-    for (who, far) in resolution.moved {
-        let id = &scene.placed[who].item.id;
-        if let Some(object) = report.objects.iter_mut().find(|o| o.id == *id) {
-            object.moved_by_collision += far;
-        }
-    }
-    for u in resolution.unresolved {
-        let same = |v: &Unresolved| {
-            let pair = |w: &Unresolved| (w.a.clone(), w.b.clone());
-            pair(v) == pair(&u) || (u.b.as_ref() == Some(&v.a) && v.b.as_ref() == Some(&u.a))
-        };
-        if !report.unresolved.iter().any(same) {
-            report.unresolved.push(u);
-        }
-    }
+    report.narrowed = narrow_rows(scene, settings);
+    report.unresolved = collisions(scene, settings);
 }
 
 /// Whether an item can be placed at all; if not, it is reported as dropped.
@@ -375,20 +289,13 @@ fn place_one(
     settings: &PlacementSettings,
     report: &mut LevelReport,
 ) {
-    let neighbours = neighbours(scene, item, waiting, None);
-    let Some(view) = View::new(scene, None, &item.mask, &neighbours, settings.window_px) else {
+    let Some(window) = Window::new(scene, item, None, waiting, settings) else {
         report.dropped.push((item.id.clone(), PlacementError::EmptyMask));
         return;
     };
-    let solution = solve(scene, item, &view, settings);
-    tracing::debug!(object = %item.id, cost = solution.cost, iou = solution.seen.iou, renders = solution.renders, "placed");
-    let support = solution.support();
-    let given = item.relations.on_top_of.as_ref();
-    let rehosted_to = match &support {
-        Support::Object { id } if given.is_some_and(|g| g != id) => Some(id.clone()),
-        _ => None,
-    };
-    let evidence = crate::evidence::of_solution(&solution, &view);
+    let solution = solve(scene, item, &window, settings);
+    tracing::debug!(object = %item.id, energy = ?solution.energy, iou = solution.seen.iou, renders = solution.renders, "placed");
+    let (pose, evidence) = (solution.pose, solution.evidence());
     report.objects.push(ObjectReport {
         id: item.id.clone(),
         evidence,
@@ -396,90 +303,10 @@ fn place_one(
         rounds: solution.rounds,
         renders: solution.renders,
         moved_by_collision: 0.0,
-        rehosted_to,
+        rehosted_to: None,
     });
-    let pose = solution.pose;
+    let support = solution.objective.constraint.support();
     scene.placed.push(Placed { item: Arc::clone(item), pose, support, evidence });
-    if settings.collision {
-        separate(scene, scene.placed.len() - 1, settings, report);
-    }
-}
-
-/// How a placed object is held, from its support, its relations and where it stands.
-pub(crate) fn anchoring_of(scene: &PartialScene, object: usize) -> Anchoring {
-    let placed = &scene.placed[object];
-    match &placed.support {
-        Support::Wall { wall } => Anchoring::OnWall(*wall),
-        Support::Ceiling => Anchoring::Ceiling,
-        Support::Object { id } => match scene.position(id) {
-            Some(host) if host != object => Anchoring::OnHost { host, level: placed.pose.position.y },
-            _ => Anchoring::Floor,
-        },
-        Support::Floor => match placed.item.relations.wall_affinity.wall() {
-            Some(wall) if !scene.is_loose(wall) && at_wall(scene, placed, wall) => Anchoring::AgainstWall(wall),
-            _ => Anchoring::Floor,
-        },
-    }
-}
-
-/// Whether an object stands with its back to a wall.
-fn at_wall(scene: &PartialScene, placed: &Placed, wall: Wall) -> bool {
-    let gap = wall.distance(&scene.room.extents, placed.pose.position) - placed.size().depth / 2.0;
-    gap < LARGEST_GAP + 0.01 && angle_between(placed.pose.yaw, wall.yaw()).abs() < 0.02
-}
-
-/// Masks of all other objects, with whether they may hide this one.
-pub(crate) fn neighbours<'a>(
-    scene: &'a PartialScene,
-    item: &'a Item,
-    waiting: &'a [Arc<Item>],
-    skip: Option<usize>,
-) -> Vec<Neighbour<'a>> {
-    let bottom = |mask: &Mask| mask.bounds().map_or(0.0, |b| b.y1);
-    let own_bottom = bottom(&item.mask);
-    let slack = 0.02 * f64::from(scene.camera.size.height);
-    let own_box = item.mask.bounds();
-    // What is seen inside an object's box most often stands before it, whatever its lowest row says.
-    let inside = |mask: &Mask| match (mask.bounds(), &own_box) {
-        (Some(b), Some(own)) => b.covered_by(own) > 0.5,
-        _ => false,
-    };
-    let may_hide = |level: Level, flat: bool, hangs: bool, mask: &Mask| {
-        if item.occluders.is_some() || flat {
-            return false;
-        }
-        match (item.level, level) {
-            // What stands lower in the image stands nearer.
-            (Level::Furniture, Level::Furniture) => {
-                item.traits.flat || bottom(mask) >= own_bottom - slack || inside(mask)
-            }
-            (Level::Wall, Level::Wall) => hangs,
-            (Level::Decoration, Level::Decoration) => bottom(mask) >= own_bottom - slack,
-            (_, Level::Wall) => false,
-            _ => true,
-        }
-    };
-    let mut out: Vec<Neighbour<'a>> = Vec::new();
-    for (i, p) in scene.placed.iter().enumerate() {
-        if Some(i) != skip {
-            out.push(Neighbour { mask: &p.item.mask, may_hide: false });
-        }
-    }
-    for other in waiting.iter().filter(|o| o.id != item.id) {
-        let hides = may_hide(other.level, other.traits.flat, other.traits.hangs, &other.mask);
-        out.push(Neighbour { mask: &other.mask, may_hide: hides });
-    }
-    for other in scene.upcoming.iter().filter(|o| o.mask.size() == scene.camera.size && o.id != item.id) {
-        // An upcoming object may have become an item or a placed one by now.
-        let known = scene.position(&other.id).is_some() || waiting.iter().any(|w| w.id == other.id);
-        if !known {
-            out.push(Neighbour { mask: &other.mask, may_hide: may_hide(other.level, other.flat, false, &other.mask) });
-        }
-    }
-    if let Some(mask) = item.occluders.as_ref().filter(|m| m.size() == scene.camera.size) {
-        out.push(Neighbour { mask, may_hide: true });
-    }
-    out
 }
 
 #[cfg(test)]
@@ -493,12 +320,11 @@ mod tests {
     fn what_the_global_refinement_doubted_or_refused_is_told() {
         let told = |doubt: f64, kept: bool| {
             let global = crate::GlobalReport {
-                iou: [0.8, 0.6],
-                lost: 2,
+                energy: [80.0, 60.0 + if kept { 0.0 } else { 100.0 }],
                 camera_moved_m: 0.0,
                 camera_turned_deg: 0.0,
                 scale: 1.0,
-                doubt,
+                size_inflation: doubt,
                 objects_moved_m: 0.0,
                 kept,
             };
@@ -508,9 +334,7 @@ mod tests {
         assert!(told(1.0, true).is_empty());
         let all = told(2.04, false);
         assert!(
-            all.len() == 2
-                && all[0].contains("2.0 times less")
-                && all[1].ends_with("0.80 before, 0.60 after, 2 lost theirs"),
+            all.len() == 2 && all[0].contains("2.0 times less") && all[1].ends_with("from 80 to 160 nats"),
             "{all:?}"
         );
     }
@@ -538,9 +362,9 @@ mod tests {
         let on_lamp = Support::Object { id: lamp.id.clone() };
         put(&mut scene, lamp, on_table - Vec3::Z * 0.9, support);
         put(&mut scene, cap, on_table + Vec3::Y * 0.4 - Vec3::Z * 0.9, on_lamp);
-        assert!(crate::plausible::hangs_in_the_air(&scene, 1));
+        assert!(hangs_in_the_air(&scene, 1));
         follow_hosts(&mut scene, &PlacementSettings::default());
-        assert!(!crate::plausible::hangs_in_the_air(&scene, 1));
+        assert!(!hangs_in_the_air(&scene, 1));
         let found = scene.placed[1].pose.position;
         assert!(found.distance(on_table) < 0.05, "{found}");
         let cap = scene.placed[2].pose.position;

@@ -1,68 +1,55 @@
 //! Placement: from masks, relations and size priors to poses. Paper Sec. 3.3 and App. C.
 //!
-//! Pure functions over data: no model, no file, no async. The main path is [`place_level`], which for one level of
-//! objects
+//! Pure functions over data: no model, no file, no async. A pose has one score, `E = sum rho(r / sigma) - ln p(hypothesis)`
+//! in nats (`terms`), for one object and for all together; every sigma and every probability stands in [`Noise`]. The main
+//! path is [`place_level`]:
 //!
-//! 1. works out the order ([`placement_order`]);
-//! 2. makes first poses from relations, prior size and the mask's rays;
-//! 3. refines them by the paper's silhouette and depth steps, then by a bounded local search;
-//! 4. resolves collisions on convex parts ([`collisions`] lists them);
-//! 5. looks at every object once more with its neighbours in place, and brings matched sets into line
-//!    ([`refine_groups`]);
-//! 6. measures what speaks for each pose ([`measure`], [`Evidence`]).
+//! 1. the order ([`placement_order`]);
+//! 2. for each object: hypotheses (`propose`), the paper's silhouette and depth steps and a bounded search (`solve::local`);
+//! 3. all of them with camera, room and scale together (`solve::joint`);
+//! 4. projection to support and contact (`contact`);
+//! 5. what speaks for each pose, and how sure it is ([`measure`], [`Evidence`]).
 //!
-//! [`apply`] tries a review action and [`judge`] decides about it by measurement.
+//! [`apply`] tries a review action and [`judge`] decides about it by the same energy (`accept`).
+//!
+//! | module | holds |
+//! |---|---|
+//! | `scene` | room, camera, objects, how each is held: data, no solver |
+//! | `observe` | what mask and point map show of one object |
+//! | `terms`, `noise` | the energy, and every number in it |
+//! | `propose`, `solve`, `accept` | hypotheses, solves, the rule by which a change is kept |
+//! | `contact` | nothing in anything, everything on what carries it |
 //!
 //! Frames and units are those of `docs/conventions.md`: room frame (metres, +Y up), OpenCV camera, yaw about +Y.
 //! Masks, and the camera of [`PartialScene`], are at one working resolution (longest side about 1024 pixels).
 
-mod anchoring;
-mod collision;
-mod cost;
-mod evidence;
-mod first_on_host;
-mod first_on_wall;
-mod first_pose;
-mod formulas;
-mod global;
-mod groups;
-mod item;
+mod accept;
+mod contact;
 mod level;
-mod optimise;
+mod measure;
+mod noise;
+mod observe;
 mod order;
-mod outline;
-mod pieces;
-mod plausible;
-#[cfg(test)]
-mod probe;
-mod proxy;
-mod raster;
+mod propose;
 mod review;
 mod scene;
 mod settings;
-mod shape;
-mod solid;
 mod solve;
-mod standard;
-mod steps;
-mod support;
+mod stats;
+mod swaps;
+mod terms;
 #[cfg(test)]
 mod testing;
-mod view;
 
-#[cfg(test)]
-extern crate self as harmony_placement;
-
-pub use collision::{Collision, collisions};
-pub use evidence::{Evidence, measure};
-pub use formulas::{angular_size, corrected_depth, front_surface_depth, lateral_shift, metric_scale};
-pub use global::{GlobalReport, refine_globally};
-pub use groups::{GroupReport, color_swaps, refine_groups};
-pub use item::{Item, Traits, YawHint};
-pub use level::{LevelReport, ObjectReport, PlacementError, Unresolved, place_level};
+pub use contact::collision::{Collision, collisions};
+pub use level::{LevelReport, ObjectReport, PlacementError, place_level};
+pub use measure::measure;
+pub use noise::Noise;
+pub use observe::may_be_seen;
 pub use order::{OrderEntry, OrderReport, placement_order};
 pub use review::{ActionError, ReviewAction, ReviewOutcome, Verdict, apply, judge, reshape};
-pub use scene::{PartialScene, Placed, RoomPoints, Upcoming};
+pub use scene::{Energy, Evidence, Item, PartialScene, Placed, RoomPoints, Shape, Spread, Traits, YawHint};
 pub use settings::PlacementSettings;
-pub use shape::Shape;
-pub use view::may_be_seen;
+pub use solve::formulas::{angular_size, corrected_depth, front_surface_depth, lateral_shift, metric_scale};
+pub use solve::joint::{GlobalReport, refine_globally};
+pub use swaps::color_swaps;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use harmony_scene::{Level, Mask, ObjectId, Vec2, Vec3};
 
-use crate::formulas::median;
+use crate::stats::median;
 use crate::{Item, PartialScene, PlacementSettings};
 
 /// One place of the order.

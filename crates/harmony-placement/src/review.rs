@@ -2,16 +2,19 @@
 
 use std::sync::Arc;
 
-use harmony_scene::{Mask, Mat3, ObjectId, Pose, Support, Vec3, Wall};
+use harmony_scene::{Mask, Mat3, ObjectId, Pose, Size, Support, Vec3, Wall};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::anchoring::{Anchoring, Frame, LARGEST_GAP, YawRule};
-use crate::cost::angle_between;
-use crate::level::{anchoring_of, neighbours};
-use crate::solve::solve;
-use crate::view::View;
-use crate::{Evidence, Item, PartialScene, Placed, PlacementSettings, collision, measure};
+use crate::accept::{accepts, odds, total};
+use crate::contact::collision::{collisions, relax};
+use crate::observe::Window;
+use crate::scene::Energy;
+use crate::scene::attachment::{Attachment, PoseConstraint, SAME_TURN, YawRule, angle_between, attachment_of};
+use crate::scene::subtree::subtree;
+use crate::solve::local::solve;
+use crate::terms::{NAMED, absent_energy, scene_energy};
+use crate::{Evidence, Item, PartialScene, Placed, PlacementSettings, YawHint, measure};
 
 /// Longest single move that is tried, metres.
 const LONGEST_MOVE: f64 = 5.0;
@@ -19,23 +22,8 @@ const LONGEST_MOVE: f64 = 5.0;
 /// Smallest scale factor that is tried; its inverse is the largest.
 const SMALLEST_FACTOR: f64 = 0.3;
 
-/// An action may cost this much silhouette IoU: the masks are not better than that.
-const WORSE_IOU: f64 = 0.03;
-
-/// An action may raise the depth residual by this, metres.
-const WORSE_DEPTH: f64 = 0.03;
-
-/// An action may raise the penetration by this, metres.
-const DEEPER: f64 = 0.02;
-
-/// From this IoU on an object counts as seen and is not removed.
-const WELL_SEEN: f64 = 0.5;
-
-/// Share of a seen object that an added one may hide.
-const HIDES: f64 = 0.3;
-
-/// Longest side of the image in which hiding is measured, pixels.
-const COARSE: u32 = 320;
+/// One sigma of how deep a pair may be in one another after a change, metres.
+const PENETRATION: f64 = 0.01;
 
 /// What a reviewer (the VLM) may ask for. Degrees and metres as it writes them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -132,6 +120,8 @@ pub enum ActionError {
 pub struct Verdict {
     /// Whether the change stays.
     pub kept: bool,
+    /// Energy of the whole scene after it, less than before: negative speaks for it, nats.
+    pub energy_change: f64,
     /// Why, in one sentence.
     pub reason: String,
     /// Mean silhouette IoU of the objects concerned, before.
@@ -189,13 +179,18 @@ pub fn apply(
             let wanted = scene.placed[i].pose.yaw + by_deg.to_radians();
             match &scene.placed[i].support {
                 Support::Wall { wall } => hang_elsewhere(&mut after, i, *wall, wanted, settings)?,
-                _ => carry(&mut after, i, settings, |pose| pose.yaw = wanted),
+                _ => {
+                    // The reviewer's answer takes the place of the one before.
+                    renamed(&mut after, i, |item| item.yaw = YawHint::About(wanted));
+                    carry(&mut after, i, settings, |pose| pose.yaw = wanted);
+                }
             }
             touched.push(object.clone());
         }
         ReviewAction::Rescale { object, factor } => {
             let i = find(scene, object)?;
             in_range("a scale factor", *factor, SMALLEST_FACTOR, 1.0 / SMALLEST_FACTOR)?;
+            renamed(&mut after, i, |item| item.size = Size::from_vec(item.size.as_vec() * *factor));
             carry(&mut after, i, settings, |pose| pose.scale *= factor);
             touched.push(object.clone());
         }
@@ -222,21 +217,18 @@ pub fn apply(
         }
         ReviewAction::Remove { object } => {
             let i = find(scene, object)?;
-            let gone = collision::body(scene, i);
+            let gone = subtree(scene, i);
             removed = gone.iter().map(|k| scene.placed[*k].item.id.clone()).collect();
             after.placed.retain(|p| !removed.contains(&p.item.id));
         }
         ReviewAction::Reorder { .. } => return Err(ActionError::NeedsPlacement),
     }
     if settings.collision {
-        for id in touched.clone() {
-            let Some(i) = after.position(&id) else { continue };
-            // Its neighbours make room for it, and it for them.
-            for (moved, _) in collision::resolve(&mut after, i, settings).moved {
-                let id = &after.placed[moved].item.id;
-                if !touched.contains(id) {
-                    touched.push(id.clone());
-                }
+        // Its neighbours make room for it, and it for them.
+        for (k, far) in relax(&mut after, settings).into_iter().enumerate() {
+            let id = &after.placed[k].item.id;
+            if far > 0.0 && !touched.contains(id) {
+                touched.push(id.clone());
             }
         }
     }
@@ -276,7 +268,7 @@ pub fn reshape(
         placed.pose.position.y -= grown;
     }
     carry(&mut after, i, settings, |_| {});
-    for k in collision::body(&after, i) {
+    for k in subtree(&after, i) {
         if k != i && !hangs {
             after.placed[k].pose.position.y += grown;
         }
@@ -294,6 +286,13 @@ fn in_range(what: &'static str, value: f64, min: f64, max: f64) -> Result<(), Ac
     if value >= min && value <= max { Ok(()) } else { Err(ActionError::Range { what, value, min, max }) }
 }
 
+/// Changes what is said of a placed object.
+fn renamed(scene: &mut PartialScene, object: usize, change: impl Fn(&mut Item)) {
+    let mut item = (*scene.placed[object].item).clone();
+    change(&mut item);
+    scene.placed[object].item = Arc::new(item);
+}
+
 /// Changes an object's pose, puts it back onto its support, and takes along what rests on it.
 fn carry(scene: &mut PartialScene, object: usize, settings: &PlacementSettings, change: impl Fn(&mut Pose)) {
     let old = scene.placed[object].pose;
@@ -301,19 +300,20 @@ fn carry(scene: &mut PartialScene, object: usize, settings: &PlacementSettings, 
     change(&mut wanted);
     let item = Arc::clone(&scene.placed[object].item);
     // An object that is turned away from its wall stands free from then on.
-    let anchoring = match anchoring_of(scene, object) {
-        Anchoring::AgainstWall(wall) if angle_between(wanted.yaw, wall.yaw()).abs() > 0.02 => Anchoring::Floor,
-        Anchoring::AgainstWall(wall) if pulled_off(scene, &wanted, &item, wall) => Anchoring::Floor,
-        Anchoring::OnHost { host, level } => {
-            Anchoring::OnHost { host, level: level + wanted.position.y - old.position.y }
+    let attachment = match attachment_of(scene, object, &settings.noise) {
+        Attachment::AgainstWall(wall) if angle_between(wanted.yaw, wall.yaw()).abs() > SAME_TURN => Attachment::Floor,
+        Attachment::AgainstWall(wall) if pulled_off(scene, &wanted, &item, wall, settings) => Attachment::Floor,
+        Attachment::OnHost { host, level } => {
+            Attachment::OnHost { host, level: level + wanted.position.y - old.position.y }
         }
         other => other,
     };
     let yaw = YawRule::Fixed(wanted.yaw);
-    let frame = Frame { scene, item: &item, anchoring, yaw, wall_gap: settings.wall_gap, fixed_size: true };
-    let new = frame.settle(&wanted);
+    let noise = &settings.noise;
+    let constraint = PoseConstraint { fixed_size: true, ..PoseConstraint::new(scene, &item, attachment, yaw, noise) };
+    let new = constraint.settle(&wanted);
     let (turn, by) = (new.yaw - old.yaw, new.position - old.position);
-    for i in collision::body(scene, object) {
+    for i in subtree(scene, object) {
         let pose = &mut scene.placed[i].pose;
         if i == object {
             *pose = new;
@@ -326,9 +326,9 @@ fn carry(scene: &mut PartialScene, object: usize, settings: &PlacementSettings, 
 }
 
 /// Whether a wanted place is clearly off the wall.
-fn pulled_off(scene: &PartialScene, pose: &Pose, item: &Item, wall: Wall) -> bool {
+fn pulled_off(scene: &PartialScene, pose: &Pose, item: &Item, wall: Wall, settings: &PlacementSettings) -> bool {
     let depth = item.shape.extent().z * pose.scale * pose.stretch.z;
-    wall.distance(&scene.room.extents, pose.position) - depth / 2.0 > LARGEST_GAP + 0.05
+    wall.distance(&scene.room.extents, pose.position) - depth / 2.0 > 1.3 * settings.noise.wall_gap_most
 }
 
 /// Two objects exchange their shapes, each keeping its place and metric size.
@@ -353,10 +353,9 @@ fn rehost(scene: &mut PartialScene, object: usize, host: &ObjectId, settings: &P
 /// Places an object anew by changed relations.
 fn place_anew(scene: &mut PartialScene, object: usize, item: Item, settings: &PlacementSettings) {
     let item = Arc::new(item);
-    let others = neighbours(scene, &item, &[], Some(object));
-    let solution = View::new(scene, Some(object), &item.mask, &others, settings.window_px).map(|view| {
-        let s = solve(scene, &item, &view, settings);
-        (s.pose, s.support())
+    let solution = Window::new(scene, &item, Some(object), &[], settings).map(|window| {
+        let s = solve(scene, &item, &window, settings);
+        (s.pose, s.objective.constraint.support())
     });
     let placed = &mut scene.placed[object];
     placed.item = item;
@@ -407,85 +406,71 @@ fn copy(scene: &mut PartialScene, like: usize, at: Vec3, yaw: f64, settings: &Pl
     id
 }
 
-/// Compares the scene before and after an action on the objects it touched.
+/// Compares the scene before and after an action.
 ///
-/// A change is kept unless the evidence speaks against it: the masks must not agree clearly less, the depths not
-/// clearly worse, and nothing may go deeper into anything. An object that the photo shows well is not removed, and
-/// none is added where it would hide others that the photo shows.
+/// A change is kept when the energy of the whole scene does not rise by more than the word of a reviewer is worth: masks and
+/// depths of everything that it touches, hides or uncovers, sizes, turns, places, and how deep things are in one another. The
+/// mask of an object that is gone is not explained by anything.
 pub fn judge(before: &PartialScene, after: &ReviewOutcome, settings: &PlacementSettings) -> Verdict {
-    let old = |id: &ObjectId| before.position(id).map(|i| measure(before, i, settings));
     let concerned: Vec<&ObjectId> = after.touched.iter().chain(&after.removed).collect();
+    let old = |id: &ObjectId| before.position(id).map(|i| measure(before, i, settings));
     let earlier: Vec<Evidence> = concerned.iter().filter_map(|id| old(id)).collect();
+    let (was, is) = (scene_energy(before, settings), scene_energy(&after.scene, settings));
+    let gone = before.placed.iter().enumerate().filter(|(_, p)| after.removed.contains(&p.item.id));
+    let unexplained: f64 = gone.filter_map(|(i, _)| absent_energy(before, i, settings)).sum();
+    let (pressed, presses) = (penetration(before, settings), penetration(&after.scene, settings));
+    let change = total(&is) + presses + unexplained - total(&was) - pressed;
+    let kept = accepts(0.0, change, odds(settings.noise.wrong_review));
     let iou = |all: &[Evidence]| mean(all.iter().filter_map(|e| e.silhouette_iou));
     let depth = |all: &[Evidence]| mean(all.iter().filter_map(|e| e.depth_residual_m));
     let deepest = |all: &[Evidence]| all.iter().map(|e| e.penetration_m).fold(0.0, f64::max);
-    let mut verdict = Verdict {
-        kept: true,
-        reason: "the evidence does not speak against it".to_owned(),
+    let reason = if kept {
+        "the evidence does not speak against it".to_owned()
+    } else if unexplained > 0.0 {
+        format!("the photo shows it: without it {unexplained:.0} nats of its mask are not explained")
+    } else {
+        format!("the evidence speaks against it: {}", against(&was, &is, presses - pressed))
+    };
+    Verdict {
+        kept,
+        energy_change: change,
+        reason,
         iou_before: iou(&earlier).unwrap_or(0.0),
         iou_after: iou(&after.evidence).unwrap_or(0.0),
         depth_before_m: depth(&earlier),
         depth_after_m: depth(&after.evidence),
         penetration_before_m: deepest(&earlier),
         penetration_after_m: deepest(&after.evidence),
-    };
-    let mut refuse = |reason: String| {
-        verdict.kept = false;
-        verdict.reason = reason;
-    };
-    let added = after.touched.iter().any(|id| before.find(id).is_none());
-    if !after.removed.is_empty() {
-        let (now, limit) = (iou(&earlier).unwrap_or(0.0), WELL_SEEN);
-        if now >= limit {
-            refuse(format!("the photo shows it: its silhouette agrees with an IoU of {now:.2}"));
-        }
-    } else if verdict.penetration_after_m > verdict.penetration_before_m + DEEPER {
-        let deep = verdict.penetration_after_m;
-        refuse(format!("it would be {deep:.3} m deep in something"));
-    } else if added {
-        let hidden = after.touched.iter().map(|id| hides(before, &after.scene, id)).fold(0.0, f64::max);
-        if hidden > HIDES {
-            refuse(format!("it would hide {:.0} % of an object that the photo shows", 100.0 * hidden));
-        }
-    } else if verdict.iou_after < verdict.iou_before - WORSE_IOU {
-        let (a, b) = (verdict.iou_before, verdict.iou_after);
-        refuse(format!("silhouette IoU would fall from {a:.3} to {b:.3}"));
-    } else if let (Some(a), Some(b)) = (verdict.depth_before_m, verdict.depth_after_m)
-        && b > a + WORSE_DEPTH
-    {
-        refuse(format!("the depth residual would grow from {a:.3} m to {b:.3} m"));
     }
-    verdict
+}
+
+/// The terms that rose most, in words.
+fn against(was: &[Energy], is: &[Energy], deeper: f64) -> String {
+    let sum = |all: &[Energy], of: fn(&Energy) -> f64| all.iter().map(of).sum::<f64>();
+    let terms: [(&str, fn(&Energy) -> f64); 7] = [
+        ("silhouettes", |e| e.silhouette),
+        ("depths", |e| e.depth),
+        ("sizes", |e| e.size),
+        ("turns", |e| e.yaw),
+        ("places", |e| e.place),
+        ("supports", |e| e.support),
+        ("relations", |e| e.prior),
+    ];
+    let risen = terms.iter().map(|(name, of)| (*name, sum(is, *of) - sum(was, *of)));
+    let mut risen: Vec<(&str, f64)> = risen.chain([("things in one another", deeper)]).filter(|r| r.1 > 0.5).collect();
+    risen.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let told: Vec<String> = risen.iter().map(|(name, by)| format!("{name} +{by:.1} nats")).collect();
+    told.join(", ")
+}
+
+/// What things that are in one another cost.
+fn penetration(scene: &PartialScene, settings: &PlacementSettings) -> f64 {
+    collisions(scene, settings).iter().map(|c| NAMED.loss(c.penetration / PENETRATION)).sum()
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let all: Vec<f64> = values.collect();
     (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
-}
-
-/// Largest loss of silhouette IoU that a new object causes to an old one.
-fn hides(before: &PartialScene, after: &PartialScene, id: &ObjectId) -> f64 {
-    let Some(new) = after.find(id) else { return 0.0 };
-    let camera = before.camera.resized(before.camera.size.fit_within(COARSE));
-    let mut depth = vec![0.0; camera.size.pixels()];
-    crate::raster::rasterise(&camera, new.item.shape.proxy(), &new.pose, &mut depth);
-    let mut worst = 0.0_f64;
-    for old in &before.placed {
-        let mut own = vec![0.0; camera.size.pixels()];
-        crate::raster::rasterise(&camera, old.item.shape.proxy(), &old.pose, &mut own);
-        let mask = old.item.mask.resized(camera.size);
-        let (mut seen, mut lost) = (0.0, 0.0);
-        for (i, on) in mask.bits().iter().enumerate() {
-            if *on && own[i] > 0.0 {
-                seen += 1.0;
-                lost += f64::from(u8::from(depth[i] > 0.0 && depth[i] < own[i] - 0.02));
-            }
-        }
-        if seen > 0.0 {
-            worst = worst.max(lost / seen);
-        }
-    }
-    worst
 }
 
 #[cfg(test)]

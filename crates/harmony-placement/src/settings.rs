@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::noise::Noise;
+
 /// Switches (one per ablation row of the paper's table) and limits of placement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -20,11 +22,9 @@ pub struct PlacementSettings {
     pub point_map: bool,
     /// The local optimiser after the paper's steps.
     pub optimiser: bool,
-    /// A second look at every object when its level is complete.
-    pub second_look: bool,
     /// Collision resolution.
     pub collision: bool,
-    /// Group refinement (sizes, facing, swaps, copies).
+    /// Members of a matched set have one size.
     pub groups: bool,
     /// Refinement of all poses, camera, room and scale together after each level.
     pub global_refinement: bool,
@@ -34,12 +34,8 @@ pub struct PlacementSettings {
     pub renders_per_object: usize,
     /// Longest side of the window an object is compared in, pixels.
     pub window_px: u32,
-    /// Gap left between a wall and what is flush with it, metres.
-    pub wall_gap: f64,
-    /// Relative uncertainty (one sigma) of the sizes given by the VLM.
-    pub size_sigma: f64,
-    /// Penetration that is still called contact, metres.
-    pub collision_tolerance: f64,
+    /// Every sigma and every probability that an answer is right.
+    pub noise: Noise,
 }
 
 impl Default for PlacementSettings {
@@ -51,16 +47,13 @@ impl Default for PlacementSettings {
             refinement: true,
             point_map: true,
             optimiser: true,
-            second_look: true,
             collision: true,
             groups: true,
             global_refinement: true,
             max_rounds: 5,
             renders_per_object: 160,
             window_px: 128,
-            wall_gap: 0.003,
-            size_sigma: 0.2,
-            collision_tolerance: 0.002,
+            noise: Noise::default(),
         }
     }
 }

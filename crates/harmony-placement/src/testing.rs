@@ -74,7 +74,6 @@ pub(crate) fn boxed(scene: &PartialScene, size: Vec3, position: Vec3, yaw: f64) 
         shape,
         size: Size::from_vec(size),
         mask,
-        occluders: None,
         relations: Relations::default(),
         placement: Placement::default(),
         host_candidates: Vec::new(),
@@ -88,7 +87,7 @@ pub(crate) fn boxed(scene: &PartialScene, size: Vec3, position: Vec3, yaw: f64) 
 /// The mask of a shape at a pose, alone in the image.
 pub(crate) fn seen(scene: &PartialScene, shape: &Shape, pose: &Pose) -> Mask {
     let mut depth = vec![0.0; scene.camera.size.pixels()];
-    crate::raster::rasterise(&scene.camera, shape.proxy(), pose, &mut depth);
+    crate::observe::raster::rasterise(&scene.camera, shape.proxy(), pose, &mut depth);
     let width = scene.camera.size.width;
     Mask::from_fn(scene.camera.size, |x, y| depth[(y * width + x) as usize] > 0.0)
 }

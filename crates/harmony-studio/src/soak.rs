@@ -305,7 +305,7 @@ pub fn quick_settings() -> Settings {
     let mut settings = Settings { working_px: 256, surface_px_per_m: 10.0, ..Settings::default() };
     settings.mesh.faces = 2000;
     let placement = &mut settings.placement;
-    (placement.refinement, placement.optimiser, placement.second_look) = (false, false, false);
+    (placement.refinement, placement.optimiser) = (false, false);
     (placement.global_refinement, placement.collision) = (false, false);
     (placement.max_rounds, placement.renders_per_object, placement.window_px) = (1, 2, 32);
     settings

@@ -54,11 +54,10 @@ pub async fn in_order(
         state.dropped.push((id.to_string(), ctx.phase.to_owned(), error.to_string()));
     }
     for u in &report.unresolved {
-        let other = u.b.as_ref().map_or("a wall or the floor".to_owned(), ToString::to_string);
         ctx.warn(
             WarningKind::LowConfidence,
             Some(u.a.clone()),
-            format!("stays {:.0} mm inside {other}", u.penetration * 1000.0),
+            format!("stays {:.0} mm inside {}", u.penetration * 1000.0, u.b),
         );
     }
     Ok(report)
@@ -117,7 +116,6 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
         shape: Arc::clone(&p.shape),
         size: Size { width: o.size_m.width, height: o.size_m.height, depth: o.size_m.depth },
         mask: p.candidate.mask.clone(),
-        occluders: None,
         relations,
         placement: Placement {
             placement_type: o.placement_type,

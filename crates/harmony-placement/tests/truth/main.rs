@@ -69,7 +69,6 @@ fn place_room(name: &str, kind: PointMapKind, noise: &Noise, settings: &Placemen
     let detail = std::env::var_os("HARMONY_DETAIL").is_some();
     for level in Level::ALL {
         let items = gt.items(level, noise);
-        scene.upcoming = gt.upcoming(level);
         let count = items.len();
         let begun = Instant::now();
         let report: LevelReport = place_level(&mut scene, items, None, settings);
@@ -77,7 +76,7 @@ fn place_room(name: &str, kind: PointMapKind, noise: &Noise, settings: &Placemen
         assert_eq!(report.objects.len() + report.dropped.len(), count, "every item is placed or dropped");
         if detail {
             for u in &report.unresolved {
-                println!("    unresolved {} {:?} {:.3}", u.a, u.b, u.penetration);
+                println!("    unresolved {} {} {:.3}", u.a, u.b, u.penetration);
             }
             for d in &report.dropped {
                 println!("    dropped {} {}", d.0, d.1);

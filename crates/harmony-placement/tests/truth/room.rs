@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use harmony_mesh::{Group, Material, Mesh, convex_parts};
-use harmony_placement::{Item, PartialScene, Placed, RoomPoints, Shape, Traits, Upcoming, YawHint};
+use harmony_placement::{Item, PartialScene, Placed, RoomPoints, Shape, Traits, YawHint};
 use harmony_scene::{
     Camera, Extents, ImageSize, Intrinsics, Level, Mask, Mat3, ObjectId, Placement, PointMap, PointMapKind, Relations,
     Room, Similarity, Size, Vec2, Vec3, WallAffinity,
@@ -195,20 +195,6 @@ impl GtRoom {
         Mask::from_fn(self.camera.size, |x, y| u32::from(self.ids[y as usize * w + x as usize]) == index)
     }
 
-    /// Masks of the levels after one.
-    pub fn upcoming(&self, level: Level) -> Vec<Upcoming> {
-        self.objects
-            .iter()
-            .filter(|o| o.level > level)
-            .map(|o| Upcoming {
-                id: ObjectId::new(&o.id).unwrap(),
-                level: o.level,
-                mask: self.mask(o.index),
-                flat: o.label == "rug",
-            })
-            .collect()
-    }
-
     /// What placement is given for a level.
     pub fn items(&self, level: Level, noise_of: &Noise) -> Vec<Item> {
         self.objects
@@ -239,7 +225,6 @@ impl GtRoom {
                     shape: Arc::new(Shape::new(Arc::clone(&mesh), hulls)),
                     size: Size::from_vec(size),
                     mask: self.mask(o.index).dilated(grow),
-                    occluders: None,
                     relations: o.relations.clone(),
                     placement: Placement::default(),
                     host_candidates: Vec::new(),
@@ -262,19 +247,6 @@ impl GtRoom {
     /// The truth about an object.
     pub fn truth(&self, id: &str) -> Option<&Truth> {
         self.objects.iter().find(|o| o.id == id)
-    }
-}
-
-#[allow(dead_code, reason = "used by the probe")]
-impl Truth {
-    /// True bottom centre.
-    pub fn position(&self) -> Vec3 {
-        self.position
-    }
-
-    /// True yaw.
-    pub fn yaw(&self) -> f64 {
-        self.yaw
     }
 }
 

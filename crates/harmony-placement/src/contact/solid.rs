@@ -1,0 +1,237 @@
+//! Convex parts in the room: do they meet, and how far must one go in a direction until they don't.
+
+use std::sync::{Arc, OnceLock};
+
+use harmony_scene::{Pose as RoomPose, Vec3};
+use parry3d::math::{Pose, Vector};
+use parry3d::query::{ShapeCastOptions, cast_shapes};
+use parry3d::shape::ConvexPolyhedron;
+
+use crate::Item;
+use crate::scene::attachment::reach;
+
+/// Parts thinner than this are thickened, so that they have a hull, metres.
+const THINNEST: f64 = 1e-3;
+
+/// Room positions go to f32 relative to the pair's middle: this covers the rounding, metres.
+const ROUNDING: f64 = 1e-4;
+
+/// One convex part, in room coordinates relative to its own centre.
+#[derive(Debug, Clone)]
+struct Part {
+    hull: ConvexPolyhedron,
+    centre: Vec3,
+    low: Vec3,
+    high: Vec3,
+}
+
+/// An object's convex parts in the room. Hulls are built when they are first needed: most objects are never near.
+#[derive(Debug, Clone)]
+pub(crate) struct Solid {
+    item: Arc<Item>,
+    pose: RoomPose,
+    parts: OnceLock<Vec<Part>>,
+    pub(crate) low: Vec3,
+    pub(crate) high: Vec3,
+}
+
+/// Displacements `t` along a direction at which two things meet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Interval {
+    pub(crate) from: f64,
+    pub(crate) to: f64,
+}
+
+fn vector(v: Vec3) -> Vector {
+    Vector::new(v.x as f32, v.y as f32, v.z as f32)
+}
+
+fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {
+    points.iter().fold((Vec3::MAX, Vec3::MIN), |(l, h), p| (l.min(*p), h.max(*p)))
+}
+
+fn part(points: &[Vec3]) -> Option<Part> {
+    let (low, high) = bounds(points);
+    let centre = (low + high) / 2.0;
+    let relative: Vec<Vector> = points.iter().map(|p| vector(*p - centre)).collect();
+    let hull = ConvexPolyhedron::from_convex_hull(&relative).or_else(|| {
+        // Coplanar points have no hull: give them some thickness in every direction.
+        let thick: Vec<Vector> = points
+            .iter()
+            .flat_map(|p| [Vec3::splat(-THINNEST), Vec3::splat(THINNEST)].map(|d| *p + d))
+            .flat_map(|p| [p, p + Vec3::X * THINNEST, p + Vec3::Z * THINNEST])
+            .map(|p| vector(p - centre))
+            .collect();
+        ConvexPolyhedron::from_convex_hull(&thick)
+    })?;
+    Some(Part { hull, centre, low, high })
+}
+
+impl Solid {
+    /// The parts of an object in a pose. Parts without volume are left out.
+    pub(crate) fn new(item: &Arc<Item>, pose: &RoomPose) -> Self {
+        let (low, high) = reach(item, pose);
+        let (low, high) = (low + pose.position, high + pose.position);
+        Self { item: Arc::clone(item), pose: *pose, parts: OnceLock::new(), low, high }
+    }
+
+    fn parts(&self) -> &[Part] {
+        self.parts.get_or_init(|| {
+            let room = |hull: &Vec<Vec3>| hull.iter().map(|p| self.pose.point(*p)).collect::<Vec<_>>();
+            self.item.shape.hulls().iter().filter_map(|h| part(&room(h))).collect()
+        })
+    }
+
+    /// The same parts elsewhere.
+    pub(crate) fn moved(&self, by: Vec3) -> Self {
+        let mut out = self.clone();
+        out.pose.position += by;
+        for p in out.parts.get_mut().into_iter().flatten() {
+            p.centre += by;
+            p.low += by;
+            p.high += by;
+        }
+        out.low += by;
+        out.high += by;
+        out
+    }
+
+    /// All displacements of this solid along a unit direction at which it meets another one.
+    pub(crate) fn meetings(&self, other: &Self, direction: Vec3) -> Vec<Interval> {
+        let mut out = Vec::new();
+        if boxes_meet(self.low, self.high, other.low, other.high, direction).is_none() {
+            return out;
+        }
+        for a in self.parts() {
+            for b in other.parts() {
+                out.extend(meeting(a, b, direction));
+            }
+        }
+        out
+    }
+
+    /// Whether the solids' boxes come nearer than `margin`.
+    pub(crate) fn near(&self, other: &Self, margin: f64) -> bool {
+        self.low.cmple(other.high + margin).all() && other.low.cmple(self.high + margin).all()
+    }
+
+    /// How deep two solids are in one another: the shortest way out along any of the given directions, 0 if apart.
+    pub(crate) fn penetration(&self, other: &Self, directions: &[Vec3]) -> f64 {
+        if !self.near(other, 0.0) {
+            return 0.0;
+        }
+        let ways = directions.iter().map(|d| way_out(&self.meetings(other, *d)));
+        let shortest = ways.fold(f64::INFINITY, f64::min);
+        if shortest.is_finite() { shortest } else { 0.0 }
+    }
+}
+
+/// Smallest displacement, not negative, outside all intervals.
+pub(crate) fn way_out(intervals: &[Interval]) -> f64 {
+    let mut sorted: Vec<Interval> = intervals.to_vec();
+    sorted.sort_by(|a, b| a.from.total_cmp(&b.from));
+    let mut t = 0.0;
+    for i in sorted {
+        if i.from <= t + 1e-9 && i.to > t {
+            t = i.to;
+        }
+    }
+    t
+}
+
+/// Displacements along a direction at which two boxes overlap.
+fn boxes_meet(low_a: Vec3, high_a: Vec3, low_b: Vec3, high_b: Vec3, d: Vec3) -> Option<Interval> {
+    let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
+    for i in 0..3 {
+        let (near, far) = (low_b[i] - high_a[i], high_b[i] - low_a[i]);
+        if d[i].abs() < 1e-9 {
+            if near >= 0.0 || far <= 0.0 {
+                return None;
+            }
+            continue;
+        }
+        let (a, b) = (near / d[i], far / d[i]);
+        from = from.max(a.min(b));
+        to = to.min(a.max(b));
+    }
+    (from < to && from.is_finite() && to.is_finite()).then_some(Interval { from, to })
+}
+
+/// Displacements of one part along a direction at which it meets another: an interval, both being convex.
+fn meeting(a: &Part, b: &Part, d: Vec3) -> Option<Interval> {
+    let boxes = boxes_meet(a.low, a.high, b.low, b.high, d)?;
+    let length = boxes.to - boxes.from + 0.02;
+    let target = Pose::from_translation(vector(b.centre - a.centre));
+    // From outside on either side until the first touch.
+    let touch = |start: f64, towards: f64| -> Option<f64> {
+        let from = Pose::from_translation(vector(d * start));
+        let options = ShapeCastOptions::with_max_time_of_impact(length as f32);
+        let hit = cast_shapes(&from, vector(d * towards), &a.hull, &target, Vector::ZERO, &b.hull, options).ok()??;
+        Some(start + towards * f64::from(hit.time_of_impact))
+    };
+    let to = touch(boxes.to + 0.01, -1.0)?;
+    let from = touch(boxes.from - 0.01, 1.0)?;
+    (to > from + ROUNDING).then_some(Interval { from, to })
+}
+
+/// Unit directions: level ones all around, then up and down.
+pub(crate) fn directions_around() -> Vec<Vec3> {
+    let mut out = level_directions();
+    out.extend([Vec3::Y, Vec3::NEG_Y]);
+    out
+}
+
+/// Sixteen level unit directions.
+pub(crate) fn level_directions() -> Vec<Vec3> {
+    (0..16).map(|i| Vec3::new(1.0, 0.0, 0.0).rotate_y(f64::from(i) * std::f64::consts::TAU / 16.0)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{boxed, empty_room};
+    use proptest::prelude::*;
+
+    #[test]
+    fn two_boxes_meet_over_the_sum_of_their_widths() {
+        let scene = empty_room();
+        let item = Arc::new(boxed(&scene, Vec3::new(0.6, 0.5, 0.4), Vec3::new(2.0, 0.0, 2.0), 0.0));
+        let a = Solid::new(&item, &RoomPose::new(Vec3::new(2.0, 0.0, 2.0), 0.0, 1.0));
+        let b = Solid::new(&item, &RoomPose::new(Vec3::new(2.2, 0.1, 2.1), 0.0, 1.0));
+        let meetings = a.meetings(&b, Vec3::X);
+        assert_eq!(meetings.len(), 1);
+        assert!((meetings[0].from + 0.4).abs() <= 1e-3 && (meetings[0].to - 0.8).abs() <= 1e-3, "{meetings:?}");
+        let depth = a.penetration(&b, &directions_around());
+        assert!((depth - 0.3).abs() <= 1e-3, "0.3 along -z is the shortest way, got {depth}");
+        let away = a.moved(Vec3::new(1.5, 0.0, 0.0));
+        assert_eq!(away.penetration(&b, &directions_around()), 0.0);
+    }
+
+    #[test]
+    fn a_gap_between_obstacles_is_a_way_out() {
+        let i = |from, to| Interval { from, to };
+        assert_eq!(way_out(&[i(-0.5, 0.2), i(0.6, 0.9)]), 0.2);
+        assert_eq!(way_out(&[i(0.1, 0.2)]), 0.0);
+        assert_eq!(way_out(&[i(0.15, 0.5), i(-1.0, 0.2)]), 0.5);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn after_the_way_out_turned_boxes_are_apart_and_a_little_before_they_are_not(
+            x in -0.3_f64..0.3, z in -0.3_f64..0.3, yaw_a in 0.0_f64..3.1, yaw_b in 0.0_f64..3.1, k in 0_usize..16,
+        ) {
+            let scene = empty_room();
+            let item = Arc::new(boxed(&scene, Vec3::new(0.8, 0.5, 0.4), Vec3::new(2.0, 0.0, 2.0), 0.0));
+            let a = Solid::new(&item, &RoomPose::new(Vec3::new(2.0 + x, 0.0, 2.0 + z), yaw_a, 1.0));
+            let b = Solid::new(&item, &RoomPose::new(Vec3::new(2.0, 0.0, 2.0), yaw_b, 1.0));
+            let all = directions_around();
+            prop_assert!(a.penetration(&b, &all) > 0.0);
+            let d = level_directions()[k];
+            let t = way_out(&a.meetings(&b, d));
+            prop_assert!(t > 0.0);
+            prop_assert!(a.moved(d * (t + 2e-3)).penetration(&b, &all) <= 1e-3);
+            prop_assert!(a.moved(d * (t - 5e-3)).penetration(&b, &all) > 0.0);
+        }
+    }
+}

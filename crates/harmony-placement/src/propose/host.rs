@@ -1,0 +1,211 @@
+//! First poses on furniture: the ray of the mask's base against the host's surfaces. Paper App. C "Decoration Placement".
+
+use harmony_scene::{DepthPosition, Level, PixelBox, PlacementType, SurfacePosition, Vec2, Vec3};
+
+use super::{Hypothesis, Proposer};
+use crate::noise::surprise;
+use crate::scene::attachment::{Attachment, YawRule, reach, size_of};
+use crate::scene::support::{self, Layer};
+use crate::{Item, PartialScene, Placed, YawHint};
+
+/// Hosts tried for one object, at most.
+const MOST_HOSTS: usize = 3;
+
+/// Below this overlap with the given host's box other candidates are tried too.
+const DOUBTFUL_OVERLAP: f64 = 0.5;
+
+/// How far about a mask's lowest row its foot is looked for, share of its height.
+const FOOT: f64 = 0.1;
+
+/// Layers of a host tried, at most.
+const MOST_LAYERS: usize = 6;
+
+pub(crate) fn hypotheses<'a>(proposer: &Proposer<'a, '_>) -> Vec<Hypothesis<'a>> {
+    let mut out = Vec::new();
+    let given = given_host(proposer);
+    if let Some(host) = given {
+        on_host(proposer, host, 0.0, &mut out);
+    }
+    let lies_on = |g: usize| overlap(proposer.scene, &proposer.scene.placed[g], &proposer.window.mask_box);
+    if given.is_none_or(|g| lies_on(g) < DOUBTFUL_OVERLAP) {
+        out.extend(on_other_hosts(proposer));
+    }
+    out
+}
+
+/// First poses on other hosts than the given one, which have to earn it.
+pub(crate) fn on_other_hosts<'a>(proposer: &Proposer<'a, '_>) -> Vec<Hypothesis<'a>> {
+    let given = given_host(proposer);
+    let price = if given.is_some() { surprise(proposer.settings.noise.wrong_host) } else { 0.0 };
+    let mut out = Vec::new();
+    for host in other_hosts(proposer.scene, proposer.item, proposer.window.mask_box, given) {
+        on_host(proposer, host, price, &mut out);
+    }
+    out
+}
+
+fn given_host(proposer: &Proposer) -> Option<usize> {
+    proposer.item.relations.on_top_of.as_ref().and_then(|id| proposer.scene.position(id))
+}
+
+/// Share of a decoration's box that lies on a host: its lower half, or what is about its foot (a tall lamp stands on a
+/// little table), against the host's seen or projected box.
+fn overlap(scene: &PartialScene, host: &Placed, mask_box: &PixelBox) -> f64 {
+    let lower = PixelBox { y0: f64::midpoint(mask_box.y0, mask_box.y1), ..*mask_box };
+    let around = FOOT * mask_box.height();
+    let foot = PixelBox { y0: mask_box.y1 - around, y1: mask_box.y1 + around, ..*mask_box };
+    let area = |b: Option<PixelBox>| {
+        let b = b.map(|b| b.padded(0.02, scene.camera.size));
+        b.map_or(0.0, |b| lower.covered_by(&b).max(foot.covered_by(&b)))
+    };
+    area(host.item.mask.bounds()).max(area(projected_box(scene, host)))
+}
+
+fn projected_box(scene: &PartialScene, placed: &Placed) -> Option<PixelBox> {
+    let mut out: Option<PixelBox> = None;
+    for corner in crate::scene::shape::corners(&placed.item.shape.bounds()) {
+        let p = scene.camera.project(placed.pose.point(corner))?;
+        let b = out.get_or_insert(PixelBox { x0: p.x, y0: p.y, x1: p.x, y1: p.y });
+        *b = PixelBox { x0: b.x0.min(p.x), y0: b.y0.min(p.y), x1: b.x1.max(p.x), y1: b.y1.max(p.y) };
+    }
+    out
+}
+
+/// Placed objects beside the given one that may carry a decoration, the most likely first: the consistency check of
+/// Sec. 3.3.
+fn other_hosts(scene: &PartialScene, item: &Item, mask_box: PixelBox, given: Option<usize>) -> Vec<usize> {
+    let carries = |p: &Placed| !p.item.traits.flat && p.item.level != Level::Ceiling && p.item.id != item.id;
+    let candidates: Vec<usize> = if item.host_candidates.is_empty() {
+        (0..scene.placed.len()).filter(|i| carries(&scene.placed[*i])).collect()
+    } else {
+        item.host_candidates.iter().filter_map(|id| scene.position(id)).collect()
+    };
+    let mut ranked: Vec<(f64, usize)> = candidates
+        .into_iter()
+        .filter(|i| Some(*i) != given)
+        .map(|i| (overlap(scene, &scene.placed[i], &mask_box), i))
+        .filter(|(o, _)| *o > 0.2)
+        .collect();
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    ranked.into_iter().map(|(_, i)| i).take(MOST_HOSTS - given.map_or(0, |_| 1)).collect()
+}
+
+fn on_host<'a>(proposer: &Proposer<'a, '_>, host: usize, price: f64, out: &mut Vec<Hypothesis<'a>>) {
+    let placed = &proposer.scene.placed[host];
+    let pose = proposer.sized(Vec3::ZERO, placed.pose.yaw);
+    let height = size_of(proposer.item, &pose).y;
+    let mut layers = support::layers(placed, height);
+    // Large layers first: the tray's rim is not the table.
+    layers.sort_by(|a, b| b.share.total_cmp(&a.share).then(b.height.total_cmp(&a.height)));
+    layers.truncate(MOST_LAYERS);
+    for (level, position) in spots(proposer, placed, &layers) {
+        for (yaw, turn_price) in
+            yaws(proposer, placed, position).into_iter().flat_map(|rule| proposer.quarter_turns(rule))
+        {
+            let constraint = proposer.constraint(Attachment::OnHost { host, level }, yaw);
+            out.push(proposer.settled(constraint, position, price + turn_price));
+        }
+    }
+}
+
+fn yaws(proposer: &Proposer, host: &Placed, position: Vec3) -> Vec<YawRule> {
+    let item = proposer.item;
+    let given = !matches!(item.yaw, YawHint::Unknown) || item.relations.facing_toward.is_some();
+    let with_host = item.placement.faces_room
+        || item.traits.has_front
+        || item.placement.placement_type == PlacementType::AgainstBack;
+    if with_host && !given {
+        return vec![YawRule::About { yaw: host.pose.yaw, sigma: proposer.settings.noise.yaw_along }];
+    }
+    proposer.yaws(position, host.pose.yaw)
+}
+
+/// Places (surface height, base centre) on a host that fit the mask.
+fn spots(proposer: &Proposer, host: &Placed, layers: &[Layer]) -> Vec<(f64, Vec3)> {
+    let (window, camera) = (proposer.window, &proposer.scene.camera);
+    let mut out: Vec<(f64, Vec3)> = Vec::new();
+    let pose = proposer.sized(Vec3::ZERO, host.pose.yaw);
+    let size = size_of(proposer.item, &pose);
+    let b = &window.mask_box;
+    let constraint = proposer.constraint(Attachment::Floor, YawRule::Fixed(host.pose.yaw));
+    if proposer.item.placement.placement_type == PlacementType::AgainstBack {
+        let ray = camera.ray(b.centre());
+        if let Some((hit, _)) = support::ray_hit(host, ray.origin, ray.direction) {
+            let position = hit + host.pose.front() * (size.z / 2.0);
+            let below = layers.iter().filter(|l| l.height <= hit.y + 0.05).map(|l| l.height).max_by(f64::total_cmp);
+            out.push((below.unwrap_or(hit.y - size.y / 2.0), position));
+        }
+    }
+    // The surface that the base's ray itself meets.
+    if window.free[3] {
+        let ray = camera.ray(Vec2::new(b.centre().x, b.y1 - 0.02 * b.height()));
+        if let Some((hit, true)) = support::ray_hit(host, ray.origin, ray.direction)
+            && let Some(position) = proposer.by_contact(&constraint, &pose, hit.y, 3)
+        {
+            out.push((hit.y, position));
+        }
+    }
+    for layer in layers {
+        let position = proposer
+            .by_contact(&constraint, &pose, layer.height, 3)
+            .or_else(|| steps::hidden_base(proposer, layer.height, size.y));
+        if let Some(position) = position {
+            out.push((layer.height, onto(host, position)));
+        }
+    }
+    if let Some(points) = proposer.by_points(&pose) {
+        let base = points.y - size.y / 2.0;
+        let nearest = layers.iter().min_by(|a, b| (a.height - base).abs().total_cmp(&(b.height - base).abs()));
+        if let Some(layer) = nearest {
+            out.push((layer.height, onto(host, points)));
+        }
+    }
+    if out.is_empty()
+        && let Some(layer) = layers.first()
+    {
+        out.push((layer.height, by_words(proposer, host)));
+    }
+    out
+}
+
+/// The nearest point within the host's bounds, seen from above.
+fn onto(host: &Placed, p: Vec3) -> Vec3 {
+    let (low, high) = reach(&host.item, &host.pose);
+    let (low, high) = (low + host.pose.position, high + host.pose.position);
+    Vec3::new(p.x.clamp(low.x, high.x), p.y, p.z.clamp(low.z, high.z))
+}
+
+/// The place that the words left / centre / right and front / middle / back mean to the camera.
+fn by_words(proposer: &Proposer, host: &Placed) -> Vec3 {
+    let placement = proposer.item.placement;
+    let across = match placement.surface_position {
+        SurfacePosition::Left => -0.3,
+        SurfacePosition::Center => 0.0,
+        SurfacePosition::Right => 0.3,
+    };
+    let along = match placement.depth_position {
+        DepthPosition::Front => -0.3,
+        DepthPosition::Middle => 0.0,
+        DepthPosition::Back => 0.3,
+    };
+    let (low, high) = reach(&host.item, &host.pose);
+    let camera = &proposer.scene.camera;
+    let level = |v: Vec3| Vec3::new(v.x, 0.0, v.z).normalize_or(Vec3::X);
+    let extent = |d: Vec3| (high - low).dot(d.abs());
+    let (right, forward) = (level(camera.right()), level(camera.forward()));
+    host.pose.position + right * (across * extent(right)) + forward * (along * extent(forward))
+}
+
+mod steps {
+    //! Where the base is not seen, the centre has to do.
+    use harmony_scene::Vec3;
+
+    use crate::propose::Proposer;
+
+    /// Base centre on a level when the mask's middle is the object's middle.
+    pub(super) fn hidden_base(proposer: &Proposer, level: f64, height: f64) -> Option<Vec3> {
+        let ray = proposer.scene.camera.ray(proposer.window.mask_box.centre());
+        let k = (level + height / 2.0 - ray.origin.y) / ray.direction.y;
+        (k.is_finite() && k > 0.1 && k < 20.0).then(|| ray.at(k))
+    }
+}

@@ -1,0 +1,76 @@
+//! An object that wants a place.
+
+use std::sync::Arc;
+
+use harmony_scene::{Level, Mask, ObjectId, Placement, Relations, Size};
+
+use crate::Shape;
+
+/// What is known of the kind of object, beyond its mesh.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[expect(clippy::struct_excessive_bools, reason = "independent facts")]
+pub struct Traits {
+    /// A rug or mat: lies flat under everything, never collides.
+    pub flat: bool,
+    /// Cushion, blanket, toy: may press into what it touches.
+    pub soft: bool,
+    /// A thin wall item (painting, mirror, window, door, clock).
+    pub planar: bool,
+    /// A window or door: it sits in its wall, not on it.
+    pub opening: bool,
+    /// A door: its lower edge is at the floor.
+    pub to_floor: bool,
+    /// Hangs down (pendant, curtain).
+    pub hangs: bool,
+    /// Proportions may be corrected (part models, slabs).
+    pub may_stretch: bool,
+    /// As deep as it is wide, as round and square things are: a correction of the width is one of the depth too.
+    pub as_wide_as_deep: bool,
+    /// Much of it is hidden: the mask's size says nothing.
+    pub heavily_occluded: bool,
+    /// It has a front that matters.
+    pub has_front: bool,
+}
+
+/// What is known of an object's yaw (radians, room constraint) before placement.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum YawHint {
+    /// Nothing beyond the relations.
+    #[default]
+    Unknown,
+    /// About this, within some 25 degrees.
+    About(f64),
+}
+
+/// One object to place.
+#[derive(Debug, Clone)]
+pub struct Item {
+    /// Id.
+    pub id: ObjectId,
+    /// Value in the id image.
+    pub index: u32,
+    /// Level.
+    pub level: Level,
+    /// Category, lower case.
+    pub label: String,
+    /// Canonical geometry.
+    pub shape: Arc<Shape>,
+    /// Size by prior knowledge (the VLM's), metres, unrotated.
+    pub size: Size,
+    /// Where it is seen, at the scene camera's size; may be cut by the image border or by nearer objects.
+    pub mask: Mask,
+    /// Relations.
+    pub relations: Relations,
+    /// How a decoration rests.
+    pub placement: Placement,
+    /// Further hosts a decoration may stand on, when `relations.on_top_of` turns out not to fit.
+    pub host_candidates: Vec<ObjectId>,
+    /// Traits.
+    pub traits: Traits,
+    /// What is known of the yaw.
+    pub yaw: YawHint,
+    /// Mean linear RGB of its pixels, for swaps in matched groups.
+    pub mean_color: Option<[f32; 3]>,
+    /// Detection score, passed through into the confidence.
+    pub detection: Option<f64>,
+}

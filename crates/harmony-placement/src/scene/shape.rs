@@ -1,0 +1,146 @@
+//! Canonical geometry of an object, prepared for many renders and distance queries.
+
+use std::sync::{Arc, OnceLock};
+
+use harmony_mesh::{Bounds, Bvh, ConvexPart, Group, Material, Mesh};
+use harmony_scene::Vec3;
+
+use crate::observe::proxy::Proxy;
+
+/// Points an outline is made of, at most.
+const MOST_EXTREMES: usize = 240;
+
+/// A canonical mesh with what placement derives from it once.
+#[derive(Debug, Clone)]
+pub struct Shape {
+    mesh: Arc<Mesh>,
+    proxy: Arc<Proxy>,
+    hulls: Vec<Vec<Vec3>>,
+    extremes: Vec<Vec3>,
+    bounds: Bounds,
+    bvh: OnceLock<Arc<Bvh>>,
+    /// What is not see-through; `None` when all is like that, so that [`Shape::proxy`] holds.
+    opaque: Option<Arc<Proxy>>,
+}
+
+/// Share of light that a material keeps back below which one sees through it.
+const SEE_THROUGH: f32 = 0.5;
+
+fn see_through(m: &Material) -> bool {
+    m.base_color[3] * (1.0 - m.transmission.clamp(0.0, 1.0) * (1.0 - m.metallic.clamp(0.0, 1.0))) < SEE_THROUGH
+}
+
+/// The triangles of a mesh that one does not see through, when there are others.
+fn opaque_part(mesh: &Mesh) -> Option<Mesh> {
+    let clear = |g: &Group| mesh.materials.get(g.material).is_some_and(see_through);
+    if !mesh.groups.iter().any(clear) {
+        return None;
+    }
+    let groups = mesh.groups.iter().filter(|g| !clear(g)).cloned().collect();
+    Some(Mesh { groups, ..mesh.clone() })
+}
+
+impl Shape {
+    /// Prepares a canonical mesh (bottom at y = 0, centred, front +Z) and its convex parts (hull points in the
+    /// same constraint). Without usable parts the mesh's box stands in.
+    pub fn new(mesh: Arc<Mesh>, hulls: Vec<Vec<Vec3>>) -> Self {
+        let form = harmony_mesh::simple_form(&mesh);
+        Self::with_form(mesh, &form, hulls)
+    }
+
+    fn with_form(mesh: Arc<Mesh>, form: &Mesh, hulls: Vec<Vec<Vec3>>) -> Self {
+        let unit = Bounds { min: Vec3::new(-0.5, 0.0, -0.5), max: Vec3::new(0.5, 1.0, 0.5) };
+        let bounds = mesh.bounds().filter(|b| b.min.is_finite() && b.max.is_finite()).unwrap_or(unit);
+        let mut hulls: Vec<Vec<Vec3>> =
+            hulls.into_iter().filter(|h| h.len() >= 4 && h.iter().all(|p| p.is_finite())).collect();
+        if hulls.is_empty() {
+            hulls.push(corners(&bounds).to_vec());
+        }
+        let proxy = Arc::new(Proxy::new(form));
+        let extremes = extremes(&hulls.concat());
+        let opaque = opaque_part(&mesh).map(|part| {
+            let empty = part.triangle_count() == 0;
+            Arc::new(if empty { Proxy::default() } else { Proxy::new(&harmony_mesh::simple_form(&Arc::new(part))) })
+        });
+        Self { mesh, proxy, hulls, extremes, bounds, bvh: OnceLock::new(), opaque }
+    }
+
+    /// The same with convex parts from elsewhere, or those of [`harmony_mesh::convex_parts`] for an object whose longest
+    /// side has about `longest_m` metres.
+    pub fn from_parts(mesh: Arc<Mesh>, parts: Option<&[ConvexPart]>, longest_m: f64) -> Self {
+        let form = harmony_mesh::simple_form(&mesh);
+        let made = if parts.is_none() { harmony_mesh::convex_parts(&form, longest_m) } else { Vec::new() };
+        let hulls = parts.unwrap_or(&made).iter().map(|p| p.points.iter().map(|q| q.as_dvec3()).collect());
+        Self::with_form(mesh, &form, hulls.collect())
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &Arc<Mesh> {
+        &self.mesh
+    }
+
+    /// What silhouettes are drawn from.
+    pub(crate) fn proxy(&self) -> &Proxy {
+        &self.proxy
+    }
+
+    /// What hides others: all but glass; `None` when that is the whole [`Shape::proxy`].
+    pub(crate) fn opaque(&self) -> Option<&Proxy> {
+        self.opaque.as_deref()
+    }
+
+    /// Hull points of the convex parts, canonical constraint.
+    pub fn hulls(&self) -> &[Vec<Vec3>] {
+        &self.hulls
+    }
+
+    /// Points of the convex parts that can be the outermost of its image in some direction, canonical constraint.
+    pub(crate) fn extremes(&self) -> &[Vec3] {
+        &self.extremes
+    }
+
+    /// Bounds in canonical units.
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// Width, height and depth in canonical units, none of them zero.
+    pub fn extent(&self) -> Vec3 {
+        self.bounds.size().max(Vec3::splat(1e-6))
+    }
+
+    /// Ray queries on the mesh, canonical constraint; built at the first call.
+    pub fn bvh(&self) -> &Bvh {
+        self.bvh.get_or_init(|| Arc::new(Bvh::new(&self.mesh)))
+    }
+}
+
+/// The outermost points in evenly spread directions; all where there are few.
+fn extremes(all: &[Vec3]) -> Vec<Vec3> {
+    if all.len() <= MOST_EXTREMES {
+        return all.to_vec();
+    }
+    let mut chosen: Vec<usize> = (0..MOST_EXTREMES)
+        .filter_map(|i| {
+            // A Fibonacci sphere of directions.
+            let y = 1.0 - 2.0 * (i as f64 + 0.5) / MOST_EXTREMES as f64;
+            let (sin, cos) = (i as f64 * 2.399_963).sin_cos();
+            let d = Vec3::new(cos * (1.0 - y * y).sqrt(), y, sin * (1.0 - y * y).sqrt());
+            (0..all.len()).max_by(|a, b| all[*a].dot(d).total_cmp(&all[*b].dot(d)))
+        })
+        .collect();
+    chosen.sort_unstable();
+    chosen.dedup();
+    chosen.into_iter().map(|i| all[i]).collect()
+}
+
+/// The eight corners of a box.
+pub(crate) fn corners(b: &Bounds) -> [Vec3; 8] {
+    std::array::from_fn(|i| {
+        Vec3::new(
+            if i & 1 == 0 { b.min.x } else { b.max.x },
+            if i & 2 == 0 { b.min.y } else { b.max.y },
+            if i & 4 == 0 { b.min.z } else { b.max.z },
+        )
+    })
+}

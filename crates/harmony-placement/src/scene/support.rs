@@ -1,0 +1,273 @@
+//! Surfaces that carry things: where they are under a footprint, and at which heights.
+//!
+//! Decorations rest on the highest surface under their footprint, found by rays on the host's mesh rather than by
+//! its box, and on the right board of a shelf: the one at the level where the mask says the object stands.
+
+use harmony_scene::{Pose, Vec3};
+
+use crate::scene::attachment::{reach, size_of};
+use crate::{Item, Placed};
+
+/// Two surfaces closer than this are one, metres.
+const SAME_SURFACE: f64 = 0.02;
+
+/// How far the surface may be from the level where the object is looked for, metres.
+const LEVEL_SLACK: f64 = 0.12;
+
+/// Rays along each side of a footprint.
+const FOOTPRINT_RAYS: usize = 4;
+
+/// Share of the footprint that is asked: feet stand inside the outline.
+const FOOTPRINT_SHARE: f64 = 0.7;
+
+/// What is asked of a host.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SurfaceQuery {
+    /// Height near which the surface is expected, metres.
+    pub(crate) level: f64,
+    /// Height of what is to stand there, metres.
+    pub(crate) object_height: f64,
+    /// Soft things sink in: the usual height counts, not the highest.
+    pub(crate) soft: bool,
+}
+
+/// A surface under a footprint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Surface {
+    /// Height, metres.
+    pub(crate) height: f64,
+    /// Share of the footprint's rays that met it, 0 to 1.
+    pub(crate) share: f64,
+}
+
+/// A height at which a host can carry things.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Layer {
+    /// Metres.
+    pub(crate) height: f64,
+    /// Share of the host's footprint at this height.
+    pub(crate) share: f64,
+}
+
+/// Heights of the host's mesh along a vertical line, from `from` downwards, at most `limit` of them, and whether the
+/// surface looks up there.
+fn heights_below(host: &Placed, x: f64, z: f64, from: f64, limit: usize) -> Vec<(f64, bool)> {
+    let inverse = host.pose.linear().inverse();
+    let down = inverse * Vec3::NEG_Y;
+    let unit = down.length();
+    let mut out = Vec::new();
+    if !(unit > 0.0 && unit.is_finite()) {
+        return out;
+    }
+    let bvh = host.item.shape.bvh();
+    let mut start = from;
+    for _ in 0..limit {
+        let origin = inverse * (Vec3::new(x, start, z) - host.pose.position);
+        let reach = (start - host.pose.position.y + 0.05).max(0.0) * unit;
+        let Some(hit) = bvh.raycast(origin, down / unit, reach) else { break };
+        let height = start - hit.distance / unit;
+        out.push((height, hit.normal.dot(down) < 0.0));
+        start = height - 1e-3;
+    }
+    out
+}
+
+/// All heights of the host's mesh along a vertical line, from its top downwards, and whether the surface there looks the way
+/// that the topmost one does: an underside looks the other way, and some meshes come inside out.
+fn column(host: &Placed, x: f64, z: f64, top: f64) -> Vec<(f64, bool)> {
+    let mut out = heights_below(host, x, z, top, 24);
+    let Some((_, topmost)) = out.first().copied() else { return out };
+    for (_, up) in &mut out {
+        *up = *up == topmost;
+    }
+    out
+}
+
+/// What a host has at or below a point.
+enum Below {
+    /// A surface that carries something there: its height, metres.
+    Carries(f64),
+    /// The point is inside of the host: in the backrest on which a cushion leans.
+    Inside,
+    /// The point is beside the host.
+    Nothing,
+}
+
+fn below(host: &Placed, x: f64, z: f64, from: f64) -> Below {
+    let Some((height, up)) = heights_below(host, x, z, from, 1).first().copied() else { return Below::Nothing };
+    let carries = || {
+        let all = column(host, x, z, top_of(host));
+        let nearest = all.into_iter().min_by(|a, b| (a.0 - height).abs().total_cmp(&(b.0 - height).abs()));
+        nearest.is_some_and(|(_, carries)| carries)
+    };
+    if up || carries() { Below::Carries(height) } else { Below::Inside }
+}
+
+/// A height above all of a host, metres.
+fn top_of(host: &Placed) -> f64 {
+    host.pose.position.y + reach(&host.item, &host.pose).1.y + 0.05
+}
+
+/// The surface of a host under an object's footprint near a level.
+pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &SurfaceQuery) -> Option<Surface> {
+    let linear = Pose { scale: 1.0, stretch: Vec3::ONE, ..*pose }.linear();
+    let half = size_of(item, pose) / 2.0 * FOOTPRINT_SHARE;
+    // Start above the level but under the next board.
+    let from = query.level + LEVEL_SLACK.min(0.5 * query.object_height + 0.04);
+    let mut found = Vec::new();
+    let (mut rays, mut inside) = (0, 0);
+    for i in 0..FOOTPRINT_RAYS {
+        for j in 0..FOOTPRINT_RAYS {
+            let t = |k: usize| 2.0 * k as f64 / (FOOTPRINT_RAYS - 1) as f64 - 1.0;
+            let at = pose.position + linear * Vec3::new(half.x * t(i), 0.0, half.z * t(j));
+            rays += 1;
+            match below(host, at.x, at.z, from) {
+                Below::Carries(h) if h >= query.level - LEVEL_SLACK => found.push(h),
+                Below::Inside => inside += 1,
+                _ => {}
+            }
+        }
+    }
+    // What is inside of the host says nothing about its surface; collisions have their say there.
+    if found.is_empty() {
+        return None;
+    }
+    found.sort_by(f64::total_cmp);
+    let share = found.len() as f64 / f64::from(rays - inside);
+    let rank = if query.soft { found.len() / 2 } else { (found.len() * 9 / 10).min(found.len() - 1) };
+    Some(Surface { height: found[rank], share })
+}
+
+/// All heights at which a host can carry something of a height, highest first.
+pub(crate) fn layers(host: &Placed, object_height: f64) -> Vec<Layer> {
+    const GRID: usize = 9;
+    let (low, high) = reach(&host.item, &host.pose);
+    let top = top_of(host);
+    let mut heights: Vec<f64> = Vec::new();
+    for i in 0..GRID {
+        for j in 0..GRID {
+            let t = |k: usize, a: f64, b: f64| a + (b - a) * (k as f64 + 0.5) / GRID as f64;
+            let x = host.pose.position.x + t(i, low.x, high.x);
+            let z = host.pose.position.z + t(j, low.z, high.z);
+            let mut above = f64::INFINITY;
+            for (h, carries) in column(host, x, z, top) {
+                let room = above - h >= (0.6 * object_height).max(SAME_SURFACE);
+                if carries && room && h > host.pose.position.y + 0.03 {
+                    heights.push(h);
+                }
+                above = h;
+            }
+        }
+    }
+    heights.sort_by(|a, b| b.total_cmp(a));
+    let total = (GRID * GRID) as f64;
+    let mut out: Vec<(f64, usize)> = Vec::new();
+    for h in heights {
+        match out.last_mut() {
+            Some((top, count)) if *top - h <= SAME_SURFACE => *count += 1,
+            _ => out.push((h, 1)),
+        }
+    }
+    out.into_iter()
+        .filter(|(_, count)| *count >= 2)
+        .map(|(height, count)| Layer { height, share: count as f64 / total })
+        .collect()
+}
+
+/// Free space between an object's back and what its host has behind it (a backrest, a headboard), metres, measured at
+/// half the object's height; `None` when the host has nothing there.
+pub(crate) fn gap_to_back(host: &Placed, item: &Item, pose: &Pose) -> Option<f64> {
+    let size = item.shape.extent() * pose.scale * pose.stretch;
+    let backward = -host.pose.front();
+    let axes = [pose.linear() * Vec3::X, pose.linear() * Vec3::Z].map(Vec3::normalize_or_zero);
+    let half = 0.5 * (size.x * axes[0].dot(backward).abs() + size.z * axes[1].dot(backward).abs());
+    let middle = pose.position + Vec3::Y * (size.y / 2.0);
+    let (hit, level) = ray_hit(host, middle, backward)?;
+    // What is behind must be upright: the ray may leave a seat that it starts in.
+    (!level).then(|| (hit - middle).dot(backward) - half)
+}
+
+/// Where a room ray first meets a placed object: the point and whether the surface there is level enough to stand on.
+pub(crate) fn ray_hit(host: &Placed, origin: Vec3, direction: Vec3) -> Option<(Vec3, bool)> {
+    let inverse = host.pose.linear().inverse();
+    let local = inverse * direction;
+    let unit = local.length();
+    if !(unit > 0.0 && unit.is_finite()) {
+        return None;
+    }
+    let hit = host.item.shape.bvh().raycast(inverse * (origin - host.pose.position), local / unit, 60.0 * unit)?;
+    let normal = (inverse.transpose() * hit.normal).normalize_or(Vec3::Y);
+    Some((origin + direction * (hit.distance / unit), normal.y.abs() > 0.7))
+}
+
+#[cfg(test)]
+mod back_tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::Shape;
+    use crate::testing::{box_mesh, boxed, empty_room, of_boxes};
+
+    #[test]
+    fn the_gap_is_measured_to_the_backrest() {
+        let scene = empty_room();
+        // A backrest 0.2 deep and 0.9 high, its front at z = 1.1, of a host that looks along +z.
+        let back = boxed(&scene, Vec3::new(2.0, 0.9, 0.2), Vec3::new(2.0, 0.0, 1.0), 0.0);
+        let host = Placed {
+            item: Arc::new(back),
+            pose: Pose::new(Vec3::new(2.0, 0.0, 1.0), 0.0, 1.0),
+            support: harmony_scene::Support::Floor,
+            evidence: crate::Evidence::default(),
+        };
+        let cushion = boxed(&scene, Vec3::new(0.5, 0.4, 0.2), Vec3::new(2.0, 0.4, 1.5), 0.0);
+        assert_eq!(cushion.shape.extent(), Shape::new(Arc::new(box_mesh(Vec3::new(0.5, 0.4, 0.2))), vec![]).extent());
+        let gap = |z: f64| gap_to_back(&host, &cushion, &Pose::new(Vec3::new(2.0, 0.4, z), 0.0, 1.0));
+        assert!((gap(1.5).unwrap() - 0.3).abs() < 1e-6);
+        assert!(gap(1.2).unwrap().abs() < 1e-6);
+        // Nothing behind it: above the backrest.
+        assert_eq!(gap_to_back(&host, &cushion, &Pose::new(Vec3::new(2.0, 1.5, 1.5), 0.0, 1.0)), None);
+    }
+
+    #[test]
+    fn an_underside_is_no_shelf() {
+        let scene = empty_room();
+        // A base and, above it, a mattress.
+        let parts = [(0.1, 0.05), (0.28, 0.32)].map(|(height, low)| (Vec3::new(2.0, height, 1.0), Vec3::Y * low));
+        let mut bed = (**of_boxes(&parts).mesh()).clone();
+        let host_of = |mesh: harmony_mesh::Mesh| {
+            let mut item = boxed(&scene, Vec3::new(2.0, 0.6, 1.0), Vec3::new(2.0, 0.0, 2.0), 0.0);
+            item.shape = Arc::new(Shape::new(Arc::new(mesh), Vec::new()));
+            Placed {
+                item: Arc::new(item),
+                pose: Pose::new(Vec3::new(2.0, 0.0, 2.0), 0.3, 1.0),
+                support: harmony_scene::Support::Floor,
+                evidence: crate::Evidence::default(),
+            }
+        };
+        let heights_of = |mesh: harmony_mesh::Mesh| {
+            let layers = layers(&host_of(mesh), 0.25);
+            layers.into_iter().map(|l| (l.height * 100.0).round()).collect::<Vec<_>>()
+        };
+        // Nor is the inside of the mattress a place from which something falls onto its underside.
+        let bear = boxed(&scene, Vec3::new(0.2, 0.25, 0.2), Vec3::new(2.0, 0.4, 2.0), 0.0);
+        let under = |level: f64| {
+            let query = SurfaceQuery { level, object_height: 0.25, soft: false };
+            surface_under(&host_of(bed.clone()), &bear, &Pose::new(Vec3::new(2.0, level, 2.0), 0.0, 1.0), &query)
+        };
+        assert_eq!(under(0.4), None);
+        assert!(under(0.58).is_some_and(|s| (s.height - 0.6).abs() < 1e-6 && s.share > 0.99));
+        // A cushion that leans into the mattress from beside it stands on what is beside it.
+        let query = SurfaceQuery { level: 0.15, object_height: 0.25, soft: false };
+        let leaning = Pose::new(Vec3::new(2.0, 0.15, 2.0), 0.0, 1.0);
+        let stepped = |share: f32| {
+            let mut mesh = bed.clone();
+            mesh.positions[8..].iter_mut().for_each(|p| p.x += share);
+            surface_under(&host_of(mesh), &bear, &leaning, &query)
+        };
+        assert!(stepped(1.03).is_some_and(|s| (s.height - 0.15).abs() < 1e-6 && s.share > 0.99));
+        assert_eq!(heights_of(bed.clone()), [60.0, 15.0]);
+        // The same with all faces inside out, as some meshes come.
+        bed.groups.iter_mut().flat_map(|g| &mut g.triangles).for_each(|t| t.swap(1, 2));
+        assert_eq!(heights_of(bed), [60.0, 15.0]);
+    }
+}
