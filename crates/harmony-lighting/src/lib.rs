@@ -35,9 +35,9 @@ pub use cycles::{
 pub use delta::{AmbientDelta, DirectionalDelta, LightingDelta, LightingVerdict, PointLightDelta, WindowDelta};
 pub use fit::{FitOptions, LightFit, fit_lights, relight};
 pub use linear::{GreyResponse, LinearImage};
-pub use material::{MaterialAnswer, PhysicsSidecar, category_for, material_for};
+pub use material::{MaterialAnswer, PhysicsSidecar, material_for};
 pub use scene_fit::{Measured, SceneFit, fit_scene};
 pub use schema::strict_schema;
-pub use sources::{emitter_bounds, is_light_source, lights_from_scene};
+pub use sources::{emitter_bounds, lights_from_scene};
 pub use spec::{AmbientSpec, DirectionalSpec, LightingSpec, PointLightSpec, WindowSpec};
 pub use view::{PictureError, ViewTable, display_linear, picture_error};

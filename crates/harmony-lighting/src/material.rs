@@ -1,5 +1,6 @@
 //! Surface materials of objects (paper App. C, "Material estimation").
 
+use harmony_catalogue::Trait;
 use harmony_scene::{MaterialCategory, ObjectId, PbrFactors, Physical, Size, SurfaceMaterial};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -28,106 +29,32 @@ pub struct MaterialAnswer {
     pub elasticity: Option<f64>,
 }
 
-impl MaterialAnswer {
-    /// The schema to send with the question.
-    pub fn schema() -> serde_json::Value {
-        crate::strict_schema::<Self>()
-    }
-}
-
 /// An answered weight may differ from the default by this factor, either way.
 pub const WEIGHT_FACTOR: f64 = 8.0;
 /// Mass of anything, kilograms.
 pub const WEIGHT_KG: [f64; 2] = [0.01, 500.0];
 
-/// The usual material of things with this label; the last known word decides ("wooden coffee table" is wood twice).
-pub fn category_for(label: &str) -> MaterialCategory {
-    use MaterialCategory as M;
-    let lower = label.to_lowercase();
-    let mut found = M::Other;
-    for word in lower.split(|c: char| !c.is_alphanumeric()) {
-        let singular = word.strip_suffix('s').unwrap_or(word);
-        // Materials named outright beat the kind of thing.
-        match singular {
-            "wood" | "wooden" | "oak" | "walnut" | "pine" | "bamboo" => return M::Wood,
-            "glas" | "mirror" => return M::Glass,
-            "leather" => return M::Leather,
-            "metal" | "steel" | "brass" | "iron" | "chrome" | "aluminium" | "aluminum" => return M::Metal,
-            "marble" | "stone" | "granite" | "concrete" => return M::Stone,
-            "plastic" | "acrylic" => return M::Plastic,
-            "ceramic" | "porcelain" => return M::Ceramic,
-            "rattan" | "wicker" => return M::Rattan,
-            "velvet" | "linen" | "fabric" | "wool" => return M::Fabric,
-            _ => {}
-        }
-        found = match singular {
-            "sofa" | "couch" | "armchair" | "bed" | "pillow" | "cushion" | "rug" | "carpet" | "curtain" | "blanket"
-            | "ottoman" | "pouf" | "throw" | "towel" | "duvet" | "bedding" | "drape" | "loveseat" | "sectional" => {
-                M::Fabric
-            }
-            "table" | "desk" | "chair" | "cabinet" | "shelf" | "bookshelf" | "bookcase" | "dresser" | "wardrobe"
-            | "nightstand" | "sideboard" | "door" | "bench" | "stool" | "frame" | "drawer" | "console" | "chest"
-            | "headboard" => M::Wood,
-            "lamp" | "light" | "chandelier" | "sconce" | "radiator" | "faucet" | "sink" | "oven" | "refrigerator"
-            | "fridge" | "dishwasher" | "hood" | "pot" | "pan" => M::Metal,
-            "window" | "bottle" | "tumbler" => M::Glass,
-            "vase" | "toilet" | "bathtub" | "bowl" | "plate" | "mug" | "cup" | "washbasin" => M::Ceramic,
-            "book" | "painting" | "picture" | "poster" | "print" | "magazine" | "notebook" | "calendar" => M::Paper,
-            "tv" | "television" | "monitor" | "computer" | "laptop" | "keyboard" | "speaker" | "phone" | "clock"
-            | "fan" | "printer" | "bin" => M::Plastic,
-            "fireplace" | "countertop" => M::Stone,
-            "basket" => M::Rattan,
-            "mattress" => M::Foam,
-            _ => found,
-        };
-    }
-    found
-}
-
-/// Typical wall thickness of a category, metres, never more than half of the object's smallest side.
-fn default_thickness(category: MaterialCategory, size: Size) -> f64 {
-    use MaterialCategory as M;
-    let typical = match category {
-        M::Fabric | M::Leather | M::Stone => 0.03,
-        M::Wood => 0.02,
-        M::Metal => 0.002,
-        M::Glass | M::Ceramic => 0.006,
-        M::Foam => 0.1,
-        M::Rattan => 0.01,
-        M::Paper => 0.005,
-        M::Plastic | M::Other => 0.004,
-    };
+/// Wall thickness, metres, never more than half of the object's smallest side.
+fn default_thickness(label: &str, category: MaterialCategory, size: Size) -> f64 {
+    let typical = harmony_catalogue::wall_thickness(label, category);
     let thinnest = size.as_vec().min_element();
     if thinnest.is_finite() && thinnest > 0.0 { f64::min(typical, thinnest / 2.0).max(0.0002) } else { typical }
 }
 
-fn default_elasticity(category: MaterialCategory) -> f64 {
-    use MaterialCategory as M;
-    match category {
-        M::Foam => 0.8,
-        M::Fabric => 0.5,
-        M::Leather => 0.4,
-        M::Rattan => 0.25,
-        M::Plastic | M::Paper => 0.15,
-        M::Wood | M::Other => 0.1,
-        M::Metal | M::Glass | M::Ceramic | M::Stone => 0.02,
-    }
-}
-
-/// Weight by the category's bulk density and the bounding box, kilograms.
-fn default_weight(category: MaterialCategory, size: Size) -> f64 {
+/// Weight by the kind's and the material's mass over the bounding box, kilograms.
+fn default_weight(label: &str, category: MaterialCategory, size: Size) -> f64 {
     let volume = size.as_vec().max(glam::DVec3::splat(0.002)).element_product();
-    let weight = category.box_density() * volume;
+    let weight = harmony_catalogue::box_density(label, category) * volume;
     if weight.is_finite() { weight.clamp(WEIGHT_KG[0], WEIGHT_KG[1]) } else { 1.0 }
 }
 
-/// The material of an object: the answer where it is sensible, the category's defaults elsewhere.
+/// The material of an object: the answer where it is sensible, the defaults of its kind and material elsewhere.
 ///
 /// Returns what was left out of range, in words.
 pub fn material_for(label: &str, size: Size, answer: Option<&MaterialAnswer>) -> (SurfaceMaterial, Vec<String>) {
     let empty = MaterialAnswer::default();
     let answer = answer.unwrap_or(&empty);
-    let category = answer.material_category.unwrap_or_else(|| category_for(label));
+    let category = answer.material_category.unwrap_or_else(|| harmony_catalogue::material_category(label));
     let d = category.defaults();
     let mut notes = Vec::new();
     let given = PbrFactors {
@@ -135,11 +62,15 @@ pub fn material_for(label: &str, size: Size, answer: Option<&MaterialAnswer>) ->
         metallic: answer.metallic.unwrap_or(d.metallic),
         ior: answer.ior.unwrap_or(d.ior),
         // A window or a glass table is clear, but a generated texture on "glass" is what the photo shows behind it:
-        // without an answer only the pane of a window stays opaque, since its picture stands for the view.
-        transmission: answer.transmission.unwrap_or(if is_picture(label) { 0.0 } else { d.transmission }),
+        // without an answer a window stays opaque, since its picture stands for the view.
+        transmission: answer.transmission.unwrap_or(if harmony_catalogue::has(label, Trait::Pictured) {
+            0.0
+        } else {
+            d.transmission
+        }),
     };
     let pbr = category.clamp(given);
-    let label = shortened(label);
+    let said = shortened(label);
     for (name, was, is) in [
         ("roughness", given.roughness, pbr.roughness),
         ("metallic", given.metallic, pbr.metallic),
@@ -147,33 +78,27 @@ pub fn material_for(label: &str, size: Size, answer: Option<&MaterialAnswer>) ->
         ("transmission", given.transmission, pbr.transmission),
     ] {
         if was != is {
-            notes.push(format!("{label}: {name} {was} brought to {is} for {category:?}"));
+            notes.push(format!("{said}: {name} {was} brought to {is} for {category:?}"));
         }
     }
     let mut keep = |name: &str, given: Option<f64>, default: f64, low: f64, high: f64| {
         let Some(value) = given else { return default };
         let kept = if value.is_finite() { value.clamp(low, high) } else { default };
         if kept != value {
-            notes.push(format!("{label}: {name} {value} brought to {kept}"));
+            notes.push(format!("{said}: {name} {value} brought to {kept}"));
         }
         kept
     };
-    let weight = default_weight(category, size);
+    let weight = default_weight(label, category, size);
     let low = (weight / WEIGHT_FACTOR).max(WEIGHT_KG[0]);
     let high = (weight * WEIGHT_FACTOR).min(WEIGHT_KG[1]);
-    let thickness = default_thickness(category, size);
+    let thickness = default_thickness(label, category, size);
     let physical = Physical {
         weight_kg: keep("weight in kg", answer.weight_kg, weight, low, high),
         thickness_m: keep("thickness in m", answer.thickness_m, thickness, 0.0002, 0.5),
-        elasticity: keep("elasticity", answer.elasticity, default_elasticity(category), 0.0, 1.0),
+        elasticity: keep("elasticity", answer.elasticity, harmony_catalogue::material(category).elasticity, 0.0, 1.0),
     };
     (SurfaceMaterial { category, pbr, physical }, notes)
-}
-
-/// Things whose texture is a picture of what is seen in or through them.
-fn is_picture(label: &str) -> bool {
-    let lower = label.to_lowercase();
-    ["window", "mirror", "tv", "television", "monitor", "screen"].iter().any(|w| lower.contains(w))
 }
 
 /// The sidecar for downstream physics, one object a file (`<id>.physics.json`).
@@ -220,20 +145,10 @@ mod tests {
     const CHAIR: Size = Size { width: 0.5, height: 0.9, depth: 0.5 };
 
     #[test]
-    fn labels_have_their_usual_material() {
-        use MaterialCategory as M;
-        for (label, want) in [
-            ("Grey Sofa", M::Fabric),
-            ("sofa table", M::Wood),
-            ("glass coffee table", M::Glass),
-            ("table lamp", M::Metal),
-            ("potted plant", M::Other),
-            ("bookshelf", M::Wood),
-            ("ceramic vase", M::Ceramic),
-            ("", M::Other),
-        ] {
-            assert_eq!(category_for(label), want, "{label}");
-        }
+    fn what_shows_the_view_stays_opaque_without_an_answer() {
+        let transmission = |label| material_for(label, CHAIR, None).0.pbr.transmission;
+        assert_eq!([transmission("window"), transmission("glass door"), transmission("wall mirror")], [0.0; 3]);
+        assert!(transmission("glass coffee table") > 0.5);
     }
 
     #[test]
@@ -258,7 +173,7 @@ mod tests {
     fn without_an_answer_the_weight_follows_the_size() {
         let (chair, notes) = material_for("chair", CHAIR, None);
         assert!(notes.is_empty());
-        assert!((10.0..60.0).contains(&chair.physical.weight_kg), "{chair:?}");
+        assert!((4.0..10.0).contains(&chair.physical.weight_kg), "{chair:?}");
         let flat = Size { width: 2.0, height: 0.0, depth: f64::NAN };
         let (odd, _) = material_for("rug", flat, None);
         assert!(odd.physical.weight_kg > 0.0 && odd.physical.weight_kg.is_finite());

@@ -5,6 +5,7 @@
 //! model's specification, the fit and the reflective loop set them by the photo.
 
 use glam::DVec3;
+use harmony_catalogue::{Emission, emission};
 use harmony_mesh::{Bounds, Mesh};
 use harmony_scene::{
     Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Room, SceneObject, ViewTransform,
@@ -40,74 +41,8 @@ pub const PANE_GAP_M: f64 = 0.02;
 /// A window object sticks out of its wall by at most this much; more is a wrong bound (a curtain in the mesh).
 const MAX_PANE_GAP_M: f64 = 0.2;
 
-const LAMP_WORDS: [&str; 14] = [
-    "lamp",
-    "light",
-    "lights",
-    "sconce",
-    "chandelier",
-    "pendant",
-    "lantern",
-    "spotlight",
-    "downlight",
-    "candle",
-    "candles",
-    "luminaire",
-    "bulb",
-    "torchiere",
-];
-/// Words that make a phrase with a lamp word something else: a light switch, a lamp table.
-const NOT_LAMP_WORDS: [&str; 14] = [
-    "switch", "table", "fan", "holder", "stand", "box", "sofa", "chair", "rug", "curtain", "wood", "cabinet", "shelf",
-    "painting",
-];
-
 /// Slots of part models, and material names, that shine.
 const EMITTER_WORDS: [&str; 8] = ["shade", "bulb", "globe", "diffuser", "lampshade", "emit", "glow", "flame"];
-
-fn words(label: &str) -> Vec<String> {
-    label.to_lowercase().split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()).map(str::to_owned).collect()
-}
-
-/// Whether an object of this label gives light: "floor lamp", "pendant light"; not "light switch", "lamp table".
-///
-/// The head of an English noun phrase is its last word, so that decides; "ceiling fan with light" counts too.
-pub fn is_light_source(label: &str) -> bool {
-    let words = words(label);
-    let is_lamp = |w: &String| LAMP_WORDS.contains(&w.as_str()) || w.ends_with("light") && w != "skylight";
-    let Some(last) = words.last() else { return false };
-    if NOT_LAMP_WORDS.contains(&last.as_str()) {
-        return false;
-    }
-    is_lamp(last)
-        || matches!(last.as_str(), "fixture") && words.iter().any(is_lamp)
-        || matches!(
-            last.as_str(),
-            "lamps" | "pendants" | "sconces" | "lanterns" | "chandeliers" | "spotlights" | "downlights"
-        )
-        || words.iter().any(|w| w == "with") && words.iter().rev().take(2).any(is_lamp)
-}
-
-/// Whether an object of this label shows a picture by its own light: "flat-screen TV", "computer monitor".
-pub fn is_screen(label: &str) -> bool {
-    let words = words(label);
-    let Some(last) = words.last() else { return false };
-    matches!(last.as_str(), "tv" | "television" | "monitor" | "laptop" | "screen" | "display")
-        && !words.iter().any(|w| matches!(w.as_str(), "folding" | "room" | "projection" | "fire" | "shoji"))
-}
-
-/// Whether a door of this label lets daylight in: "sliding glass door", "French doors", "patio door".
-pub fn is_glass_door(label: &str) -> bool {
-    let words = words(label);
-    words.last().is_some_and(|w| w == "door" || w == "doors")
-        && words.iter().any(|w| matches!(w.as_str(), "glass" | "glazed" | "french" | "patio" | "balcony" | "terrace"))
-        && !words.iter().any(|w| matches!(w.as_str(), "shower" | "cabinet" | "oven"))
-}
-
-/// Whether a fire may burn in an object of this label.
-fn is_fire(label: &str) -> bool {
-    words(label).last().is_some_and(|w| matches!(w.as_str(), "fireplace" | "fire" | "hearth"))
-}
 
 /// Bounds of the part of a mesh that shines, in the mesh's own frame: emissive materials, else slots named so.
 pub fn emitter_bounds(mesh: &Mesh) -> Option<Bounds> {
@@ -147,7 +82,8 @@ pub fn lights_from_scene<'m>(
     let mut lights = Vec::new();
     for (i, opening) in room.openings.iter().enumerate() {
         let object = opening.object.as_ref().and_then(|id| objects.iter().find(|o| o.id == *id));
-        if opening.kind != OpeningKind::Window && !object.is_some_and(|o| is_glass_door(&o.label)) {
+        if opening.kind != OpeningKind::Window && !object.is_some_and(|o| harmony_catalogue::lets_daylight_in(&o.label))
+        {
             continue;
         }
         let mut id = opening.object.as_ref().map_or_else(|| format!("window_{:02}", i + 1), ToString::to_string);
@@ -159,13 +95,16 @@ pub fn lights_from_scene<'m>(
             lights.push(light);
         }
     }
-    for object in objects.iter().filter(|o| is_light_source(&o.label)) {
+    let emitting = |wanted: &'static [Emission]| {
+        objects.iter().filter(move |o| emission(&o.label).is_some_and(|own| wanted.contains(&own)))
+    };
+    for object in emitting(&[Emission::Lamp, Emission::Candle]) {
         lights.push(lamp_light(room, object, mesh_of(&object.id)));
     }
-    for object in objects.iter().filter(|o| is_screen(&o.label)) {
+    for object in emitting(&[Emission::Screen]) {
         lights.extend(screen_light(object, mesh_of(&object.id)));
     }
-    for object in objects.iter().filter(|o| is_fire(&o.label)) {
+    for object in emitting(&[Emission::Fire]) {
         let place = object_bounds(object, mesh_of(&object.id));
         let low = DVec3::new(place.centre().x, place.min.y + 0.2 * place.size().y, place.centre().z);
         lights.push(Light {
@@ -268,24 +207,23 @@ fn object_bounds(object: &SceneObject, mesh: Option<&Mesh>) -> Bounds {
 }
 
 fn lamp_light(room: &Room, object: &SceneObject, mesh: Option<&Mesh>) -> Light {
-    let words = words(&object.label);
-    let has = |w: &str| words.iter().any(|x| x == w);
+    let bulb_at = harmony_catalogue::kind(&object.label).and_then(|k| k.bulb_at);
     let all = object_bounds(object, mesh);
     let emitter = mesh.and_then(emitter_bounds);
     let at = |fraction: f64| DVec3::new(all.centre().x, all.min.y + fraction * all.size().y, all.centre().z);
     let canonical = emitter.map_or_else(
-        || match object.level {
-            // The cord takes most of a pendant's height; a flush fixture shines from below its dish.
-            Level::Ceiling if has("pendant") || has("chandelier") => at(0.2),
-            Level::Ceiling => DVec3::new(all.centre().x, all.min.y, all.centre().z),
-            Level::Wall => all.centre(),
-            _ if has("floor") || all.size().y > 3.0 * all.size().x.max(all.size().z) => at(0.88),
+        || match (bulb_at, object.level) {
+            (Some(share), _) => at(share),
+            // A flush fixture shines from below its dish.
+            (None, Level::Ceiling) => DVec3::new(all.centre().x, all.min.y, all.centre().z),
+            (None, Level::Wall) => all.centre(),
+            _ if all.size().y > 3.0 * all.size().x.max(all.size().z) => at(0.88),
             _ => at(0.72),
         },
         |b| b.centre(),
     );
     let mut position = object.pose.point(canonical);
-    if object.level == Level::Ceiling && emitter.is_none() && !has("pendant") && !has("chandelier") {
+    if object.level == Level::Ceiling && emitter.is_none() && bulb_at.is_none() {
         position.y -= 0.05;
     }
     let shade = emitter.unwrap_or(all).size() * object.pose.stretch.abs() * object.pose.scale;
@@ -296,7 +234,7 @@ fn lamp_light(room: &Room, object: &SceneObject, mesh: Option<&Mesh>) -> Light {
     position = position.max(margin).min(inside.max(margin));
     let (watts, color) = match object.level {
         Level::Ceiling => (CEILING_WATTS, CEILING_BULB),
-        _ if has("candle") || has("candles") => (1.0, [1.0, 0.6, 0.25]),
+        _ if emission(&object.label) == Some(Emission::Candle) => (1.0, [1.0, 0.6, 0.25]),
         _ if object.size.height > 1.0 => (FLOOR_LAMP_WATTS, WARM_BULB),
         _ => (TABLE_LAMP_WATTS, WARM_BULB),
     };

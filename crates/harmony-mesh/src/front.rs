@@ -5,10 +5,10 @@
 //! form tells.
 
 use glam::DVec3;
+use harmony_catalogue::Back;
 use harmony_scene::Size;
 
 use crate::Mesh;
-use crate::catalogue::Back;
 
 /// Cells along each side of the grids in which a mesh is seen from above and from its four sides.
 const CELLS: usize = 28;
@@ -166,7 +166,7 @@ mod tests {
     use glam::DMat3;
 
     use super::*;
-    use crate::{TemplateParams, canonicalise, catalogue, template};
+    use crate::{TemplateParams, canonicalise, template};
 
     fn made(category: &str, width: f64, height: f64, depth: f64) -> Mesh {
         let size = Size { width, height, depth };
@@ -184,7 +184,7 @@ mod tests {
             ("laptop", [0.33, 0.22, 0.3]),
         ];
         for (category, [w, h, d]) in things {
-            let back = catalogue::back(category).expect(category);
+            let back = harmony_catalogue::back(category).expect(category);
             for quarters in 0..4_u8 {
                 let mut mesh = made(category, w, h, d);
                 let turn = std::f64::consts::FRAC_PI_2 * f64::from(quarters);
@@ -210,7 +210,7 @@ mod tests {
     fn named_proportions_tell_the_sides_that_a_front_is_among() {
         let named = |width: f64, depth: f64| Size { width, height: 0.8, depth };
         let mut shelf = made("bookshelf", 0.9, 1.9, 0.3);
-        let back = catalogue::back("bookshelf");
+        let back = harmony_catalogue::back("bookshelf");
         assert_eq!(front_by_size(&shelf, named(0.7, 0.35), back), Some([0, 2]));
         assert_eq!(front_by_size(&shelf, named(0.35, 0.7), None), Some([1, 3]));
         // Its open side comes first, whichever of the two that is.

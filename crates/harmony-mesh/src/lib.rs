@@ -3,7 +3,6 @@
 //! Canonical mesh frame (`docs/conventions.md`): +Y up, front faces +Z, bottom at `y = 0`, centred in x and z.
 
 mod bvh;
-pub mod catalogue;
 mod clean;
 mod convex;
 mod front;
@@ -12,6 +11,11 @@ mod part_model;
 mod shell;
 mod templates;
 mod upright;
+
+/// Kinds of things as placement names them.
+pub mod catalogue {
+    pub use harmony_catalogue::{default_size, kind as category, size_range, standard_height};
+}
 
 pub use bvh::{Bvh, Hit};
 pub use clean::{CleanReport, canonicalise, clean, simple_form};

@@ -5,10 +5,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use harmony_calls::CallSummary;
+use harmony_catalogue::light_slot;
 use harmony_io::{
     GlbNode, GlbScene, NodeTransform, Segment, glb::TextureEncoding, picture, save_segmentation, write_json,
 };
-use harmony_mesh::{Mesh, catalogue::light_slot};
+use harmony_mesh::Mesh;
 use harmony_render::canonical_camera;
 use harmony_scene::{
     ImageSize, Lighting, Mask, ObjectId, SCENE_VERSION, Scene, SceneCamera, SceneObject, Surface, Warning,

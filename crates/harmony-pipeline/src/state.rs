@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use harmony_catalogue::Trait;
 use harmony_mesh::{Mesh, PartModel, Trims};
 use harmony_placement::{PartialScene, Shape};
 use harmony_prompts::{InspectedObject, LayoutAnswer};
@@ -184,7 +185,11 @@ impl SceneState {
     pub fn all_objects(&self) -> Mask {
         let size = self.partial.camera.size;
         let prepared = self.prepared.values().map(|p| &p.candidate.mask);
-        let rejected = self.rejected.iter().filter(|(label, _)| !is_of_the_room(label)).map(|(_, mask)| &**mask);
+        let rejected = self
+            .rejected
+            .iter()
+            .filter(|(label, _)| !harmony_catalogue::is_of_the_room(label))
+            .map(|(_, mask)| &**mask);
         prepared.chain(rejected).filter(|m| m.size() == size).fold(Mask::empty(size), |all, mask| all.or(mask))
     }
 
@@ -195,32 +200,7 @@ impl SceneState {
     }
 }
 
-/// Whether a label names a part of the room itself: its last word counts, a wall clock hangs on the wall.
-pub fn is_of_the_room(label: &str) -> bool {
-    const PARTS: [&str; 16] = [
-        "wall",
-        "walls",
-        "floor",
-        "flooring",
-        "ceiling",
-        "room",
-        "corner",
-        "skirting",
-        "baseboard",
-        "baseboards",
-        "moulding",
-        "molding",
-        "cornice",
-        "panelling",
-        "paneling",
-        "wainscot",
-    ];
-    let words = label.to_lowercase();
-    let last = words.split(|c: char| !c.is_alphabetic()).rfind(|w| !w.is_empty());
-    last.is_some_and(|w| PARTS.contains(&w)) || words.contains("skirting board")
-}
-
 /// Rugs and mats: they lie under everything.
 pub fn is_flat(label: &str) -> bool {
-    harmony_mesh::template_name(label) == Some("rug")
+    harmony_catalogue::has(label, Trait::Flat)
 }

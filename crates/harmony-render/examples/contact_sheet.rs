@@ -5,7 +5,7 @@
 use std::error::Error;
 
 use glam::{DMat3, DVec3};
-use harmony_mesh::{TemplateParams, catalogue, template};
+use harmony_mesh::{TemplateParams, template};
 use harmony_render::{Instance, Lighting, RenderOptions, render};
 use harmony_scene::{Camera, ImageSize, Intrinsics, Size};
 use image::{Rgb, RgbImage};
@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let path = args.next().ok_or("usage: contact_sheet SHEET.png [CATEGORY,...] [OPTIONS]")?;
     let chosen: Vec<String> = match args.next() {
         Some(list) if !list.is_empty() => list.split(',').map(str::to_owned).collect(),
-        _ => catalogue::CATEGORIES.iter().map(|c| c.name.to_owned()).collect(),
+        _ => harmony_catalogue::templates().map(str::to_owned).collect(),
     };
     let params: Vec<TemplateParams> =
         args.map(|text| serde_json::from_str(&text)).collect::<Result<_, serde_json::Error>>()?;
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut tile = 0;
     for name in &chosen {
         for p in &params {
-            let size = catalogue::default_size(name);
+            let size = harmony_catalogue::default_size(name);
             draw(&mut sheet, (tile % columns * TILE, tile / columns * TILE), name, p, size)?;
             tile += 1;
         }

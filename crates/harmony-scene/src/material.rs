@@ -93,24 +93,6 @@ impl MaterialCategory {
         PbrFactors { roughness, metallic, ior, transmission }
     }
 
-    /// Bulk density used when an answer gives no weight, kg per cubic metre of bounding box.
-    pub fn box_density(self) -> f64 {
-        match self {
-            Self::Fabric => 60.0,
-            Self::Leather => 70.0,
-            Self::Wood => 130.0,
-            Self::Metal => 200.0,
-            Self::Glass => 300.0,
-            Self::Plastic => 80.0,
-            Self::Ceramic => 500.0,
-            Self::Stone => 900.0,
-            Self::Rattan => 50.0,
-            Self::Foam => 30.0,
-            Self::Paper => 250.0,
-            Self::Other => 100.0,
-        }
-    }
-
     /// Brings factors into the range that is plausible for the category.
     ///
     /// Returns the clamped factors; values that are not finite become the default.

@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3};
 use harmony_scene::{Extents, Wall};
 
 use super::dice::Dice;
+use super::is_rug;
 use super::pieces::{Piece, Top};
 
 /// Where an object belongs.
@@ -153,14 +154,13 @@ impl Plan {
         if !inside || low < -1e-9 || high > e.height - 0.001 {
             return None;
         }
-        let rug = |i: &Item| i.piece.label == "rug";
         for (k, other) in self.items.iter().enumerate() {
-            let skip = ignore.contains(&k) || rug(&item) != rug(other) || item.host == Some(k);
+            let skip = ignore.contains(&k) || is_rug(&item) != is_rug(other) || item.host == Some(k);
             if !skip && item.meets(other, gap) {
                 return None;
             }
         }
-        if item.level == Level::Furniture && !rug(&item) {
+        if item.level == Level::Furniture && !is_rug(&item) {
             for (a, b) in &self.keep_out {
                 let rect = [(a.x, a.z), (b.x, a.z), (b.x, b.z), (a.x, b.z)].map(|(x, z)| DVec2::new(x, z));
                 if low < b.y && high > a.y && overlap(&corners, &rect) {

@@ -28,6 +28,7 @@ mod views;
 use std::sync::Arc;
 
 use glam::DVec3;
+use harmony_catalogue::Trait;
 use harmony_mesh::{Bounds, Mesh};
 use harmony_render::{RenderOptions, render};
 use harmony_scene::{Camera, Extents, ImageSize, Surface, Wall};
@@ -345,7 +346,7 @@ fn mean_color(mesh: &Mesh) -> glam::Vec3 {
 }
 
 fn is_rug(item: &Item) -> bool {
-    item.piece.label == "rug"
+    harmony_catalogue::has(item.piece.label, Trait::Flat)
 }
 
 /// Leaves out what cuts into something placed before it, what stands on nothing any more, and what is too many.

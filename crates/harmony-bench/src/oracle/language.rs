@@ -4,7 +4,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use async_trait::async_trait;
 use glam::{DVec2, DVec3};
-use harmony_mesh::catalogue;
 use harmony_prompts::{
     BackWallSide, FrontPanel, FrontsAnswer, FrontsObject, InspectAnswer, InspectedObject, InspectedSize, LayoutAnswer,
     LayoutPin, ListAnswer, ListedInstance, ListedItem, Occlusion, PinKind, QuestionKind,
@@ -393,6 +392,6 @@ impl Oracle {
 
     /// Whether a label names what has a front that matters.
     pub(super) fn turns_matter(object: &TruthObject) -> bool {
-        object.has_front() || catalogue::has_front(&object.label)
+        object.has_front() || harmony_catalogue::has_front(&object.label)
     }
 }

@@ -241,3 +241,14 @@ pub fn same_kind(truth: &str, said: &str) -> bool {
     let said = said.trim().to_lowercase();
     truth == said || synonym(truth) == Some(said.as_str())
 }
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn another_name_is_one_of_the_same_kind() {
+        for (name, other) in super::SYNONYMS {
+            let kind = |label| harmony_catalogue::kind(label).map(|k| k.template.as_deref());
+            assert!(kind(name).is_some() && kind(name) == kind(other), "{name}, {other}");
+        }
+    }
+}

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 use harmony_mesh::Mesh;
+use harmony_scene::OpeningKind;
 use image::{RgbImage, Rgba, RgbaImage};
 
 use super::atlas::{texels, unwrapped};
@@ -62,11 +63,15 @@ pub(super) fn painted(room: &TruthRoom, photo: &RgbImage, object: &TruthObject, 
     mesh
 }
 
+fn is_window(label: &str) -> bool {
+    harmony_catalogue::opening(label) == Some(OpeningKind::Window)
+}
+
 /// A window's mesh is its frame; the pane, which the id image counts as the window's, is put into its middle plane.
 /// Also the number of the first triangle of the pane.
 fn with_pane(object: &TruthObject) -> (Mesh, Option<usize>) {
     let mut mesh = (*object.mesh).clone();
-    let Some(bounds) = mesh.bounds().filter(|_| object.label == "window") else { return (mesh, None) };
+    let Some(bounds) = mesh.bounds().filter(|_| is_window(&object.label)) else { return (mesh, None) };
     let first = mesh.triangle_count();
     let half = bounds.size() * PANE_SHARE / 2.0;
     let base = mesh.positions.len() as u32;

@@ -1,62 +1,12 @@
 //! From the words people use to templates.
 
-use std::collections::HashMap;
-use std::sync::LazyLock;
+use harmony_catalogue::normal;
 
 use super::{BackStyle, LegStyle, PlantHabit, ShadeShape, TemplateParams};
-use crate::catalogue::CATEGORIES;
 
 /// The template for a free label such as `leather couch` or `potted plant`; `None` when nothing fits.
-///
-/// The longest name or synonym that occurs in the label as whole words wins; of equally long ones the one that
-/// ends last, for English puts the head of a phrase at its end (`book shelf`, `lamp table`).
 pub fn template_name(label: &str) -> Option<&'static str> {
-    let label = normal(label);
-    let words: Vec<&str> = label.split(" with ").next().unwrap_or(&label).split(' ').collect();
-    let forms = &*FORMS;
-    let mut best: Option<((usize, usize), &'static str)> = None;
-    for end in 1..=words.len() {
-        for start in end.saturating_sub(forms.most_words)..end {
-            let Some((length, name)) = forms.names.get(&words[start..end].join(" ")) else { continue };
-            // the head of the phrase counts more than a long word inside it
-            let rank = (usize::from(end == words.len()) * 1000 + length, end);
-            if best.is_none_or(|(r, _)| rank > r) {
-                best = Some((rank, name));
-            }
-        }
-    }
-    best.map(|(_, name)| name)
-}
-
-/// Names and synonyms of all categories, in the singular and plural.
-struct Forms {
-    /// Length of the longest name or synonym, and the first category that has it.
-    names: HashMap<String, (usize, &'static str)>,
-    most_words: usize,
-}
-
-static FORMS: LazyLock<Forms> = LazyLock::new(|| {
-    let mut names = HashMap::new();
-    for category in CATEGORIES {
-        for word in std::iter::once(&category.name).chain(category.synonyms).map(|word| normal(word)) {
-            for ending in ["", "s", "es"] {
-                let known = names.entry(format!("{word}{ending}")).or_insert((word.len(), category.name));
-                // `books` by itself before the plural of `book`.
-                if word.len() > known.0 {
-                    *known = (word.len(), category.name);
-                }
-            }
-        }
-    }
-    let most_words = names.keys().map(|form| form.split(' ').count()).max().unwrap_or(0);
-    Forms { names, most_words }
-});
-
-/// Lower case, single spaces, only letters and digits.
-fn normal(text: &str) -> String {
-    let text: String =
-        text.chars().take(200).map(|c| if c.is_alphanumeric() { c.to_ascii_lowercase() } else { ' ' }).collect();
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
+    harmony_catalogue::kind(label)?.template.as_deref()
 }
 
 /// Options that the label itself gives (`round`, `two-seater`, `snake plant`), where none are given.

@@ -1,9 +1,9 @@
 use std::collections::BTreeMap;
 
+use harmony_catalogue::{kind, kinds};
 use proptest::prelude::*;
 
 use super::*;
-use crate::catalogue::CATEGORIES;
 
 fn params(bits: u64) -> TemplateParams {
     let pick = |k: u32, n: u64| (bits >> k) % n;
@@ -35,12 +35,13 @@ proptest! {
 
     #[test]
     fn every_template_builds_a_closed_mesh_of_the_size_asked(
-        which in 0..CATEGORIES.len(), bits in any::<u64>(), t in prop::array::uniform3(0.0..1.0_f64),
+        which in 0..kinds().len(), bits in any::<u64>(), t in prop::array::uniform3(0.0..1.0_f64),
     ) {
-        let c = &CATEGORIES[which];
-        let side = |k: usize| c.min[k] * (c.max[k] / c.min[k]).powf(t[k]);
+        let c = &kinds()[which];
+        let sides = c.sides();
+        let side = |k: usize| sides[k].low * (sides[k].high / sides[k].low).powf(t[k]);
         let size = Size { width: side(0), height: side(1), depth: side(2) };
-        let model = template(c.name, &params(bits), size);
+        let model = template(&c.name, &params(bits), size);
         let built = model.build(size);
         prop_assert!(built.is_ok(), "{} {size:?}: {}", c.name, built.unwrap_err());
         let built = built.unwrap();
@@ -116,23 +117,17 @@ fn labels_find_their_template() {
 }
 
 #[test]
-fn every_category_has_its_own_template_and_sensible_numbers() {
-    for c in CATEGORIES {
-        assert_eq!(template_name(c.name), Some(c.name), "{}", c.name);
-        for s in c.synonyms {
-            assert!(template_name(s).is_some(), "{s}");
-        }
-        for k in 0..3 {
-            assert!(c.min[k] < c.size[k] && c.size[k] < c.max[k], "{} side {k}", c.name);
-        }
-        let size = Size { width: c.size[0], height: c.size[1], depth: c.size[2] };
-        let model = template(c.name, &TemplateParams::default(), size);
+fn every_template_builds_at_its_usual_size_and_has_its_light() {
+    for c in kinds() {
+        let model = template(&c.name, &TemplateParams::default(), c.usual_size());
         model.check().unwrap();
-        if let Some(slot) = c.light {
+        if let Some(slot) = &c.light_slot {
             assert!(model.slot(slot).is_some(), "{} shines with {slot}", c.name);
         }
     }
-    assert!(CATEGORIES.len() >= 35);
+    for name in harmony_catalogue::templates() {
+        assert_eq!(kind(name).and_then(|k| k.template.as_deref()), Some(name));
+    }
 }
 
 #[test]

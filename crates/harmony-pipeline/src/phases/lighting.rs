@@ -1,6 +1,7 @@
 //! Phase 6, materials and light. Paper Sec. 3.4 and App. C "Material and Lighting Estimation".
 
-use harmony_lighting::{LightingSpec, lights_from_scene, sources::is_screen};
+use harmony_catalogue::{Emission, emission};
+use harmony_lighting::{LightingSpec, lights_from_scene};
 use harmony_prompts::{LightsVars, lights};
 use harmony_roles::Picture;
 use harmony_scene::{Light, LightKind, Lighting, SceneObject, WarningKind};
@@ -95,7 +96,7 @@ async fn ask_sources(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &mut Ligh
 /// Whether a light is a television's or the like.
 fn shows_a_picture(objects: &[SceneObject], light: &Light) -> bool {
     let object = light.object.as_ref().and_then(|id| objects.iter().find(|o| o.id == *id));
-    object.is_some_and(|o| is_screen(&o.label))
+    object.is_some_and(|o| emission(&o.label) == Some(Emission::Screen))
 }
 
 fn luminance(p: [u8; 3]) -> f64 {

@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 
+use harmony_catalogue::Trait;
 use harmony_imaging::sheet::{Cell, contact_sheet};
-use harmony_mesh::{PartModel, TextureMode, broad_sides, catalogue, front_by_form, front_by_size};
+use harmony_lighting::{MaterialAnswer, material_for};
+use harmony_mesh::{PartModel, TextureMode, broad_sides, front_by_form, front_by_size};
 use harmony_placement::Shape;
 use harmony_prompts::{FrontPanel, FrontsAnswer, FrontsVars, InspectedObject, InspectedSize, fronts};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture};
-use harmony_scene::{Level, MaterialCategory, PbrFactors, Physical, PlacementType, Size, SurfaceMaterial, WarningKind};
+use harmony_scene::{Level, ObjectId, PlacementType, Size, SurfaceMaterial, WarningKind};
 use image::RgbaImage;
 use serde_json::{Value, json};
 
@@ -51,7 +53,7 @@ pub async fn canonicalise(
     let (raw, faces, by_faces) =
         (generated.mesh.clone(), ctx.settings.mesh.faces as usize, ctx.settings.upright_by_faces);
     let (crop, labelled) = (Arc::clone(&c.image), id.clone());
-    let back = catalogue::back(&c.inspected.kind);
+    let back = harmony_catalogue::back(&c.inspected.kind);
     let on_wall = c.candidate.level == Level::Wall;
     let named = c.inspected.size_m;
     let named = Size { width: named.width, height: named.height, depth: named.depth };
@@ -160,7 +162,7 @@ const LEAN: f64 = 0.3;
 /// it does.
 fn lean(c: &mut Completed, g: &mut GeneratedMesh) -> bool {
     let leans = c.inspected.placement_type == PlacementType::AgainstBack
-        && harmony_mesh::template_name(&c.inspected.kind) == Some("cushion");
+        && harmony_catalogue::has(&c.inspected.kind, Trait::Leans);
     let size = &mut c.inspected.size_m;
     if !leans || size.depth > 0.7 * size.height {
         return false;
@@ -213,7 +215,7 @@ pub async fn assemble(
     Ok(Prepared {
         plain_slots: g.part_model.as_ref().map_or(c.plain_slots, plain),
         said_slots: c.said_slots,
-        material: material_of(&c.inspected),
+        material: material_of(ctx, &id, &c.inspected),
         candidate: c.candidate,
         inspected: c.inspected,
         mesh: g.mesh.clone(),
@@ -225,28 +227,24 @@ pub async fn assemble(
     })
 }
 
-/// The answer's material, completed and clamped by the category's defaults.
-fn material_of(object: &InspectedObject) -> SurfaceMaterial {
-    let size = object.size_m;
-    let volume = size.width * size.height * size.depth;
-    let category: MaterialCategory =
-        object.material.as_ref().map_or_else(|| catalogue::default_material(&object.kind), |m| m.material_category);
-    let d = category.defaults();
-    let m = object.material.as_ref();
-    let pbr = category.clamp(PbrFactors {
-        roughness: m.and_then(|m| m.roughness).unwrap_or(d.roughness),
-        metallic: m.and_then(|m| m.metallic).unwrap_or(d.metallic),
-        ior: m.and_then(|m| m.ior).unwrap_or(d.ior),
-        transmission: m.and_then(|m| m.transmission).unwrap_or(d.transmission),
+/// The answer's material, completed and clamped by the defaults of its kind; what was out of range is told.
+fn material_of(ctx: &PhaseCtx<'_>, id: &ObjectId, object: &InspectedObject) -> SurfaceMaterial {
+    let answer = object.material.as_ref().map(|m| MaterialAnswer {
+        material_category: Some(m.material_category),
+        roughness: m.roughness,
+        metallic: m.metallic,
+        ior: m.ior,
+        transmission: m.transmission,
+        weight_kg: m.weight_kg,
+        thickness_m: m.thickness_m,
+        elasticity: m.elasticity,
     });
-    let sound = |v: Option<f64>, low: f64, high: f64| v.filter(|v| v.is_finite()).map(|v| v.clamp(low, high));
-    let physical = Physical {
-        weight_kg: sound(m.and_then(|m| m.weight_kg), 0.01, 2000.0)
-            .unwrap_or((volume * category.box_density()).clamp(0.02, 800.0)),
-        thickness_m: sound(m.and_then(|m| m.thickness_m), 0.0005, 2.0).unwrap_or(0.02),
-        elasticity: sound(m.and_then(|m| m.elasticity), 0.0, 1.0).unwrap_or(0.1),
-    };
-    SurfaceMaterial { category, pbr, physical }
+    let InspectedSize { width, height, depth } = object.size_m;
+    let (material, notes) = material_for(&object.kind, Size { width, height, depth }, answer.as_ref());
+    for note in notes {
+        ctx.warn(WarningKind::AnswerRepaired, Some(id.clone()), note);
+    }
+    material
 }
 
 #[cfg(test)]

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use futures::future::join_all;
 use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
-use harmony_mesh::catalogue;
 use harmony_prompts::{InspectAnswer, InspectVars, InspectedObject, InspectedSize, inspect};
 use harmony_roles::{Picture, Role};
 use harmony_scene::{Level, ObjectId, Size, WarningKind};
@@ -97,7 +96,7 @@ async fn ask(
             })
             .collect(),
         placed: before.lines(),
-        templates: catalogue::CATEGORIES.iter().map(|c| c.name.to_owned()).collect(),
+        templates: harmony_catalogue::templates().map(str::to_owned).collect(),
         with_models: !ctx.played_outside(Role::MeshGenerator),
     });
     let (shown, listed) = (Arc::clone(state), candidates.to_vec());
@@ -142,7 +141,7 @@ fn pictures(state: &SceneState, candidates: &[Candidate]) -> Vec<Picture> {
 
 /// Sizes far outside what the category can be are pulled back, with a warning.
 fn sensible(ctx: &PhaseCtx<'_>, mut object: InspectedObject) -> InspectedObject {
-    let (low, high) = catalogue::size_range(&object.kind);
+    let (low, high) = harmony_catalogue::size_range(&object.kind);
     let given = Size { width: object.size_m.width, height: object.size_m.height, depth: object.size_m.depth };
     let clamped = given.as_vec().max(low.as_vec() * 0.7).min(high.as_vec() * 1.4);
     if (clamped - given.as_vec()).abs().max_element() > 1e-9 {

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
+use harmony_catalogue::Trait;
 use harmony_imaging::sheet::{Cell, contact_sheet};
-use harmony_mesh::catalogue;
 use harmony_placement::{Item, LevelReport, ReviewAction, Traits, YawHint, place_level};
 use harmony_prompts::{FrontPanel, FrontsAnswer, FrontsVars, Occlusion, orient};
 use harmony_roles::Picture;
 use harmony_scene::{
-    Camera, Level, ObjectId, Placement, Relations, Similarity, Size, Support, WallAffinity, WarningKind,
+    Camera, Level, ObjectId, OpeningKind, Placement, Relations, Similarity, Size, Support, WallAffinity, WarningKind,
 };
 use image::{RgbImage, RgbaImage};
 use serde_json::{Value, json};
@@ -74,7 +74,8 @@ fn carried(room_from_points: &Similarity, old: &Camera, new: &Camera, scale: f64
 fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
     let o = &p.inspected;
     let label = o.kind.clone();
-    let planar = catalogue::is_planar(&label);
+    let is = |wanted: Trait| harmony_catalogue::has(&label, wanted);
+    let opening = harmony_catalogue::opening(&label).filter(|_| level == Level::Wall);
     let known = |id: &Option<String>| id.as_deref().and_then(|id| ObjectId::new(id).ok());
     let wall_affinity = match (level, o.wall) {
         (Level::Wall, Some(wall)) => WallAffinity::from(wall),
@@ -90,12 +91,11 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
         group: o.group.clone(),
         matched_set: o.matched_set.clone(),
     };
-    let has_front = catalogue::has_front(&label) || o.faces_room;
+    let has_front = harmony_catalogue::has_front(&label) || o.faces_room;
     let yaw = match o.front_deg {
         Some(deg) => YawHint::About(deg.to_radians()),
         None => YawHint::Unknown,
     };
-    let soft = matches!(harmony_mesh::template_name(&label), Some("cushion" | "blanket" | "teddy_bear"));
     let mean = harmony_imaging::color::median_color(&state.photo, &p.candidate.mask)
         .map(harmony_imaging::color::linear_from_rgb8);
     let hosts = if level == Level::Decoration {
@@ -125,15 +125,15 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
         },
         host_candidates: hosts,
         traits: Traits {
-            flat: is_flat(&label),
-            soft,
+            flat: is(Trait::Flat),
+            soft: is(Trait::Soft),
             // A generated mesh has its own proportions; a slab of ours may be given others.
-            planar: planar && p.is_modelled(),
-            opening: level == Level::Wall && matches!(harmony_mesh::template_name(&label), Some("window" | "door")),
-            to_floor: level == Level::Wall && harmony_mesh::template_name(&label) == Some("door"),
-            hangs: level == Level::Ceiling || harmony_mesh::template_name(&label) == Some("curtain"),
+            planar: is(Trait::Planar) && p.is_modelled(),
+            opening: opening.is_some(),
+            to_floor: opening == Some(OpeningKind::Door),
+            hangs: level == Level::Ceiling || is(Trait::Hangs),
             may_stretch: p.is_modelled(),
-            as_wide_as_deep: !planar && (o.size_m.width / o.size_m.depth - 1.0).abs() < 0.02,
+            as_wide_as_deep: !is(Trait::Planar) && (o.size_m.width / o.size_m.depth - 1.0).abs() < 0.02,
             heavily_occluded: o.occlusion == Occlusion::Heavily,
             has_front,
         },

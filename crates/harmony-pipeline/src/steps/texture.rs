@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use harmony_mesh::{Material, catalogue};
+use harmony_catalogue::Trait;
+use harmony_mesh::Material;
 use harmony_render::{BakeOptions, SOLID, bake_texture, opacity};
 use harmony_scene::{Level, ObjectId, WarningKind};
 
@@ -67,7 +68,7 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
         let clear = prepared.mesh.materials.iter().filter(|m| !at_wall && is_clear(m)).map(|m| m.name.clone());
         let options = BakeOptions {
             plain_slots: prepared.plain_slots.iter().cloned().chain(clear).collect(),
-            trusted: at_wall && catalogue::is_planar(&placed.item.label),
+            trusted: at_wall && harmony_catalogue::has(&placed.item.label, Trait::Planar),
             ..BakeOptions::default()
         };
         if prepared.mesh.materials.iter().all(|m| options.plain_slots.contains(&m.name)) {

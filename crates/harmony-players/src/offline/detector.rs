@@ -1,9 +1,9 @@
 //! Rules over regions as a detector.
 
 use async_trait::async_trait;
+use harmony_catalogue::Kind;
 use harmony_imaging::outline::trace_outline;
 use harmony_imaging::regions::{Region, RegionSettings, propose_regions};
-use harmony_mesh::catalogue::{self, Category};
 use harmony_roles::{DetectRequest, Detection, Detections, Detector, PhraseRequest, PlayerCard, RoleError};
 use harmony_scene::Level;
 
@@ -39,9 +39,9 @@ impl Detector for RegionDetector {
 fn assign(phrases: &[PhraseRequest], regions: &[Region], level: Level, height: f64, tolerance: f64) -> Detections {
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (p, phrase) in phrases.iter().enumerate() {
-        let category = catalogue::category(&phrase.label);
+        let kind = harmony_catalogue::kind(&phrase.label);
         for (r, region) in regions.iter().enumerate() {
-            let agreement = region.objectness * place(region, level, height) * proportions(region, category);
+            let agreement = region.objectness * place(region, level, height) * proportions(region, kind);
             if agreement >= MIN_AGREEMENT {
                 pairs.push((agreement, p, r));
             }
@@ -81,11 +81,11 @@ fn place(region: &Region, level: Level, height: f64) -> f64 {
     }
 }
 
-/// How well a region's proportions go with what a category's front or side would show: 0.3 to 1.
-fn proportions(region: &Region, category: Option<&Category>) -> f64 {
-    let Some(category) = category else { return 0.7 };
+/// How well a region's proportions go with what a kind's front or side would show: 0.3 to 1.
+fn proportions(region: &Region, kind: Option<&Kind>) -> f64 {
+    let Some(kind) = kind else { return 0.7 };
     let seen = (region.bounds.width() / region.bounds.height().max(1.0)).max(1e-3).ln();
-    let [width, tall, deep] = category.size;
+    let [width, tall, deep] = kind.sides().map(|side| side.usual);
     let (narrow, wide) = (width.min(deep) / tall.max(1e-3), (width * width + deep * deep).sqrt() / tall.max(1e-3));
     let (narrow, wide) = (narrow.max(1e-3).ln(), wide.max(1e-3).ln());
     let off = (narrow - seen).max(seen - wide).max(0.0);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use async_trait::async_trait;
 use harmony_imaging::color::median_color;
-use harmony_mesh::{BuiltModel, PartModel, PartModelError, TextureMode, catalogue, template, template_name};
+use harmony_mesh::{BuiltModel, PartModel, PartModelError, TextureMode, template, template_name};
 use harmony_roles::{GeneratedMesh, MeshFrame, MeshGenerator, MeshRequest, PlayerCard, RoleError, Usage};
 use harmony_scene::{ImageSize, Mask, Size};
 use image::{Rgb, RgbImage, RgbaImage};
@@ -49,7 +49,7 @@ fn build(request: &MeshRequest) -> Result<GeneratedMesh, RoleError> {
         "plain body".to_owned()
     };
     let params = request.params.with_label(&request.label);
-    let usual = catalogue::default_size(&name);
+    let usual = harmony_catalogue::default_size(&name);
     for (size, note) in [(request.size, None), (usual, Some("the size can't be built; a usual one was taken"))] {
         let mut model = template(&name, &params, size);
         colour(&mut model, request);

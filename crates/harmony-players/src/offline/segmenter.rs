@@ -1,6 +1,7 @@
 //! Graph cut as a segmenter.
 
 use async_trait::async_trait;
+use harmony_catalogue::Trait;
 use harmony_imaging::segment::{SegmentPrompt, SegmentSettings, segment_all};
 use harmony_roles::{PlayerCard, RoleError, SegmentRequest, SegmentedMask, Segmenter};
 
@@ -19,7 +20,7 @@ impl GraphCut {
 
 /// What others stand on or hang before never hides them: a rug, a window, a door.
 fn layer(label: &str) -> i32 {
-    i32::from(!matches!(harmony_mesh::template_name(label), Some("rug" | "window" | "door")))
+    i32::from(!harmony_catalogue::has(label, Trait::Flat) && harmony_catalogue::opening(label).is_none())
 }
 
 #[async_trait]

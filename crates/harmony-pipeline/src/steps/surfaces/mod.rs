@@ -7,7 +7,7 @@ mod trim;
 
 use std::sync::Arc;
 
-use harmony_mesh::{Trims, template_name};
+use harmony_mesh::Trims;
 use harmony_roles::{EditKind, EditRequest, Role};
 use harmony_scene::{Level, Mask, Opening, OpeningKind, Support, Surface};
 use image::{DynamicImage, RgbImage};
@@ -34,11 +34,7 @@ pub fn openings(state: &SceneState) -> Vec<Opening> {
         .placed
         .iter()
         .filter_map(|p| {
-            let kind = match template_name(&p.item.label) {
-                Some("window") => OpeningKind::Window,
-                Some("door") => OpeningKind::Door,
-                _ => return None,
-            };
+            let kind = harmony_catalogue::opening(&p.item.label)?;
             let Support::Wall { wall } = p.support else { return None };
             let size = p.size();
             let at = wall.coordinates(p.pose.position);

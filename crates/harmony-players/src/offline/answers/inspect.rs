@@ -1,6 +1,6 @@
 //! `inspect`: every candidate is kept, with the usual size of its category and what boxes tell about relations.
 
-use harmony_mesh::{catalogue, template_name};
+use harmony_mesh::template_name;
 use harmony_prompts::{InspectAnswer, InspectedObject, InspectedSize};
 use harmony_scene::{Level, PixelBox, Size};
 use serde_json::Value;
@@ -77,9 +77,9 @@ fn about(candidate: &Candidate, level: Option<Level>, hosts: &[(String, PixelBox
 
 /// The usual size, scaled to what appears, within the category's plausible range.
 fn size(kind: &str, apparent: Option<[f64; 2]>, level: Option<Level>) -> Size {
-    let usual = catalogue::default_size(kind);
-    let (low, high) = catalogue::size_range(kind);
-    let unknown = catalogue::category(kind).is_none();
+    let usual = harmony_catalogue::default_size(kind);
+    let (low, high) = harmony_catalogue::size_range(kind);
+    let unknown = harmony_catalogue::kind(kind).is_none();
     let scaled = match apparent {
         // Of an unknown thing only what appears is known; it is taken to be as deep as it is wide, on a wall flat.
         Some([width, height]) if unknown => {
