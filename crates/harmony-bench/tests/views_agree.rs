@@ -3,7 +3,7 @@
 //! It needs `tools/novel_views/novel.py` of the shared test material (`HARMONY_SHARED`) and a python that can import
 //! bpy (`HARMONY_BPY_PYTHON`, or the one in HARMONY's cache); without them it says so and passes.
 
-#![expect(clippy::unwrap_used, clippy::print_stderr, reason = "a test that may have to say why it is skipped")]
+#![expect(clippy::unwrap_used, reason = "helpers of tests")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -18,12 +18,6 @@ use harmony_mesh::{ShellOptions, room_shell_with};
 use harmony_scene::{ImageSize, Lighting, Room, SCENE_VERSION, Scene, SceneCamera, Surface};
 use image::{Rgba, RgbaImage};
 use std::sync::Arc;
-
-fn judge_script() -> Option<PathBuf> {
-    let shared = std::env::var_os("HARMONY_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), PathBuf::from);
-    Some(shared.join("tools/novel_views/novel.py")).filter(|p| p.is_file())
-}
 
 /// A python that can import bpy, numpy and pillow.
 fn python() -> Option<PathBuf> {
@@ -99,9 +93,9 @@ fn numbers(line: &str) -> Vec<f64> {
 
 #[test]
 fn figures_of_views_are_those_of_the_independent_judge() {
-    let (Some(script), Some(python)) = (judge_script(), python()) else {
-        eprintln!("skipped: no shared test material, or no python with bpy, numpy and pillow");
-        return;
+    let Some(script) = harmony_testing::shared("tools/novel_views/novel.py") else { return };
+    let Some(python) = python() else {
+        return harmony_testing::skip("no python with bpy, numpy and pillow (HARMONY_BPY_PYTHON names one)");
     };
     let folder = tempfile::tempdir().unwrap();
     let settings = GeneratorSettings {

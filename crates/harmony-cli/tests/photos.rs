@@ -5,19 +5,11 @@
 
 mod common;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use common::{harmony, root, said};
+use common::{harmony, said};
 use harmony_scene::{Scene, Support};
-
-fn shared() -> Option<PathBuf> {
-    let folder = std::env::var_os("HARMONY_SHARED").map_or_else(|| root().join("../shared"), PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: no test material at {} (HARMONY_SHARED names it)", folder.display());
-    None
-}
+use harmony_testing::shared;
 
 fn scene_of(run: &Path) -> Scene {
     serde_json::from_slice(&std::fs::read(run.join("scene.json")).unwrap()).unwrap()
@@ -39,10 +31,9 @@ fn assert_plausible(scene: &Scene) {
 
 /// Replays a recording. `on` lists objects and what they must stand on or hang at.
 fn replayed(name: &str, photo: &str, more: &[String], least_objects: usize, least_iou: f64, on: &[(&str, &str)]) {
-    let Some(shared) = shared() else { return };
+    let Some(photo) = shared(photo) else { return };
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
-    let photo = shared.join(photo);
     let recording = format!("examples/recordings/{name}");
     let mut args = vec!["reconstruct", photo.to_str().unwrap(), "--out", run.to_str().unwrap()];
     args.extend(["--replay", &recording, "--no-lit"]);
@@ -90,8 +81,7 @@ fn a_bedroom() {
 
 #[test]
 fn a_dining_room_with_sensor_depth() {
-    let Some(shared) = shared() else { return };
-    let depth = shared.join("rgbd/home_dining_1_depth.pgm");
+    let Some(depth) = shared("rgbd/home_dining_1_depth.pgm") else { return };
     let more = ["--points", depth.to_str().unwrap(), "--intrinsics", "518.0,519.0,325.5,253.5"].map(str::to_owned);
     let on = [("dining_table_01", "floor"), ("candle_01", "dining_table_01"), ("ceiling_fan_01", "ceiling")];
     replayed("home_dining_1", "rgbd/home_dining_1_rgb.png", &more, 25, 0.6, &on);
@@ -106,11 +96,10 @@ fn an_older_bedroom_and_living_room() {
 
 #[test]
 fn photos_without_any_answer_give_a_valid_scene_and_a_frank_report() {
-    let Some(shared) = shared() else { return };
     for photo in ["bathroom_02.png", "hallway_console_01.png", "living_room_06.jpg", "library_room_01.jpg"] {
         let folder = tempfile::tempdir().unwrap();
         let run = folder.path().join("run");
-        let photo = shared.join("photos").join(photo);
+        let Some(photo) = shared(&format!("photos/{photo}")) else { return };
         let output = harmony(&[
             "reconstruct",
             photo.to_str().unwrap(),

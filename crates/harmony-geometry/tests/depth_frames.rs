@@ -150,7 +150,7 @@ fn angle(turn: DMat3) -> f64 {
 
 #[test]
 fn room_axes_of_depth_frames_agree_with_planes_and_poses() {
-    let Some(folder) = common::shared().map(|s| s.join("rgbd")) else { return };
+    let Some(folder) = harmony_testing::shared("rgbd") else { return };
     let mut done: Vec<(&str, DMat3, Pose)> = Vec::new();
     let (mut floors, mut walls, mut poses) = (Vec::new(), Vec::new(), Vec::new());
     for frame in frames(&folder) {

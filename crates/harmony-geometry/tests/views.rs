@@ -40,7 +40,7 @@ fn rotation_and_focal_length_of_the_rooms() {
 /// Real photos with calibrated lenses (ScanNet, Kinect): a prior of a typical lens is enough to come near.
 #[test]
 fn lenses_of_real_photos() {
-    let Some(shared) = common::shared() else { return };
+    let Some(shared) = harmony_testing::shared("") else { return };
     let mut errors = Vec::new();
     for (name, focal) in [
         ("photos/dorm_room_01.jpg", 1161.0),

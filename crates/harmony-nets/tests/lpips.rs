@@ -4,7 +4,7 @@
 
 mod image_nets;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use harmony_nets::WeightFile;
@@ -56,14 +56,7 @@ fn vgg_agrees_with_random_heads() {
 
 /// The published heads, outside the repository.
 fn heads(net: LpipsNet) -> Option<PathBuf> {
-    let shared = std::env::var_os("HARMONY_SHARED").map_or_else(|| PathBuf::from("../../../shared"), PathBuf::from);
-    let shared = if shared.is_absolute() { shared } else { Path::new(env!("CARGO_MANIFEST_DIR")).join(shared) };
-    let path = shared.join("weights").join(format!("lpips_v0.1_{}_linear.pth", net.name()));
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("skipped: {} is not there (set HARMONY_SHARED)", path.display());
-    None
+    harmony_testing::shared(&format!("weights/lpips_v0.1_{}_linear.pth", net.name()))
 }
 
 #[test]

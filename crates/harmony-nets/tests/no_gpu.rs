@@ -9,7 +9,7 @@ use harmony_nets::cuda::Cuda;
 fn what_is_missing_for_a_gpu_is_named() {
     match Cuda::open(0) {
         Ok(gpu) => {
-            eprintln!("skipped in part: there is a GPU here ({gpu:?})");
+            harmony_testing::skip(format_args!("in part: there is a GPU here ({gpu:?})"));
             let Err(NetError::Device { device, reason }) = Cuda::open(4095) else { panic!("GPU number 4095") };
             assert_eq!(device, "cuda");
             assert!(reason.starts_with("no GPU number 4095; the driver sees "), "{reason}");

@@ -12,8 +12,8 @@ use harmony_roles::{PlayerCard, Role, RoleError, Usage};
 use image::{RgbImage, RgbaImage};
 use serde_json::{Value, json};
 
-use crate::book::{BookError, RecordWriter};
 use crate::ContentKey;
+use crate::book::{BookError, RecordWriter};
 use crate::key::{KeyHasher, pixel_hash};
 
 /// A request that can be asked, recorded and read back.

@@ -6,19 +6,8 @@ use std::path::{Path, PathBuf};
 
 use harmony_geometry::GrayImage;
 use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Mat3, Surface, Vec3};
+use harmony_testing::shared;
 use serde_json::Value;
-
-/// Folder of the shared material, or `None` with a word about it.
-pub fn shared() -> Option<PathBuf> {
-    let folder = std::env::var_os("HARMONY_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), PathBuf::from);
-    if folder.is_dir() {
-        Some(folder)
-    } else {
-        println!("skipped: no shared test material at {}", folder.display());
-        None
-    }
-}
 
 /// One room.
 pub struct Room {
@@ -49,10 +38,10 @@ fn vec3(v: &Value) -> Vec3 {
     Vec3::new(v[0].as_f64().unwrap(), v[1].as_f64().unwrap(), v[2].as_f64().unwrap())
 }
 
-/// All rooms; none when the material is absent.
+/// All rooms; none, and a skip, when the material is absent.
 pub fn rooms() -> Vec<Room> {
-    let Some(shared) = shared() else { return vec![] };
-    let mut folders: Vec<PathBuf> = std::fs::read_dir(shared.join("gt"))
+    let Some(folder) = shared("gt") else { return vec![] };
+    let mut folders: Vec<PathBuf> = std::fs::read_dir(folder)
         .unwrap()
         .map(|e| e.unwrap().path())
         .filter(|p| p.join("camera.json").is_file())
