@@ -1,7 +1,5 @@
 //! Maps as estimators and sensors write them.
 
-use std::path::PathBuf;
-
 use glam::{DMat3, DVec3, Vec3};
 use image::{ImageBuffer, Luma};
 
