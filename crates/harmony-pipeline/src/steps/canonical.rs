@@ -225,7 +225,7 @@ pub async fn assemble(
     })
 }
 
-/// The answer's material, completed and clamped by the category's defaults.
+/// The answer's material, completed and clamped by the category's defaults (key `material.estimate`).
 fn material_of(object: &InspectedObject) -> SurfaceMaterial {
     let size = object.size_m;
     let volume = size.width * size.height * size.depth;
