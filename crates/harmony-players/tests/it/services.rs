@@ -1,12 +1,11 @@
 //! Each player against a server on loopback that speaks its format, and misbehaves as such servers do.
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
-mod loopback;
-
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::loopback::{Loopback, Play, Seen, bytes, http, json};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use harmony_io::picture::{decode, rgb_png};
@@ -28,7 +27,6 @@ use harmony_roles::{
 };
 use harmony_scene::{ImageSize, Level, Mask, Size};
 use image::{Rgb, RgbImage, Rgba, RgbaImage};
-use loopback::{Loopback, Play, Seen, bytes, http, json};
 use serde_json::{Value, json as value};
 
 // ---- language models ----

@@ -2,11 +2,10 @@
 //! service does with it. One test in a program of its own: the log is the whole program's.
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
-mod loopback;
-
 use std::io::Write;
 use std::sync::{Arc, Mutex};
 
+use crate::loopback::{Loopback, Play, Seen, http, json};
 use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, Limits, RetryPolicy};
 use harmony_players::check::Check;
 use harmony_players::detector::grounding::{GroundingOptions, GroundingPlayer};
@@ -26,7 +25,6 @@ use harmony_roles::{
 };
 use harmony_scene::{Level, Size};
 use image::{RgbImage, RgbaImage};
-use loopback::{Loopback, Play, Seen, http, json};
 use serde_json::{Value, json as value};
 
 const CANARY: &str = "AIzaCanary-9f3b1e77c0a24d58";

@@ -1,13 +1,11 @@
 //! The client against a server that misbehaves.
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
-mod loopback;
-
 use std::time::{Duration, Instant};
 
+use crate::loopback::{Loopback, Play, bytes, http, json};
 use harmony_players::http::{ApiKey, Auth, Http, HttpLimits, HttpRequest, LocalHosts, Service, ServiceOptions};
 use harmony_roles::RoleError;
-use loopback::{Loopback, Play, bytes, http, json};
 use serde_json::json as value;
 
 const CANARY: &str = "sk-canary-3f9a7c21b8e4d605";
