@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use crate::common::drawn::{empty_room, encoded, no_floor, one_wall, outdoors};
-use crate::common::{harmony, program, said};
+use crate::common::{self, harmony, program, said};
 use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgb, RgbImage, Rgba};
 use serde_json::Value;
 
