@@ -1,7 +1,7 @@
 """Compares our metrics with SciPy and Pillow on the files of a folder, and times the nearest-neighbour search.
 
 Usage: metrics_vs_scipy.py FOLDER METRICS_BENCH_PROGRAM [ROUNDS]
-       metrics_vs_scipy.py --record    (prints the expected values of crates/harmony-bench/tests/metrics_scipy.rs)
+       metrics_vs_scipy.py --record    (prints the expected values of crates/harmony-bench/tests/it/metrics_scipy.rs)
 
 Both programs run in turns within one run of this script, so that both see the same load. The peer is
 scipy.spatial.cKDTree, built with its defaults and asked with two workers; a tree without balancing, which builds

@@ -1,26 +1,72 @@
-//! Developer commands: `cargo xtask parity [images] [--rounds N]`.
+//! Developer commands: `cargo xtask --help`.
 #![expect(clippy::print_stdout, reason = "a program")]
 
+mod deps;
 mod image_nets;
+mod paper;
 mod parity;
 
+use std::path::PathBuf;
+
 use anyhow::{Result, bail};
+use clap::{Parser, Subcommand, ValueEnum};
+
+/// Developer commands.
+#[derive(Debug, Parser)]
+#[command(name = "cargo xtask")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Checks docs/paper-map.md against the code: files and items exist, keys are those that doc comments quote.
+    Paper,
+    /// Checks which crate uses which against xtask/layers.toml, and the table of crates in ARCHITECTURE.md.
+    Deps,
+    /// Compares networks of full size with their reference implementations in PyTorch, with seeded random weights.
+    ///
+    /// About 25 GB of disk, 12 GB of memory. HARMONY_VGGT: a checkout of the VGGT authors' repository (default: the
+    /// cache's folder vggt); HARMONY_SAM2: a checkout of facebookresearch/sam2 (default: the cache's folder sam2);
+    /// HARMONY_CACHE: where Python, weights and outputs go (default: ~/.cache/harmony).
+    Parity {
+        /// Only these networks.
+        only: Option<Networks>,
+        /// Also times both in turn, so often.
+        #[arg(long, default_value_t = 0)]
+        rounds: usize,
+    },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Networks {
+    /// Those of images: SAM 2, OWLv2, CLIP, LPIPS.
+    Images,
+}
 
 fn main() -> Result<()> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    match words.as_slice() {
-        ["parity"] => parity::run(0).and_then(|()| image_nets::run(0)),
-        ["parity", "--rounds", n] => parity::run(n.parse()?).and_then(|()| image_nets::run(n.parse()?)),
-        ["parity", "images"] => image_nets::run(0),
-        ["parity", "images", "--rounds", n] => image_nets::run(n.parse()?),
-        _ => bail!(
-            "cargo xtask parity [images] [--rounds N]\n\
-             \n  Compares networks of full size with their reference implementations in PyTorch, with seeded random\
-             \n  weights; with --rounds, also times both in turn. About 25 GB of disk, 12 GB of memory.\
-             \n  HARMONY_VGGT    a checkout of the VGGT authors' repository (default: the cache's folder vggt)\
-             \n  HARMONY_SAM2    a checkout of facebookresearch/sam2 (default: the cache's folder sam2)\
-             \n  HARMONY_CACHE   where Python, weights and outputs go (default: ~/.cache/harmony)"
-        ),
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
+    match Arguments::parse().command {
+        Command::Paper => told("docs/paper-map.md", &paper::check(&root)?),
+        Command::Deps => told("crates", &deps::check(&root)?),
+        Command::Parity { only, rounds } => {
+            if only.is_none() {
+                parity::run(rounds)?;
+            }
+            image_nets::run(rounds)
+        }
     }
+}
+
+/// Prints what is wrong; an error when anything is.
+fn told(what: &str, complaints: &[String]) -> Result<()> {
+    for complaint in complaints {
+        println!("{complaint}");
+    }
+    if complaints.is_empty() {
+        println!("{what}: in order");
+        return Ok(());
+    }
+    bail!("{what}: {} complaints", complaints.len())
 }

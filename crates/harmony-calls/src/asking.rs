@@ -36,6 +36,13 @@ struct Accepted<A> {
     warnings: Vec<Warning>,
 }
 
+/// The keys of one call, as its record has them.
+struct Keys {
+    question: ContentKey,
+    key: ContentKey,
+    work: Option<ContentKey>,
+}
+
 /// The course of one call until now.
 #[derive(Default)]
 struct Course {
@@ -128,6 +135,25 @@ impl Calls {
             let text = format!("{missing}; {} was asked", card.player);
             warnings.push(warning(&name, WarningKind::PlayerReplaced, &text));
         }
+        // What reaches the player may be less than the question. The lock is held until the record is there, so that of
+        // two calls about the same work the second finds it.
+        let work = accepted.is_none().then(|| request.work(cast)).flatten().map(|work| key_for(&work, &card));
+        let work_turn = work.as_ref().map(|work| self.work_turn(work));
+        let _only_one_at_work = match &work_turn {
+            Some(turn) => Some(tokio::select! {
+                biased;
+                stopped = self.no_new() => return Err(stopped),
+                turn = turn.lock() => turn,
+            }),
+            None => None,
+        };
+        if let Some(work) = &work
+            && let Some((answer, by, with)) = self.shared(request, work, &accept).await?
+        {
+            self.reused.fetch_add(1, Ordering::Relaxed);
+            event(CallEventKind::Reused);
+            accepted = Some((answer, by, Source::Shared { with }));
+        }
         let (answer, by, source) = if let Some(accepted) = accepted {
             accepted
         } else {
@@ -145,7 +171,23 @@ impl Calls {
         };
         let accepted = Accepted { answer, by, source, warnings };
         let timing = CallTiming { started_unix_ms: unix_millis(started), latency_ms: millis(course.time) };
-        self.keep(request, &name, accepted, (question, key, card), course, timing).await
+        self.keep(request, &name, accepted, Keys { question, key, work }, card, course, timing).await
+    }
+
+    /// The answer that the same work got under another name, who gave it, and that name; `None` when there is none that
+    /// this call accepts.
+    async fn shared<R: Recordable>(
+        &self,
+        request: &R,
+        work: &ContentKey,
+        accept: Accept<'_, R::Answer>,
+    ) -> Result<Option<(R::Answer, PlayerCard, String)>, RoleError> {
+        let (book, wanted) = (Arc::clone(&self.book), work.clone());
+        let Some(record) = blocking(move || book.with_work(R::ROLE, &wanted)).await?? else { return Ok(None) };
+        let with = CallName::new(&record.name).map_err(crate::BookError::from)?;
+        let answer = self.read_back(request, &with).await?;
+        let taken = answer.and_then(|answer| accept(&answer).map(|()| answer));
+        Ok(taken.ok().map(|answer| (answer, record.answered_by, record.name)))
     }
 
     /// Asks the cast player, again with the complaint where that helps, and then the offline one.
@@ -415,12 +457,14 @@ impl Calls {
 
     /// Writes the record and returns the answer as it is read back from it, so that a run that is re-entered sees
     /// exactly what the first one saw.
+    #[expect(clippy::too_many_arguments, reason = "one record's parts")]
     async fn keep<R: Recordable>(
         &self,
         request: &R,
         name: &CallName,
         accepted: Accepted<R::Answer>,
-        (question, key, cast): (ContentKey, ContentKey, PlayerCard),
+        keys: Keys,
+        cast: PlayerCard,
         course: Course,
         timing: CallTiming,
     ) -> Result<R::Answer, RoleError> {
@@ -430,8 +474,9 @@ impl Calls {
             version: RECORD_VERSION,
             name: name.to_string(),
             role: R::ROLE,
-            key,
-            question,
+            key: keys.key,
+            question: keys.question,
+            work: keys.work,
             cast,
             answered_by: accepted.by,
             source: accepted.source,

@@ -19,7 +19,7 @@ pub struct BillLine {
     pub calls: usize,
     /// Of these, answered by this program alone.
     pub offline: usize,
-    /// Of these, answered from a recording.
+    /// Of these, answered from a recording, or by the answer to another call.
     pub recorded: usize,
     /// Of these, answered by the offline player because the one that was asked failed.
     pub replaced: usize,
@@ -56,7 +56,7 @@ impl BillLine {
     fn add(&mut self, call: &CallSummary) {
         self.calls += 1;
         self.offline += usize::from(call.offline);
-        self.recorded += usize::from(matches!(call.source, Source::Recording { .. }));
+        self.recorded += usize::from(matches!(call.source, Source::Recording { .. } | Source::Shared { .. }));
         self.replaced += usize::from(matches!(call.source, Source::Replaced { .. }));
         self.unanswered += usize::from(call.source == Source::Unanswered);
         self.tries += call.tries;

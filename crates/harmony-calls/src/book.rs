@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 
 use crate::record::{CallRecord, CallSummary, CallTiming, RECORD_VERSION, Source, Unanswered};
 use crate::recording::Recording;
-use crate::{CallName, NameError};
+use crate::{CallName, ContentKey, NameError};
 
 /// Folder of half-written records; emptied when a book is opened.
 const TEMPORARY: &str = ".tmp";
@@ -181,6 +181,13 @@ impl CallBook {
         let record: CallRecord = read_json(&self.record_folder(role, name).join("record.json")).ok()?;
         let fits = record.version == RECORD_VERSION && record.role == role && record.name == name.as_str();
         fits.then_some(record)
+    }
+
+    /// The first call of a role that a player answered and that was this work; `None` when there is none.
+    pub(crate) fn with_work(&self, role: Role, work: &ContentKey) -> Result<Option<CallRecord>, BookError> {
+        let names = names_under(&self.root.join(role.folder()), "record.json")?;
+        let mut records = names.iter().filter_map(|name| self.record(role, name));
+        Ok(records.find(|record| record.work.as_ref() == Some(work) && record.source == Source::Player))
     }
 
     /// The text with every secret replaced.

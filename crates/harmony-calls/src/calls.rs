@@ -22,7 +22,7 @@ use crate::limits::Limits;
 use crate::prices::Prices;
 use crate::record::{CallSummary, Source};
 use crate::stop::Stop;
-use crate::{CallBook, CallName, Cast};
+use crate::{CallBook, CallName, Cast, ContentKey};
 
 /// What happens to a call, for progress display.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,7 +81,7 @@ pub enum CallEventKind {
         /// For so many US dollars, where known.
         cost_usd: Option<f64>,
     },
-    /// The record of an earlier run answered: no call.
+    /// A record answered, of an earlier run or of another call about the same work: no call.
     Reused,
     /// The recording answered: no call.
     Replayed,
@@ -99,7 +99,7 @@ pub struct CallCounts {
     pub asked: usize,
     /// Of these, players other than this program alone.
     pub asked_outside: usize,
-    /// Calls answered by their record.
+    /// Calls answered by a record: their own, or that of another call about the same work.
     pub reused: usize,
     /// Calls answered by the recording.
     pub replayed: usize,
@@ -149,6 +149,8 @@ pub struct Calls {
     gates: Mutex<HashMap<String, Arc<Gate>>>,
     /// One call under a name at a time.
     names: Mutex<HashMap<(Role, CallName), Turn>>,
+    /// One call about the same work at a time.
+    works: Mutex<HashMap<ContentKey, Turn>>,
     pub(crate) stop: Arc<Stop>,
     pub(crate) purse: Arc<Purse>,
     pub(crate) board: Board,
@@ -177,6 +179,7 @@ impl Calls {
             offline,
             gates: Mutex::default(),
             names: Mutex::default(),
+            works: Mutex::default(),
             stop: Arc::default(),
             purse: Purse::new(options.budget.clone(), before),
             board: Board::default(),
@@ -305,6 +308,12 @@ impl Calls {
     pub(crate) fn turn(&self, role: Role, name: &CallName) -> Turn {
         let mut names = self.names.lock().unwrap_or_else(PoisonError::into_inner);
         Arc::clone(names.entry((role, name.clone())).or_default())
+    }
+
+    /// The lock of a piece of work: of two calls about it one waits, and takes the other's answer.
+    pub(crate) fn work_turn(&self, work: &ContentKey) -> Turn {
+        let mut works = self.works.lock().unwrap_or_else(PoisonError::into_inner);
+        Arc::clone(works.entry(work.clone()).or_default())
     }
 
     /// The way to a player.

@@ -34,6 +34,11 @@ pub enum Source {
         /// Whether the question differs from the one that was recorded.
         question_differs: bool,
     },
+    /// The answer to another call of this run that was the same work for the player; it was paid there.
+    Shared {
+        /// Name of that call.
+        with: String,
+    },
     /// The offline player, for the one that was asked failed.
     Replaced {
         /// Why, in words.
@@ -67,6 +72,9 @@ pub struct CallRecord {
     pub key: ContentKey,
     /// The same without the player: tells whether a recording answers this very question.
     pub question: ContentKey,
+    /// What reached the player, and which one, where that is less than the question: same key, same work.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub work: Option<ContentKey>,
     /// Who was to answer.
     pub cast: PlayerCard,
     /// Whose answer this is.

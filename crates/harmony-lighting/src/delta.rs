@@ -1,4 +1,4 @@
-//! The reflective loop's answer about light (paper App. C, "Lighting estimation") and how it is applied.
+//! The reflective loop's answer about light (paper App. C, "Lighting estimation"; key `light.loop`) and how it is applied.
 
 use glam::DVec3;
 use harmony_scene::{Extents, Lighting};

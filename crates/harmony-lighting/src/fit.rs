@@ -1,4 +1,5 @@
-//! Intensities and colours of all lights at once, by non-negative least squares (beyond the paper; DESIGN 6.4).
+//! Intensities and colours of all lights at once, by non-negative least squares (beyond the paper; DESIGN 6.4;
+//! key `light.fit`).
 //!
 //! Light adds up: with one linear image a light, the scene under any other intensities and colours is a weighted sum.
 //! The weights that come nearest to the photo are the non-negative solution of a small linear system, one channel

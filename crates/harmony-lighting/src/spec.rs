@@ -1,4 +1,4 @@
-//! The model's first answer about light: which sources emit, in which colour, how strongly.
+//! The model's first answer about light (key `light.spec`): which sources emit, in which colour, how strongly.
 //!
 //! Paper: App. C "Lighting estimation": "the VLM decides which sources are emitting and their color and intensity,
 //! returning a compact lighting specification consumed by the renderer". The paper shows no schema for it; this one

@@ -14,17 +14,15 @@ use harmony_lighting::{
 };
 use harmony_render::{Instance, RenderOptions};
 use harmony_scene::{AlbedoCells, Lighting, ViewTransform};
+use harmony_testing::skip;
 use support::{ROOM, camera, lighting, nodes, write_glb};
 
 fn renderer() -> Option<&'static CyclesRenderer> {
-    static FOUND: OnceLock<Option<CyclesRenderer>> = OnceLock::new();
-    let found = FOUND.get_or_init(|| {
-        let (found, why) = CyclesRenderer::find_saying_why();
-        if found.is_none() {
-            eprintln!("skipped: no Blender here ({})", why.join("; "));
-        }
-        found
-    });
+    static FOUND: OnceLock<(Option<CyclesRenderer>, Vec<String>)> = OnceLock::new();
+    let (found, why) = FOUND.get_or_init(CyclesRenderer::find_saying_why);
+    if found.is_none() {
+        skip(format_args!("no Blender here ({})", why.join("; ")));
+    }
     found.as_ref()
 }
 

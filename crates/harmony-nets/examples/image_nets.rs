@@ -40,7 +40,7 @@ const LIMIT_BF16: f64 = 2e-2;
 
 #[path = "measure/mod.rs"]
 mod measure;
-#[path = "../tests/image_nets/seeded.rs"]
+#[path = "../tests/it/image_nets/seeded.rs"]
 mod seeded;
 
 use seeded::{photo, uniform};

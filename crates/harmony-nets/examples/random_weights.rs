@@ -28,7 +28,7 @@ use harmony_nets::sam2::{Sam2, Sam2Config, Sam2Size};
 use harmony_nets::{HostTensor, WeightError};
 use serde_json::{Map, Value, json};
 
-#[path = "../tests/image_nets/seeded.rs"]
+#[path = "../tests/it/image_nets/seeded.rs"]
 #[expect(dead_code, reason = "its picture is for others")]
 mod seeded;
 

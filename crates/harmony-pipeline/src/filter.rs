@@ -1,4 +1,5 @@
-//! Duplicate and spurious detections (paper App. C, "Containment and fragment removal"). Pure functions.
+//! Duplicate and spurious detections (paper App. C, "Containment and fragment removal"; key `detect.filter`).
+//! Pure functions.
 
 use harmony_roles::Detection;
 use harmony_scene::{Mask, PixelBox};

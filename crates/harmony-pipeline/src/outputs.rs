@@ -1,4 +1,5 @@
-//! The files of a finished (or broken off) run: scene, GLB, renders, the paper's annotations, the report's data.
+//! The files of a finished (or broken off) run: scene, GLB, renders, the paper's annotations (key `data.objects`), the
+//! report's data.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! The photo's light on the finished scene: measured, fitted, looked at, rendered. Paper Sec. 3.4 and DESIGN 6.4.
+//! The photo's light on the finished scene: measured, fitted, looked at, rendered. Paper Sec. 3.4 and DESIGN 6.4;
+//! keys `light.loop`, `light.fit`.
 //!
 //! One render with light groups says what each light gives; lights, exposure and view transform are fitted to the
 //! photo on it; base colours become reflectances by the ratio of photo to render; previews measure what is left. Then

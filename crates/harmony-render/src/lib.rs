@@ -1,4 +1,5 @@
-//! The renderer of the loop: a deterministic CPU rasteriser that draws colour, depth and object id in one pass.
+//! The renderer of the loop: a deterministic CPU rasteriser that draws colour, depth and object id in one pass
+//! (key `render.flat`).
 //!
 //! ```
 //! use harmony_mesh::{Group, Material, Mesh};

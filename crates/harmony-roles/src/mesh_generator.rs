@@ -90,6 +90,12 @@ pub trait MeshGenerator: Send + Sync {
     /// Who is playing.
     fn card(&self) -> PlayerCard;
 
+    /// Whether crop and settings are all that reaches it: two requests that differ in words or sizes alone are then the
+    /// same work, and one mesh serves both.
+    fn sees_picture_only(&self) -> bool {
+        false
+    }
+
     /// Makes one mesh.
     async fn generate(&self, request: &MeshRequest) -> Result<GeneratedMesh, RoleError>;
 }

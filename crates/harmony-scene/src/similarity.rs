@@ -49,3 +49,61 @@ impl std::ops::Mul for Similarity {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn vector() -> impl Strategy<Value = DVec3> {
+        [-10.0..10.0, -10.0..10.0, -10.0..10.0].prop_map(DVec3::from_array)
+    }
+
+    fn similarity() -> impl Strategy<Value = Similarity> {
+        let rotation = (vector(), 0.0..6.0).prop_filter_map("an axis", |(axis, angle)| {
+            Some(DMat3::from_quat(DQuat::from_axis_angle(axis.try_normalize()?, angle)))
+        });
+        (0.05..20.0, rotation, vector()).prop_map(|(scale, rotation, translation)| Similarity {
+            scale,
+            rotation,
+            translation,
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn the_inverse_leads_back(s in similarity(), x in vector()) {
+            prop_assert!(s.inverse().point(s.point(x)).abs_diff_eq(x, 1e-9));
+            prop_assert!(s.point(s.inverse().point(x)).abs_diff_eq(x, 1e-9));
+            prop_assert!((s.inverse() * s).point(x).abs_diff_eq(x, 1e-9));
+        }
+
+        #[test]
+        fn a_product_is_one_map_after_the_other(a in similarity(), b in similarity(), x in vector()) {
+            let apart = a.point(b.point(x));
+            prop_assert!((a * b).point(x).abs_diff_eq(apart, 1e-9 * (1.0 + apart.length())));
+            prop_assert!((a * b).direction(x).abs_diff_eq(a.direction(b.direction(x)), 1e-9));
+        }
+
+        #[test]
+        fn distances_are_scaled_and_directions_keep_their_length(s in similarity(), x in vector(), y in vector()) {
+            let distance = s.point(x).distance(s.point(y));
+            prop_assert!((distance - s.scale * x.distance(y)).abs() < 1e-9 * (1.0 + distance));
+            prop_assert!((s.direction(x).length() - x.length()).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_point_is_turned_scaled_and_moved_in_this_order() {
+        let s = Similarity {
+            scale: 2.0,
+            rotation: DMat3::from_rotation_y(std::f64::consts::FRAC_PI_2),
+            translation: DVec3::new(1.0, 0.0, 0.0),
+        };
+        assert!(s.point(DVec3::Z).abs_diff_eq(DVec3::new(3.0, 0.0, 0.0), 1e-12));
+        assert!(s.direction(DVec3::Z).abs_diff_eq(DVec3::X, 1e-12));
+        assert_eq!(Similarity::IDENTITY.point(DVec3::X), DVec3::X);
+    }
+}

@@ -12,6 +12,7 @@ use harmony_roles::{PlayerCard, Role, RoleError, Usage};
 use image::{RgbImage, RgbaImage};
 use serde_json::{Value, json};
 
+use crate::ContentKey;
 use crate::book::{BookError, RecordWriter};
 use crate::key::{KeyHasher, pixel_hash};
 
@@ -32,6 +33,11 @@ pub(crate) trait Recordable: Clone + Send + Sync + 'static {
     fn play(&self, player: &Self::Player) -> impl Future<Output = Result<Self::Answer, RoleError>> + Send;
     /// Adds everything that the answer may depend on.
     fn hash(&self, hasher: &mut KeyHasher);
+    /// What reaches this player, where that is less than the request: calls with one key are the same work, paid once.
+    /// `None` = every call is work of its own.
+    fn work(&self, _player: &Self::Player) -> Option<ContentKey> {
+        None
+    }
     /// Writes the request's files; `offline` calls are not worth their images.
     fn write_request(&self, out: &RecordWriter<'_>, offline: bool) -> Result<(), BookError>;
     /// Writes the answer's files, always with an `answer.json`.

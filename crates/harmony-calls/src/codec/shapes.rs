@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::{Recordable, rgb_hash, rgba_hash, show_rgb, show_rgba, write_failed};
+use crate::ContentKey;
 use crate::book::{BookError, RecordWriter, read_json};
 use crate::key::KeyHasher;
 
@@ -54,6 +55,15 @@ impl Recordable for MeshRequest {
     fn hash(&self, hasher: &mut KeyHasher) {
         hasher.pixels("crop", &rgba_hash(&self.crop));
         hasher.json("parameters", &mesh_parameters(self));
+    }
+
+    fn work(&self, player: &Self::Player) -> Option<ContentKey> {
+        player.sees_picture_only().then(|| {
+            let mut hasher = KeyHasher::new(Self::ROLE);
+            hasher.pixels("crop", &rgba_hash(&self.crop));
+            hasher.json("settings", &json!(self.settings));
+            hasher.finish()
+        })
     }
 
     fn write_request(&self, out: &RecordWriter<'_>, offline: bool) -> Result<(), BookError> {

@@ -1,4 +1,4 @@
-//! Planar things seen head-on: quadrilaterals of a photo, and the faces of the room.
+//! Planar things seen head-on: quadrilaterals of a photo, and the faces of the room (key `wall.rectify`).
 
 mod quad;
 mod sampling;

@@ -6,6 +6,8 @@ use harmony_scene::{ImageSize, Intrinsics, Light, LightKind};
 use image::{Rgba, RgbaImage};
 use serde_json::json;
 
+use harmony_testing::shared;
+
 use super::*;
 
 /// A unit box on y = 0 with flat faces; two materials, one textured.
@@ -670,13 +672,7 @@ fn meshes_without_normals_are_smooth_but_for_creases() {
 
 #[test]
 fn furniture_of_another_project_loads_and_draco_is_named() {
-    let root = std::env::var_os("HARMONY_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), std::path::PathBuf::from);
-    let house = root.join("models3d/scene_185");
-    if !house.exists() {
-        eprintln!("skipped: the shared test data is not here");
-        return;
-    }
+    let (Some(house), Some(page)) = (shared("models3d/scene_185"), shared("gt/README.md")) else { return };
     let packed = load_glb(&house.join("scene_named.glb"), &ReadLimits::default());
     assert!(matches!(packed, Err(GlbError::Unsupported { what: "Draco compression" })), "{packed:?}");
     // Rough sizes that anybody expects of the things, metres.
@@ -685,5 +681,5 @@ fn furniture_of_another_project_loads_and_draco_is_named() {
         let size = mesh.bounds().unwrap().size().max_element();
         assert!((low..high).contains(&size), "{name} is {size} m large");
     }
-    assert!(matches!(load_glb(&root.join("gt/README.md"), &ReadLimits::default()), Err(GlbError::NotGlb)));
+    assert!(matches!(load_glb(&page, &ReadLimits::default()), Err(GlbError::NotGlb)));
 }

@@ -1,4 +1,4 @@
-//! Instance masks: those of others, our own one-bit masks, and the scene's segmentation image.
+//! Instance masks: those of others, our own one-bit masks, and the scene's segmentation image (key `data.segmentation`).
 //!
 //! | source | read as |
 //! |---|---|

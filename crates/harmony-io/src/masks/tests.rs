@@ -4,18 +4,9 @@ use std::collections::BTreeSet;
 
 use image::{ImageFormat, Luma, Rgb, RgbImage, Rgba};
 
-use super::*;
+use harmony_testing::shared;
 
-fn shared(path: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("HARMONY_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), PathBuf::from);
-    let file = root.join(path);
-    if !file.exists() {
-        eprintln!("skipped: {path} of the shared test data is not here");
-        return None;
-    }
-    Some(file)
-}
+use super::*;
 
 const SIZE: ImageSize = ImageSize { width: 320, height: 240 };
 

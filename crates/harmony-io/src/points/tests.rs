@@ -1,22 +1,11 @@
 //! Maps as estimators and sensors write them.
 
-use std::path::PathBuf;
-
 use glam::{DMat3, DVec3, Vec3};
 use image::{ImageBuffer, Luma};
 
-use super::*;
+use harmony_testing::shared;
 
-fn shared(path: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("HARMONY_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), PathBuf::from);
-    let file = root.join(path);
-    if !file.exists() {
-        eprintln!("skipped: {path} of the shared test data is not here");
-        return None;
-    }
-    Some(file)
-}
+use super::*;
 
 fn options(width: u32, height: u32) -> PointMapOptions {
     PointMapOptions::new(ImageSize::new(width, height))

@@ -1,6 +1,6 @@
 """CLIP (transformers' CLIPModel, its processors and its tokenizer) with seeded random weights.
 
-Usage: clip.py small OUT.safetensors       the little arrays of tests/clip.rs
+Usage: clip.py small OUT.safetensors       the little arrays of tests/it/clip.rs
        clip.py preprocess OUT.safetensors  the image processor (PIL backend) on small pictures
        clip.py tokens FOLDER               a made-up vocabulary, and what the tokenizer makes of sentences
        clip.py full FOLDER                 ViT-B/32: model.safetensors, inputs and outputs

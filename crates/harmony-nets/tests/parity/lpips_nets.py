@@ -1,6 +1,6 @@
 """LPIPS 0.1 (the `lpips` package, with torchvision's trunks) with seeded random trunk weights.
 
-Usage: lpips_nets.py small OUT.safetensors   values and per-layer distances with random heads: tests/lpips.rs
+Usage: lpips_nets.py small OUT.safetensors   values and per-layer distances with random heads: tests/it/lpips.rs
        lpips_nets.py heads OUT.safetensors   the same with the published heads of the package
        lpips_nets.py full FOLDER             trunks as torchvision's files (.pth) and values on pictures of 512 by 384
 

@@ -1,6 +1,6 @@
 """OWLv2 (transformers' Owlv2ForObjectDetection and its image processor) with seeded random weights.
 
-Usage: owlv2.py small OUT.safetensors        the little arrays of tests/detector.rs
+Usage: owlv2.py small OUT.safetensors        the little arrays of tests/it/detector.rs
        owlv2.py preprocess OUT.safetensors   the image processor (torchvision backend) on small pictures
        owlv2.py full SIZE FOLDER             SIZE = base, large: model.safetensors, inputs and outputs
        owlv2.py turns SIZE FOLDER            one image with four phrases on two threads, once for each line on stdin

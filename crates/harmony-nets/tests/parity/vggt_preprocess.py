@@ -1,4 +1,4 @@
-"""What the authors' load_and_preprocess_images makes of small noisy pictures, for tests/vggt.rs.
+"""What the authors' load_and_preprocess_images makes of small noisy pictures, for tests/it/vggt.rs.
 
     python vggt_preprocess.py REFERENCE OUT.json
 

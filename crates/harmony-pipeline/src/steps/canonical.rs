@@ -227,7 +227,8 @@ pub async fn assemble(
     })
 }
 
-/// The answer's material, completed and clamped by the defaults of its kind; what was out of range is told.
+/// The answer's material, completed and clamped by the defaults of its kind (key `material.estimate`); what was out of range
+/// is told.
 fn material_of(ctx: &PhaseCtx<'_>, id: &ObjectId, object: &InspectedObject) -> SurfaceMaterial {
     let answer = object.material.as_ref().map(|m| MaterialAnswer {
         material_category: Some(m.material_category),

@@ -144,7 +144,7 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
     }
 }
 
-/// Orientation correction of decorations (paper App. C): four yaws of each on one sheet, one question. A turn that mask
+/// Orientation correction of decorations (paper App. C; key `deco.orient`): four yaws of each on one sheet, one question. A turn that mask
 /// and depths contradict is refused.
 ///
 /// # Errors

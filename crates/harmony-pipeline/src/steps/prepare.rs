@@ -1,4 +1,4 @@
-//! Each object's own chain: complete -> mesh -> de-tilt -> front. Paper Sec. 3.2.
+//! Each object's own chain: complete -> mesh -> de-tilt -> front. Paper Sec. 3.2; key `inpaint.complete`.
 //!
 //! Chains are independent and run beside each other, those of other levels among them. Identical objects share one
 //! chain: what is completed and meshed is the one that is seen best.

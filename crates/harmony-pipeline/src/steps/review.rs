@@ -1,4 +1,4 @@
-//! The reflective feedback loop. Paper Sec. 3.3: ask, try each action, measure, keep or refuse.
+//! The reflective feedback loop. Paper Sec. 3.3 (key `review.loop`): ask, try each action, measure, keep or refuse.
 
 use std::sync::Arc;
 

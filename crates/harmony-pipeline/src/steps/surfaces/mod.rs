@@ -1,4 +1,5 @@
-//! The room's own surfaces: openings, textures of floor, ceiling and walls, the empty-room picture.
+//! The room's own surfaces: openings, textures of floor, ceiling and walls, the empty-room picture
+//! (key `layout.empty_room`).
 
 mod evidence;
 mod paint;

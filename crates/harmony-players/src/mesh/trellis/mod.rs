@@ -79,6 +79,10 @@ impl MeshGenerator for TrellisPlayer {
         }
     }
 
+    fn sees_picture_only(&self) -> bool {
+        true
+    }
+
     async fn generate(&self, request: &MeshRequest) -> Result<GeneratedMesh, RoleError> {
         let settings = request.settings;
         let crop = Arc::clone(&request.crop);

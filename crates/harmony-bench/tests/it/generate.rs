@@ -1,0 +1,256 @@
+//! Generated rooms keep the rules that make them usable as truth.
+
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+use glam::{DMat3, DVec2, DVec3};
+use harmony_bench::generate::{GeneratedObject, GeneratedRoom, GeneratorSettings, Level, generate, write};
+use harmony_mesh::Bvh;
+use harmony_scene::ImageSize;
+
+/// Small pictures: the rules don't depend on their size.
+fn small() -> GeneratorSettings {
+    GeneratorSettings {
+        image: Some(ImageSize::new(240, 180)),
+        points: 2000,
+        shell_points: 500,
+        ..GeneratorSettings::default()
+    }
+}
+
+fn rooms() -> &'static [GeneratedRoom] {
+    static ROOMS: LazyLock<Vec<GeneratedRoom>> =
+        LazyLock::new(|| (100..120).map(|seed| generate(seed, &small())).collect());
+    &ROOMS
+}
+
+fn files(room: &GeneratedRoom) -> BTreeMap<String, Vec<u8>> {
+    let folder = tempfile::tempdir().unwrap();
+    write(room, folder.path()).unwrap();
+    let mut out = BTreeMap::new();
+    let mut folders = vec![folder.path().to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in std::fs::read_dir(next).unwrap().map(Result::unwrap) {
+            if entry.path().is_dir() {
+                folders.push(entry.path());
+                continue;
+            }
+            let path = entry.path();
+            let name = path.strip_prefix(folder.path()).unwrap().to_str().unwrap().to_owned();
+            out.insert(name, std::fs::read(entry.path()).unwrap());
+        }
+    }
+    out
+}
+
+#[test]
+fn a_seed_means_the_same_bytes_and_another_one_another_room() {
+    let (a, b, c) = (files(&generate(3, &small())), files(&generate(3, &small())), files(&generate(4, &small())));
+    let names: Vec<&str> = a.keys().map(String::as_str).collect();
+    let expected = [
+        "camera.json",
+        "credits.txt",
+        "depth.png",
+        "instances.png",
+        "meshes.npz",
+        "objects.json",
+        "photo.jpg",
+        "points.npz",
+        "room.json",
+        "views/1/camera.json",
+        "views/1/depth.png",
+        "views/1/instances.png",
+        "views/1/photo.jpg",
+        "views/2/camera.json",
+        "views/2/depth.png",
+        "views/2/instances.png",
+        "views/2/photo.jpg",
+    ];
+    assert_eq!(names, expected);
+    for name in expected {
+        assert_eq!(a[name], b[name], "{name}");
+        assert_ne!(a[name], c[name], "{name}");
+    }
+}
+
+#[test]
+fn archives_are_read_back() {
+    let files = files(&rooms()[0]);
+    let points = harmony_io::npz::parse_npz(&files["points.npz"], |_| true).unwrap();
+    assert_eq!(points["xyz"].shape, [2000, 3]);
+    assert_eq!(points["shell_xyz"].shape, [500, 3]);
+    assert!(points["id"].integer && points["id"].values.iter().all(|id| *id >= 10.0));
+    assert!(points["shell_id"].values.iter().all(|id| (1.0..=6.0).contains(id)));
+    let meshes = harmony_io::npz::parse_npz(&files["meshes.npz"], |_| true).unwrap();
+    let visible = rooms()[0].objects.iter().filter(|o| o.visible_pixels > 0).count();
+    assert_eq!(meshes.len(), 2 * visible);
+}
+
+#[test]
+fn rooms_hold_between_5_and_30_objects_of_few_triangles() {
+    for room in rooms() {
+        assert!((5..=30).contains(&room.objects.len()), "{}: {}", room.name, room.objects.len());
+        for o in &room.objects {
+            assert!((1..=2500).contains(&o.mesh.triangle_count()), "{} {}", room.name, o.id);
+            o.mesh.check().unwrap();
+        }
+        // 500 pixels of 960 x 720 are 31 of 240 x 180
+        assert!(room.objects.iter().filter(|o| o.visible_pixels > 31).count() >= 5, "{}", room.name);
+    }
+}
+
+#[test]
+fn meshes_are_canonical_and_inside_the_room() {
+    for room in rooms() {
+        let size = room.extents.as_vec();
+        for o in &room.objects {
+            let b = o.mesh.bounds().unwrap();
+            let low = if o.level == Level::Wall { b.centre().y } else { b.min.y };
+            assert!(low.abs() <= 1e-4 && b.centre().x.abs() <= 1e-4 && b.centre().z.abs() <= 1e-4, "{}", o.id);
+            assert!((b.size() - o.size).abs().max_element() <= 1e-4, "{}", o.id);
+            // a window's pane lies behind the wall
+            let slack = if o.label == "window" { 0.12 } else { 1e-4 };
+            for p in &o.mesh.positions {
+                let p = o.to_room(p.as_dvec3());
+                let inside = p.cmpge(DVec3::splat(-slack)).all() && p.cmple(size + slack).all();
+                assert!(inside, "{} {} {p}", room.name, o.id);
+            }
+        }
+    }
+}
+
+#[test]
+fn things_stand_on_what_carries_them() {
+    let mut carried = 0;
+    for room in rooms() {
+        for o in &room.objects {
+            match o.level {
+                Level::Furniture => assert!(o.position.y.abs() <= 1e-9),
+                Level::Ceiling => {
+                    let gap = room.extents.height - o.position.y - o.size.y;
+                    assert!((0.0..=0.005).contains(&gap), "{gap}");
+                }
+                Level::Wall => assert!(o.support.starts_with("wall_")),
+                Level::Decoration => {
+                    let host = room.objects.iter().find(|h| h.id == o.support).unwrap();
+                    let under = surface_below(host, o.position + DVec3::Y * 0.05);
+                    assert!((under - o.position.y).abs() <= 1e-3, "{} {} on {}", room.name, o.id, host.id);
+                    assert_eq!(o.relations[0], ("on_top_of", host.id.clone()));
+                    carried += 1;
+                }
+            }
+        }
+    }
+    assert!(carried > 50, "{carried}");
+}
+
+/// Highest surface of an object below a room point.
+fn surface_below(host: &GeneratedObject, point: DVec3) -> f64 {
+    let local = DMat3::from_rotation_y(-host.yaw) * (point - host.position);
+    Bvh::new(&host.mesh).raycast(local, DVec3::NEG_Y, 3.0).map_or(f64::NAN, |h| point.y - h.distance)
+}
+
+#[test]
+fn objects_do_not_cut_each_other() {
+    for room in &rooms()[..10] {
+        for (i, a) in room.objects.iter().enumerate() {
+            for b in &room.objects[..i] {
+                let meet = a.aabb.min.cmple(b.aabb.max).all() && b.aabb.min.cmple(a.aabb.max).all();
+                if !meet || a.label == "rug" || b.label == "rug" {
+                    continue;
+                }
+                let depth = a.penetration(b);
+                assert!(depth <= 0.005, "{}: {} and {} by {depth:.4} m", room.name, a.id, b.id);
+                assert!(a.boxes_may_overlap.contains(&b.id) && b.boxes_may_overlap.contains(&a.id));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_cut_is_measured() {
+    let room = &rooms()[0];
+    let o = room.objects.iter().find(|o| o.level == Level::Furniture && o.label != "rug").unwrap();
+    let mut other = o.clone();
+    other.position += DVec3::new(0.01, 0.012, 0.009);
+    assert!(o.penetration(&other) > 0.004);
+    other.position.y += 10.0;
+    assert_eq!(o.penetration(&other), 0.0);
+}
+
+#[test]
+fn depth_and_ids_agree_with_the_meshes() {
+    for room in &rooms()[..6] {
+        let camera = &room.camera;
+        let width = camera.size.width as usize;
+        for o in room.objects.iter().filter(|o| o.visible_pixels > 0) {
+            let tree = Bvh::new(&o.mesh);
+            let mine: Vec<usize> = (0..room.ids.len()).filter(|i| room.ids[*i] == o.index).collect();
+            assert_eq!(mine.len(), o.visible_pixels);
+            for i in mine.iter().step_by(17) {
+                let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+                let point = camera.unproject(pixel, f64::from(room.depth[*i]));
+                let local = DMat3::from_rotation_y(-o.yaw) * (point - o.position);
+                let off = tree.closest_point(local).unwrap().distance;
+                assert!(off <= 0.01, "{} {}: {off}", room.name, o.id);
+            }
+        }
+        assert!(room.ids.iter().zip(&room.depth).all(|(id, z)| (*id > 0) == (*z > 0.0)));
+    }
+}
+
+#[test]
+fn cameras_face_the_back_wall_from_inside() {
+    for room in rooms() {
+        let c = room.camera.centre();
+        assert!(room.extents.contains(c, 0.0) && (1.2..=1.75).contains(&c.y), "{c}");
+        assert!(room.camera_yaw.to_degrees().abs() < 40.0);
+        assert!((0.0..=18.0).contains(&room.camera_pitch.to_degrees()));
+        assert!((59.9..=90.1).contains(&room.camera.horizontal_fov().to_degrees()));
+    }
+}
+
+/// What the photo and a view both show looks alike in both, for light, exposure and frames are one room's.
+#[test]
+fn views_show_the_same_room_at_the_photos_exposure() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut shares = Vec::new();
+    for room in &rooms()[..6] {
+        let folder = folder.path().join(&room.name);
+        write(room, &folder).unwrap();
+        let truth = harmony_bench::truth::TruthRoom::load(&folder).unwrap();
+        let views = truth.views().unwrap();
+        assert_eq!(views.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["1", "2"], "{}", room.name);
+        for (view, made) in views.iter().zip(&room.views) {
+            let eye = view.camera.centre();
+            let inside = eye.cmpgt(DVec3::ZERO).all() && eye.cmplt(room.extents.as_vec()).all();
+            assert!(inside && eye.distance(room.camera.centre()) > 0.4, "{} {}: {eye}", room.name, view.name);
+            let seen = harmony_bench::views::seen_by_photo(&truth, view);
+            shares.push(seen.count() as f64 / seen.size().pixels() as f64);
+            let mut off = Vec::new();
+            for y in 0..seen.size().height {
+                for x in 0..seen.size().width {
+                    let i = (y * seen.size().width + x) as usize;
+                    if !seen.get(i64::from(x), i64::from(y)) {
+                        continue;
+                    }
+                    let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+                    let point = view.camera.unproject(pixel, f64::from(view.depth[i]));
+                    if view.ids[i] == 1 {
+                        assert!(point.y.abs() < 0.01, "the floor lies at {point}");
+                    }
+                    let p = truth.camera.project(point).unwrap();
+                    let there = room.photo.get_pixel(p.x as u32, p.y as u32).0;
+                    let here = made.photo.get_pixel(x, y).0;
+                    off.push(f64::from(here[1].abs_diff(there[1])));
+                }
+            }
+            off.sort_by(f64::total_cmp);
+            let median = off[off.len() / 2];
+            // Noise of the sensor is about 2 of 255, light is noisy by as much again at this size.
+            assert!(median <= 8.0, "{} {}: {median} of 255", room.name, view.name);
+        }
+    }
+    let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+    assert!((0.3..0.9).contains(&mean), "{shares:?}");
+}

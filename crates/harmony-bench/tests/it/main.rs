@@ -1,0 +1,9 @@
+//! Rooms with truth, oracle, metrics, tables.
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+mod calibration;
+mod generate;
+mod metrics_scipy;
+mod tables;
+mod views_agree;
+mod wall_clock;

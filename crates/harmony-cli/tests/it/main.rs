@@ -1,0 +1,11 @@
+//! The program as a person runs it.
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+mod bad_answers;
+mod bad_inputs;
+mod common;
+mod killed;
+mod networks;
+mod photos;
+mod replay;
+mod spending;

@@ -1,0 +1,69 @@
+//! The program as a person runs it: the bundled example replayed, run again, and inputs that are no good.
+
+use crate::common::{files, harmony};
+
+#[test]
+fn the_bundled_example_replays_and_a_second_run_changes_no_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let args = [
+        "reconstruct",
+        "examples/home_office.jpg",
+        "--out",
+        run.to_str().unwrap(),
+        "--replay",
+        "examples/home_office_recording",
+        "--no-lit",
+    ];
+    let first = harmony(&args);
+    let said = String::from_utf8_lossy(&first.stdout).into_owned();
+    assert!(first.status.success(), "{said}\n{}", String::from_utf8_lossy(&first.stderr));
+    for file in [
+        "scene.json",
+        "scene_full.glb",
+        "render_flat.png",
+        "render_canonical.png",
+        "segmentation.png",
+        "segmentation.json",
+        "objects.json",
+        "camera.json",
+        "report.html",
+        "run.json",
+    ] {
+        assert!(run.join(file).is_file(), "{file} is missing");
+    }
+    let scene: serde_json::Value = serde_json::from_slice(&std::fs::read(run.join("scene.json")).unwrap()).unwrap();
+    // What is asked of the photo alone is what the recording answered; if not, see `examples/README.md`.
+    let warnings = scene["warnings"].as_array().unwrap();
+    let about_layout: Vec<_> = warnings.iter().filter(|w| w["phase"] == "1_layout").collect();
+    assert!(about_layout.is_empty(), "{about_layout:?}");
+    let objects = scene["objects"].as_array().unwrap();
+    assert!(objects.len() >= 15, "{} objects", objects.len());
+    let desk = objects.iter().find(|o| o["id"] == "desk_01").unwrap();
+    assert_eq!(desk["support"]["on"], "floor");
+    let monitor = objects.iter().find(|o| o["id"] == "monitor_01").unwrap();
+    assert_eq!(monitor["support"]["id"], "desk_01");
+
+    let before = files(&run);
+    let second = harmony(&args);
+    assert!(second.status.success());
+    assert!(String::from_utf8_lossy(&second.stdout).contains("finished already"));
+    assert!(files(&run) == before, "the second run changed the run folder");
+}
+
+#[test]
+fn what_is_not_a_photo_is_refused_with_exit_code_1_and_nothing_is_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    for (name, bytes) in [("text.jpg", &b"hello"[..]), ("empty.png", &b""[..]), ("cut.png", &b"\x89PNG\r\n\x1a\n"[..])]
+    {
+        let photo = folder.path().join(name);
+        std::fs::write(&photo, bytes).unwrap();
+        let output = harmony(&["reconstruct", photo.to_str().unwrap(), "--out", run.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(1), "{name}");
+        assert!(String::from_utf8_lossy(&output.stderr).contains("error:"), "{name}");
+        assert!(!run.join("run.json").exists(), "{name}");
+    }
+    let absent = harmony(&["reconstruct", "no/such/photo.jpg", "--out", run.to_str().unwrap()]);
+    assert_eq!(absent.status.code(), Some(1));
+}
