@@ -5,12 +5,11 @@ use std::sync::{Mutex, PoisonError};
 
 use harmony_calls::Calls;
 use harmony_io::{FileError, MaskError, PointsError, picture};
-use harmony_prompts::Question;
+use harmony_prompts::Ask;
 use harmony_roles::{Picture, Role, RoleError, VlmRequest};
 use harmony_scene::{ObjectId, Warning, WarningKind};
 use image::{RgbImage, RgbaImage};
-use serde::{Serialize, de::DeserializeOwned};
-use serde_json::Value;
+use serde::Serialize;
 
 use crate::progress::{ProgressEvent, ProgressSink};
 use crate::settings::Settings;
@@ -179,27 +178,27 @@ impl PhaseCtx<'_> {
         self.warnings.push(warning);
     }
 
-    /// Asks the VLM a question and reads the answer into its type.
+    /// Asks the VLM a question.
     ///
     /// # Errors
     /// Fatal role errors, or no acceptable answer from anybody.
-    pub async fn ask<T: DeserializeOwned>(
+    pub async fn ask<Q: Ask>(&self, step: &str, question: Q, pictures: Vec<Picture>) -> Result<Q::Answer, PhaseError> {
+        self.ask_and_try(step, question, pictures, |_| Ok(())).await
+    }
+
+    /// The same; an answer that passes the question's own check is tried out before it is accepted.
+    ///
+    /// # Errors
+    /// As [`PhaseCtx::ask`].
+    pub async fn ask_and_try<Q: Ask>(
         &self,
         step: &str,
-        question: Question,
+        question: Q,
         pictures: Vec<Picture>,
-        facts: Value,
-        sense: impl Fn(&T) -> Result<(), String> + Send + Sync,
-    ) -> Result<T, PhaseError> {
-        let request = VlmRequest {
-            name: self.call(step),
-            prompt: question.prompt,
-            pictures,
-            schema: question.schema,
-            example: question.example,
-            facts: serde_json::json!({ "question": question.kind, "facts": facts }),
-        };
-        Ok(self.calls.ask_as(&request, sense).await?)
+        tried: impl Fn(&Q::Answer) -> Result<(), String> + Send + Sync,
+    ) -> Result<Q::Answer, PhaseError> {
+        let request = VlmRequest::new(self.call(step), question.clone().into(), pictures);
+        Ok(self.calls.ask_as(&request, |answer| question.check(answer).and_then(|()| tried(answer))).await?)
     }
 
     /// Computes beside the asynchronous work, so that other objects' chains go on meanwhile.

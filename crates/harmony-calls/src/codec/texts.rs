@@ -39,7 +39,7 @@ impl Recordable for VlmRequest {
         hasher.text("prompt", &self.prompt);
         hasher.json("schema", &self.schema);
         hasher.json("example", &self.example);
-        hasher.json("facts", &self.facts);
+        hasher.json("facts", &self.facts());
         for picture in &self.pictures {
             hasher.text("caption", &picture.caption);
             hasher.pixels("picture", &rgb_hash(&picture.image));
@@ -53,7 +53,7 @@ impl Recordable for VlmRequest {
             images.push(show_rgb(out, &file, &picture.image, &picture.caption, offline)?);
         }
         out.text("prompt.md", &self.prompt)?;
-        out.json("request.json", &json!({"images": images, "schema": self.schema, "facts": self.facts}))
+        out.json("request.json", &json!({"images": images, "schema": self.schema, "facts": self.facts()}))
     }
 
     fn write_answer(&self, answer: &VlmAnswer, out: &RecordWriter<'_>) -> Result<(), BookError> {

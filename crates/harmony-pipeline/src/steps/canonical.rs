@@ -5,7 +5,7 @@ use std::sync::Arc;
 use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_mesh::{PartModel, TextureMode, broad_sides, catalogue, front_by_form, front_by_size};
 use harmony_placement::Shape;
-use harmony_prompts::{FrontPanel, FrontsAnswer, FrontsVars, InspectedObject, InspectedSize, fronts};
+use harmony_prompts::{FrontPanel, FrontsQuestion, InspectedObject, InspectedSize, NamedObject};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture};
 use harmony_scene::{Level, MaterialCategory, PbrFactors, Physical, PlacementType, Size, SurfaceMaterial, WarningKind};
 use image::RgbaImage;
@@ -78,12 +78,10 @@ pub async fn canonicalise(
             (mesh, turn, sheet, panels, by_form, among)
         })
         .await?;
-    let question = fronts(&FrontsVars { objects: vec![format!("- {id}: {}", c.inspected.kind)] });
+    let shown = NamedObject { id: id.clone(), about: c.inspected.kind.clone() };
+    let question = FrontsQuestion { objects: vec![shown] };
     let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
-    let asked = vec![id.clone()];
-    let facts = json!({ "objects": asked });
-    let answer: FrontsAnswer =
-        ctx.ask(&format!("{id}/front"), question, vec![sheet], facts, move |a: &FrontsAnswer| a.check(&asked)).await?;
+    let answer = ctx.ask(&format!("{id}/front"), question, vec![sheet]).await?;
     let answered = answer.objects.iter().find(|o| o.id == id).map(|o| o.front_panel);
     // A panel's turn brings the front to +Z.
     let panel_of = |quarters: u8| FrontPanel::ALL[(4 - usize::from(quarters)) % 4];

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use futures::future::join_all;
 use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
-use harmony_prompts::{CompletedAnswer, CompletedVars, InspectedObject, Occlusion, completed};
+use harmony_prompts::{CompletedQuestion, InspectedObject, NamedObject, Occlusion};
 use harmony_roles::{EditKind, EditRequest, GeneratedMesh, MeshRequest, Picture, Role};
 use harmony_scene::{Level, ObjectId, Size, WarningKind};
 use image::RgbaImage;
@@ -258,13 +258,10 @@ async fn inspect_completed(
         })
         .await?;
     let Some(sheet) = sheet else { return Ok(None) };
-    let question = completed(&CompletedVars { objects: vec![format!("- {id}: {}", c.inspected.description)] });
+    let shown = NamedObject { id: id.clone(), about: c.inspected.description.clone() };
+    let question = CompletedQuestion { objects: vec![shown] };
     let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
-    let asked = vec![id.clone()];
-    let facts = json!({ "objects": asked });
-    let answer: CompletedAnswer = ctx
-        .ask(&format!("{id}/completed"), question, vec![sheet], facts, move |a: &CompletedAnswer| a.check(&asked))
-        .await?;
+    let answer = ctx.ask(&format!("{id}/completed"), question, vec![sheet]).await?;
     Ok(answer.objects.into_iter().find(|o| o.id == id).filter(|o| !o.matches).map(|o| o.hint))
 }
 

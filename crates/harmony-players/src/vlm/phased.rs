@@ -72,7 +72,7 @@ mod tests {
                 pictures: vec![],
                 schema: Value::Null,
                 example: Value::Null,
-                facts: Value::Null,
+                question: None,
             };
             player.ask(&request).await.unwrap().value
         };

@@ -288,7 +288,7 @@ impl Check for VlmPlayer {
             schema: json!({"type": "object", "properties": {"color": {"type": "string"}}, "required": ["color"],
                            "additionalProperties": false}),
             example: json!({"color": "green"}),
-            facts: Value::Null,
+            question: None,
         };
         let answer = self.ask(&question).await?;
         let color = answer.value["color"].as_str().unwrap_or_default().to_lowercase();
@@ -323,7 +323,7 @@ mod tests {
             pictures: vec![],
             schema: json!({"type": "array", "items": {"type": "string"}}),
             example: json!(["lamp"]),
-            facts: Value::Null,
+            question: None,
         };
         let asked = asked(&request, Dialect::STRICT, 100).unwrap();
         assert!(asked.prompt.starts_with("List them.\n\n## Form"));
