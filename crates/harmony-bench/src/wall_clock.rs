@@ -153,7 +153,6 @@ pub async fn play(counts: [usize; 4], pace: Pace, offline: &Cast, out: &Path) ->
         profile: "simulated".into(),
         settings,
         until: 5,
-        boxes_from_vlm: false,
         path_tracer: false,
         further_inputs: String::new(),
     };

@@ -17,7 +17,7 @@ use crate::codec::Recordable;
 use crate::gate::Gate;
 use crate::heard::hearing;
 use crate::key::KeyHasher;
-use crate::limits::Limits;
+use crate::limits::{Limits, Pace};
 use crate::record::{CallRecord, CallTiming, RECORD_VERSION, Source, Try, Unanswered, add_usage};
 use crate::stop::StopReason;
 use crate::{CallName, ContentKey, key_for};
@@ -47,6 +47,11 @@ struct Course {
 
 /// Whether an answer is taken; the complaint if not.
 type Accept<'a, A> = &'a (dyn Fn(&A) -> Result<(), String> + Send + Sync);
+
+/// When a player's answer can be expected.
+fn pace<R: Recordable>(player: &R::Player) -> Pace {
+    if R::in_own_time(player) { Pace::OwnTime } else { Pace::AtOnce }
+}
 
 impl Calls {
     /// One call of any role.
@@ -213,7 +218,7 @@ impl Calls {
                     self.tell::<R>(name, CallEventKind::AskedAgain { player, complaint: complaint_told });
                     asked = request.again(complaint, raw);
                 }
-                _ if error.is_retryable() && Limits::is_tried_again(R::ROLE, &card) => {
+                _ if error.is_retryable() && Limits::is_tried_again(R::ROLE, &card, pace::<R>(player)) => {
                     unanswered += 1;
                     let asked_for = error.retry_after();
                     let random = (self.options.random)().clamp(0.0, 1.0);
@@ -269,7 +274,7 @@ impl Calls {
         event(CallEventKind::Asked { player: card.player.clone() });
         line.doing(Doing::Running);
 
-        let deadline = self.options.limits.try_deadline(R::ROLE, card);
+        let deadline = self.options.limits.try_deadline(R::ROLE, card, pace::<R>(player));
         let clock = Instant::now();
         let (outcome, dropped, pause) = tokio::select! {
             biased;

@@ -55,6 +55,16 @@ pub trait VisionLanguage: Send + Sync {
     /// Who is playing.
     fn card(&self) -> PlayerCard;
 
+    /// Whether it looks at the pictures. One that only computes is not asked what only looking can tell.
+    fn sees(&self) -> bool {
+        true
+    }
+
+    /// Whether it answers in its own time, as a person does: it has no deadline, and who did not come is not asked again.
+    fn in_own_time(&self) -> bool {
+        false
+    }
+
     /// Answers one question.
     async fn ask(&self, request: &VlmRequest) -> Result<VlmAnswer, RoleError>;
 }

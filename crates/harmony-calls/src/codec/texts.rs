@@ -31,6 +31,10 @@ impl Recordable for VlmRequest {
         player.card()
     }
 
+    fn in_own_time(player: &Self::Player) -> bool {
+        player.in_own_time()
+    }
+
     async fn play(&self, player: &Self::Player) -> Result<VlmAnswer, RoleError> {
         player.ask(self).await
     }

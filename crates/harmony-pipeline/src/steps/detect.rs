@@ -41,7 +41,7 @@ pub struct Found {
 /// # Errors
 /// Fatal role errors only; a player that fails is replaced.
 pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> Result<Found, PhaseError> {
-    let with_boxes = ctx.boxes_from_vlm;
+    let with_boxes = !ctx.can().gives_boxes;
     let wanted = ask_list(ctx, "list", level, state, with_boxes).await?;
     let size = state.partial.camera.size;
     let (found, mut hosts) = if with_boxes {

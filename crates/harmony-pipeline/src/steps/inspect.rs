@@ -7,7 +7,7 @@ use futures::future::join_all;
 use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
 use harmony_mesh::catalogue;
 use harmony_prompts::{InspectAnswer, InspectCandidate, InspectQuestion, InspectedObject, InspectedSize};
-use harmony_roles::{Picture, Role};
+use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, Size, WarningKind};
 use image::RgbaImage;
 
@@ -89,7 +89,7 @@ async fn ask(
             .collect(),
         placed: before.objects(),
         templates: catalogue::CATEGORIES.iter().map(|c| c.name.to_owned()).collect(),
-        with_models: !ctx.played_outside(Role::MeshGenerator),
+        with_models: !ctx.can().makes_shapes,
     };
     let (shown, listed) = (Arc::clone(state), candidates.to_vec());
     let pictures = ctx.computed(move || pictures(&shown, &listed)).await?;

@@ -36,7 +36,7 @@ pub async fn until_settled(
 ) -> Result<Option<LitPictures>, PhaseError> {
     for round in 1..=ctx.settings.lighting.last_looks {
         let name = format!("last_look_{round}");
-        if !ctx.is_answered(&name) || state.partial.placed.is_empty() {
+        if !ctx.is_looked_at(&name) || state.partial.placed.is_empty() {
             break;
         }
         ctx.step(&format!("last look {round}"));

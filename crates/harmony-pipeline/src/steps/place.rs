@@ -152,7 +152,7 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
 /// # Errors
 /// Fatal role errors only.
 pub async fn orient_decorations(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
-    if !ctx.is_answered("orient") {
+    if !ctx.is_looked_at("orient") {
         return Ok(());
     }
     let turning: Vec<usize> = (0..state.partial.placed.len())

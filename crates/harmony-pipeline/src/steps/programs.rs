@@ -13,7 +13,7 @@ use harmony_mesh::Tile;
 use harmony_placement::{Shape, reshape};
 use harmony_program::{ChildCommand, GUIDE, Inputs, Limits};
 use harmony_prompts::{InspectedObject, ProgramsAnswer, ProgramsQuestion, ToModel, WithoutProgram};
-use harmony_roles::{GeneratedMesh, MeshFrame, Picture, Role, Usage};
+use harmony_roles::{GeneratedMesh, MeshFrame, Picture, Usage};
 use harmony_scene::{Camera, Extents, ImageSize, ObjectId, Size, WarningKind};
 use harmony_shape::ShapeTree;
 use harmony_shape::build::{BuildContext, BuiltShape, lazy_signs};
@@ -169,7 +169,7 @@ pub async fn ask(
 ) -> Result<BTreeMap<ObjectId, Program>, PhaseError> {
     let settings = ctx.settings.programs;
     let mut found = BTreeMap::new();
-    if ctx.played_outside(Role::MeshGenerator) || settings.most_objects == 0 {
+    if ctx.can().makes_shapes || settings.most_objects == 0 {
         return Ok(found);
     }
     let smallest = settings.smallest_share * state.photo.width() as f64 * f64::from(state.photo.height());
@@ -182,7 +182,7 @@ pub async fn ask(
     wanted.truncate(settings.most_objects);
     let answers = join_all(wanted.chunks(settings.objects_per_question).enumerate().map(|(part, chunk)| {
         let name = if part == 0 { "programs".to_owned() } else { format!("programs_{}", part + 1) };
-        async move { if ctx.is_answered(&name) { ask_for(ctx, state, chunk, &name).await } else { Ok(Vec::new()) } }
+        async move { if ctx.is_looked_at(&name) { ask_for(ctx, state, chunk, &name).await } else { Ok(Vec::new()) } }
     }))
     .await;
     for answer in answers {

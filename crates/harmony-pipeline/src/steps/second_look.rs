@@ -7,7 +7,7 @@ use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_placement::{Shape, judge, reshape};
 use harmony_program::GUIDE;
 use harmony_prompts::{LookVerdict, LookedAt, ModelledObject, SecondLookAnswer, SecondLookQuestion};
-use harmony_roles::{Picture, Role};
+use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, Size, WarningKind};
 use image::{RgbImage, RgbaImage};
 use serde_json::{Value, json};
@@ -25,13 +25,13 @@ const CELL: u32 = 300;
 /// # Errors
 /// Fatal role errors and unwritable files.
 pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> Result<(), PhaseError> {
-    if ctx.played_outside(Role::MeshGenerator) {
+    if ctx.can().makes_shapes {
         return Ok(());
     }
     for round in 1..=ctx.settings.programs.second_looks {
         let name = format!("second_look_{round}");
         let chosen = worth_a_look(ctx, level, state);
-        if chosen.is_empty() || !ctx.is_answered(&name) {
+        if chosen.is_empty() || !ctx.is_looked_at(&name) {
             return Ok(());
         }
         ctx.step(&format!("second look {round}"));

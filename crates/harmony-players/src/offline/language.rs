@@ -17,6 +17,10 @@ impl VisionLanguage for Rules {
         super::card("rules 1")
     }
 
+    fn sees(&self) -> bool {
+        false
+    }
+
     async fn ask(&self, request: &VlmRequest) -> Result<VlmAnswer, RoleError> {
         let no_rule = || super::not_capable(format!("there is no rule for the question {}", request.name));
         let question = request.question.clone().ok_or_else(no_rule)?;

@@ -24,7 +24,7 @@ use std::sync::Arc;
 use harmony_calls::Cast;
 use harmony_roles::{PlayerCard, RoleError};
 
-pub use detector::RegionDetector;
+pub use detector::{BoxesWithLists, RegionDetector};
 pub use editor::ExemplarEditor;
 pub use geometry::VanishingPoints;
 pub use language::Rules;
