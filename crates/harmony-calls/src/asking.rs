@@ -15,7 +15,6 @@ use crate::calls::{CallEvent, CallEventKind, Calls};
 use crate::check::shortened;
 use crate::codec::Recordable;
 use crate::gate::Gate;
-use crate::heard::hearing;
 use crate::key::KeyHasher;
 use crate::limits::{Limits, Pace};
 use crate::record::{CallRecord, CallTiming, RECORD_VERSION, Source, Try, Unanswered, add_usage};
@@ -276,20 +275,21 @@ impl Calls {
 
         let deadline = self.options.limits.try_deadline(R::ROLE, card, pace::<R>(player));
         let clock = Instant::now();
-        let (outcome, dropped, pause) = tokio::select! {
+        let (outcome, dropped) = tokio::select! {
             biased;
-            (outcome, pause) = hearing(asked.play(player)) => (outcome, false, pause),
-            error = overdue(card, deadline) => (Err(error), false, None),
-            stopped = self.let_go() => (Err(stopped), true, None),
+            outcome = asked.play(player) => (outcome, false),
+            error = overdue(card, deadline) => (Err(error), false),
+            stopped = self.let_go() => (Err(stopped), true),
         };
-        if let Some(pause) = pause {
-            gate.pause(Instant::now() + pause);
-        }
         let time = clock.elapsed();
         course.time += time;
         let (usage, outcome) = match outcome {
             Ok(answer) => {
                 let mut usage = R::usage(&answer);
+                if let Some(closed) = usage.closed_for {
+                    // Better to wait now than to be refused next.
+                    gate.pause(Instant::now() + closed);
+                }
                 usage.cost_usd = self.options.prices.cost(R::ROLE, card, usage);
                 let taken = accept(&answer).map_err(|complaint| RoleError::UnusableAnswer {
                     player: card.player.clone(),
