@@ -456,7 +456,6 @@ impl Play<'_> {
             profile: self.profile,
             settings: self.settings,
             until: self.until,
-            boxes_from_vlm: false,
             path_tracer: self.path_tracer,
             further_inputs: self.further_inputs,
         };

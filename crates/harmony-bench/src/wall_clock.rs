@@ -15,8 +15,8 @@ use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, Cast};
 use harmony_mesh::Mesh;
 use harmony_pipeline::{RunRequest, Settings, Warnings};
 use harmony_prompts::{
-    CompletedAnswer, CompletedObject, FrontPanel, FrontsAnswer, FrontsObject, InspectAnswer, InspectedObject,
-    InspectedSize, ListAnswer, ListedItem, Occlusion, QuestionKind, ReviewAnswer,
+    CompletedAnswer, CompletedObject, CompletedQuestion, InspectAnswer, InspectQuestion, InspectedObject,
+    InspectedSize, ListAnswer, ListQuestion, ListedItem, NamedObject, Occlusion, Question,
 };
 use harmony_roles::{
     DetectRequest, Detection, Detections, Detector, EditRequest, EditedImage, GeneratedMesh, ImageEditor, MeshFrame,
@@ -25,7 +25,7 @@ use harmony_roles::{
 };
 use harmony_scene::{ImageSize, Level, Mask, PixelBox, Wall, WallAffinity};
 use image::{Rgb, RgbImage, Rgba, RgbaImage};
-use serde_json::{Value, json};
+use serde_json::json;
 use tokio::sync::Semaphore;
 use tokio::time::Instant;
 
@@ -153,7 +153,6 @@ pub async fn play(counts: [usize; 4], pace: Pace, offline: &Cast, out: &Path) ->
         profile: "simulated".into(),
         settings,
         until: 5,
-        boxes_from_vlm: false,
         path_tracer: false,
         further_inputs: String::new(),
     };
@@ -222,16 +221,6 @@ fn size(level: Level) -> InspectedSize {
     InspectedSize { width, height, depth }
 }
 
-fn level_of(facts: &Value) -> Level {
-    serde_json::from_value(facts["level"].clone()).unwrap_or(Level::Furniture)
-}
-
-/// Ids of the facts under a key, which holds ids or objects with ids.
-fn ids(facts: &Value, key: &str) -> Vec<String> {
-    let id = |v: &Value| v.as_str().or_else(|| v["id"].as_str()).map(str::to_owned);
-    facts[key].as_array().into_iter().flatten().filter_map(id).collect()
-}
-
 /// Number at the end of an id.
 fn number(id: &str) -> usize {
     id.rsplit_once('_').and_then(|(_, n)| n.parse().ok()).unwrap_or(0)
@@ -254,10 +243,11 @@ impl Studio {
 }
 
 /// Everything is what it was found as, partly hidden, and decorations stand on the furniture.
-fn inspect(facts: &Value) -> InspectAnswer {
-    let level = level_of(facts);
-    let hosts: Vec<String> = ids(facts, "placed").into_iter().filter(|id| id.starts_with("cabinet")).collect();
-    let candidates = ids(facts, "candidates");
+fn inspect(question: &InspectQuestion) -> InspectAnswer {
+    let level = question.level;
+    let hosts: Vec<String> = question.placed.iter().map(|known| known.id().to_string()).collect();
+    let hosts: Vec<String> = hosts.into_iter().filter(|id| id.starts_with("cabinet")).collect();
+    let candidates: Vec<String> = question.candidates.iter().map(|c| c.id.to_string()).collect();
     let objects = candidates
         .iter()
         .enumerate()
@@ -285,35 +275,26 @@ impl VisionLanguage for Studio {
 
     async fn ask(&self, request: &VlmRequest) -> Result<VlmAnswer, RoleError> {
         self.work(Role::VisionLanguage, self.pace.question).await;
-        let facts = &request.facts["facts"];
-        let kind: Option<QuestionKind> = serde_json::from_value(request.facts["question"].clone()).ok();
-        let value = match kind {
-            Some(QuestionKind::List) => {
-                let level = level_of(facts);
-                let count = self.counts[Level::ALL.iter().position(|l| *l == level).unwrap_or(0)];
+        let value = match request.question.as_deref() {
+            Some(Question::List(ListQuestion { level, .. })) => {
+                let count = self.counts[Level::ALL.iter().position(|l| l == level).unwrap_or(0)];
                 let item = |kind: &str| ListedItem {
                     kind: kind.into(),
                     gdino: kind.into(),
                     count: count as u32,
                     instances: Vec::new(),
                 };
-                json!(ListAnswer { items: if count == 0 { Vec::new() } else { vec![item(label(level))] } })
+                json!(ListAnswer { items: if count == 0 { Vec::new() } else { vec![item(label(*level))] } })
             }
-            Some(QuestionKind::Inspect) => json!(inspect(facts)),
-            Some(QuestionKind::Completed) => {
-                let judged = ids(facts, "objects").into_iter().map(|id| {
-                    let matches = !number(&id).is_multiple_of(DRAWN_AGAIN);
-                    CompletedObject { id, matches, hint: "a plain surface".into() }
+            Some(Question::Inspect(question)) => json!(inspect(question)),
+            Some(Question::Completed(CompletedQuestion { objects })) => {
+                let judged = objects.iter().map(|NamedObject { id, .. }| {
+                    let matches = !number(id).is_multiple_of(DRAWN_AGAIN);
+                    CompletedObject { id: id.clone(), matches, hint: "a plain surface".into() }
                 });
                 json!(CompletedAnswer { objects: judged.collect() })
             }
-            Some(QuestionKind::Fronts | QuestionKind::Orient) => {
-                let fronts =
-                    ids(facts, "objects").into_iter().map(|id| FrontsObject { id, front_panel: FrontPanel::A });
-                json!(FrontsAnswer { objects: fronts.collect() })
-            }
-            Some(QuestionKind::Review) => json!(ReviewAnswer { converged: true, ..ReviewAnswer::default() }),
-            // Layout and light are answered by rule, after the same time.
+            // The rest is answered by rule, after the same time.
             _ => return self.offline.vision_language.ask(request).await,
         };
         Ok(VlmAnswer { raw: value.to_string(), value, usage: Usage::default() })
@@ -436,7 +417,7 @@ pub async fn overhead(count: usize, offline: &Cast, out: &Path) -> Result<Overhe
         pictures: Vec::new(),
         schema: json!({ "type": "object" }),
         example: json!({ "items": [] }),
-        facts: Value::Null,
+        question: None,
     };
     let questions: Vec<VlmRequest> = (0..count).map(question).collect();
     let (crowd, row) = questions.split_at(count / 2);

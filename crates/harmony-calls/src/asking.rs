@@ -15,9 +15,8 @@ use crate::calls::{CallEvent, CallEventKind, Calls};
 use crate::check::shortened;
 use crate::codec::Recordable;
 use crate::gate::Gate;
-use crate::heard::hearing;
 use crate::key::KeyHasher;
-use crate::limits::Limits;
+use crate::limits::{Limits, Pace};
 use crate::record::{CallRecord, CallTiming, RECORD_VERSION, Source, Try, Unanswered, add_usage};
 use crate::stop::StopReason;
 use crate::{CallName, ContentKey, key_for};
@@ -54,6 +53,11 @@ struct Course {
 
 /// Whether an answer is taken; the complaint if not.
 type Accept<'a, A> = &'a (dyn Fn(&A) -> Result<(), String> + Send + Sync);
+
+/// When a player's answer can be expected.
+fn pace<R: Recordable>(player: &R::Player) -> Pace {
+    if R::in_own_time(player) { Pace::OwnTime } else { Pace::AtOnce }
+}
 
 impl Calls {
     /// One call of any role.
@@ -255,7 +259,7 @@ impl Calls {
                     self.tell::<R>(name, CallEventKind::AskedAgain { player, complaint: complaint_told });
                     asked = request.again(complaint, raw);
                 }
-                _ if error.is_retryable() && Limits::is_tried_again(R::ROLE, &card) => {
+                _ if error.is_retryable() && Limits::is_tried_again(R::ROLE, &card, pace::<R>(player)) => {
                     unanswered += 1;
                     let asked_for = error.retry_after();
                     let random = (self.options.random)().clamp(0.0, 1.0);
@@ -311,22 +315,23 @@ impl Calls {
         event(CallEventKind::Asked { player: card.player.clone() });
         line.doing(Doing::Running);
 
-        let deadline = self.options.limits.try_deadline(R::ROLE, card);
+        let deadline = self.options.limits.try_deadline(R::ROLE, card, pace::<R>(player));
         let clock = Instant::now();
-        let (outcome, dropped, pause) = tokio::select! {
+        let (outcome, dropped) = tokio::select! {
             biased;
-            (outcome, pause) = hearing(asked.play(player)) => (outcome, false, pause),
-            error = overdue(card, deadline) => (Err(error), false, None),
-            stopped = self.let_go() => (Err(stopped), true, None),
+            outcome = asked.play(player) => (outcome, false),
+            error = overdue(card, deadline) => (Err(error), false),
+            stopped = self.let_go() => (Err(stopped), true),
         };
-        if let Some(pause) = pause {
-            gate.pause(Instant::now() + pause);
-        }
         let time = clock.elapsed();
         course.time += time;
         let (usage, outcome) = match outcome {
             Ok(answer) => {
                 let mut usage = R::usage(&answer);
+                if let Some(closed) = usage.closed_for {
+                    // Better to wait now than to be refused next.
+                    gate.pause(Instant::now() + closed);
+                }
                 usage.cost_usd = self.options.prices.cost(R::ROLE, card, usage);
                 let taken = accept(&answer).map_err(|complaint| RoleError::UnusableAnswer {
                     player: card.player.clone(),

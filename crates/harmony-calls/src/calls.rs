@@ -22,7 +22,7 @@ use crate::limits::Limits;
 use crate::prices::Prices;
 use crate::record::{CallSummary, Source};
 use crate::stop::Stop;
-use crate::{CallBook, CallName, Cast, ContentKey};
+use crate::{CallBook, CallName, Capabilities, Cast, ContentKey};
 
 /// What happens to a call, for progress display.
 #[derive(Debug, Clone, PartialEq)]
@@ -211,6 +211,25 @@ impl Calls {
     /// Who plays.
     pub fn cast(&self) -> &Cast {
         &self.cast
+    }
+
+    /// What the players can do, or could when the recording that is replayed was made.
+    pub fn can(&self) -> Capabilities {
+        let can = self.cast.can();
+        let Some(recording) = self.book.recording() else { return can };
+        Capabilities {
+            draws: can.draws || recording.played_outside(Role::ImageEditor),
+            makes_shapes: can.makes_shapes || recording.played_outside(Role::MeshGenerator),
+            // A recording without a detector's answers has boxes with its lists.
+            gives_boxes: recording.played_outside(Role::Detector),
+            ..can
+        }
+    }
+
+    /// Whether a question is answered by somebody who looks: the language model, or the recording that is replayed.
+    pub fn is_looked_at(&self, question: &str) -> bool {
+        let recorded = || self.book.recording().and_then(|r| r.names(Role::VisionLanguage).ok()).unwrap_or_default();
+        self.cast.can().sees || recorded().iter().any(|name| name.as_str() == question)
     }
 
     /// What happened since the start.

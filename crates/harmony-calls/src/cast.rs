@@ -19,7 +19,34 @@ pub struct Cast {
     pub lit_renderer: Arc<dyn LitRenderer>,
 }
 
+/// What the players of a cast can do; the pipeline asks this, never who they are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[expect(clippy::struct_excessive_bools, reason = "independent facts")]
+pub struct Capabilities {
+    /// The language model looks at pictures ([`VisionLanguage::sees`]).
+    pub sees: bool,
+    /// The image editor draws what is hidden ([`ImageEditor::draws`]).
+    pub draws: bool,
+    /// The mesh generator makes shapes of its own ([`MeshGenerator::makes_shapes`]).
+    pub makes_shapes: bool,
+    /// The detector gives boxes ([`Detector::gives_boxes`]).
+    pub gives_boxes: bool,
+    /// The renderer path-traces ([`LitRenderer::traces`]).
+    pub traces: bool,
+}
+
 impl Cast {
+    /// What the players can do.
+    pub fn can(&self) -> Capabilities {
+        Capabilities {
+            sees: self.vision_language.sees(),
+            draws: self.image_editor.draws(),
+            makes_shapes: self.mesh_generator.makes_shapes(),
+            gives_boxes: self.detector.gives_boxes(),
+            traces: self.lit_renderer.traces(),
+        }
+    }
+
     /// Who plays a role.
     pub fn card(&self, role: Role) -> PlayerCard {
         match role {

@@ -12,9 +12,6 @@ use crate::retry::RetryPolicy;
 /// Longest deadline of one try, seconds: a day.
 const MAX_SECONDS: f64 = 86_400.0;
 
-/// The player behind which is a person, who has a patience of their own.
-const PERSON: &str = "files";
-
 /// Limits of one player, or of one of its models. What is left out is not limited (or as the player's card says).
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -53,6 +50,15 @@ fn usual_try_seconds(role: Role) -> f64 {
     }
 }
 
+/// When an answer can be expected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pace {
+    /// As soon as it is made.
+    AtOnce,
+    /// When whoever answers comes to it.
+    OwnTime,
+}
+
 impl Limits {
     /// The limits of a player.
     pub fn of(&self, card: &PlayerCard) -> PlayerLimits {
@@ -67,15 +73,15 @@ impl Limits {
 
     /// Whether a player that is not answering now is worth another try: one elsewhere is; this program alone, one that
     /// runs here as a process (the path tracer) and a person who did not come are not.
-    pub fn is_tried_again(role: Role, card: &PlayerCard) -> bool {
-        !card.offline && card.player != PERSON && role != Role::LitRenderer
+    pub fn is_tried_again(role: Role, card: &PlayerCard, pace: Pace) -> bool {
+        !card.offline && pace == Pace::AtOnce && role != Role::LitRenderer
     }
 
-    /// Deadline of one try of a player in a role, seconds; `None` = none. Whoever only computes has none, and a person
-    /// (the `files` player) has a patience of their own.
-    pub fn try_deadline(&self, role: Role, card: &PlayerCard) -> Option<f64> {
+    /// Deadline of one try of a player in a role, seconds; `None` = none. Whoever only computes has none, and who answers
+    /// in their own time has a patience of their own.
+    pub fn try_deadline(&self, role: Role, card: &PlayerCard, pace: Pace) -> Option<f64> {
         // What is set for a role is meant for whoever was cast: a stand-in that is cut off would end the run.
-        let unbounded = card.offline || card.player == PERSON;
+        let unbounded = card.offline || pace == Pace::OwnTime;
         let of_role = || self.try_seconds.get(&role).copied().unwrap_or_else(|| usual_try_seconds(role));
         let seconds = self.of(card).try_seconds.or_else(|| (!unbounded).then(of_role));
         seconds.filter(|s| *s > 0.0)
@@ -129,18 +135,17 @@ mod tests {
     #[test]
     fn whoever_computes_or_is_a_person_has_no_deadline_unless_given_one() {
         let mut limits = Limits::default();
-        assert_eq!(limits.try_deadline(Role::VisionLanguage, &card("offline", "rules", true)), None);
-        assert_eq!(limits.try_deadline(Role::VisionLanguage, &card("files", "a person", false)), None);
-        assert!(limits.try_deadline(Role::MeshGenerator, &card("hunyuan", "2", false)).is_some());
+        let deadline = |limits: &Limits, role, card| limits.try_deadline(role, &card, Pace::AtOnce);
+        let person = card("files", "a person", false);
+        assert_eq!(deadline(&limits, Role::VisionLanguage, card("offline", "rules", true)), None);
+        assert_eq!(limits.try_deadline(Role::VisionLanguage, &person, Pace::OwnTime), None);
+        assert!(!Limits::is_tried_again(Role::VisionLanguage, &person, Pace::OwnTime));
+        assert!(deadline(&limits, Role::MeshGenerator, card("hunyuan", "2", false)).is_some());
         limits.try_seconds.insert(Role::MeshGenerator, 2.0);
-        assert_eq!(limits.try_deadline(Role::MeshGenerator, &card("hunyuan", "2", false)), Some(2.0));
-        assert_eq!(
-            limits.try_deadline(Role::MeshGenerator, &card("offline", "parts", true)),
-            None,
-            "stand-ins have none"
-        );
+        assert_eq!(deadline(&limits, Role::MeshGenerator, card("hunyuan", "2", false)), Some(2.0));
+        assert_eq!(deadline(&limits, Role::MeshGenerator, card("offline", "parts", true)), None, "stand-ins have none");
         limits.try_seconds.insert(Role::MeshGenerator, 0.0);
-        assert_eq!(limits.try_deadline(Role::MeshGenerator, &card("hunyuan", "2", false)), None);
+        assert_eq!(deadline(&limits, Role::MeshGenerator, card("hunyuan", "2", false)), None);
     }
 
     #[test]

@@ -137,7 +137,7 @@ mod tests {
         let mut prices = Prices::default();
         let price = Price { input: 5.0, cached: Some(0.5), output: 30.0, call: 0.01, ..Price::default() };
         prices.models.insert("m".into(), price);
-        let usage = Usage { input_tokens: 10_000, cached_tokens: 4000, output_tokens: 2000, cost_usd: None };
+        let usage = Usage { input_tokens: 10_000, cached_tokens: 4000, output_tokens: 2000, ..Usage::default() };
         // 6000 x 5e-6 + 4000 x 0.5e-6 + 2000 x 30e-6 + 0.01
         let cost = prices.cost(Role::VisionLanguage, &card("p", "m"), usage).unwrap();
         assert!((cost - 0.102).abs() < 1e-12, "{cost}");

@@ -151,5 +151,6 @@ pub fn add_usage(sum: Usage, more: Usage) -> Usage {
             (None, None) => None,
             (a, b) => Some(a.unwrap_or(0.0) + b.unwrap_or(0.0)),
         },
+        closed_for: sum.closed_for.max(more.closed_for),
     }
 }

@@ -10,7 +10,7 @@ use harmony_io::{PointMapOptions, load_masks, load_point_map, points::parse_intr
 use harmony_models::Store;
 use harmony_players::check::{Check, Checked};
 use harmony_players::{
-    FilesEvent, FilesOptions, FilesPlayer, MaskFiles, PointMapFile, flat_cast, offline_cast, path_tracer,
+    BoxesWithLists, FilesEvent, FilesOptions, FilesPlayer, MaskFiles, PointMapFile, flat_cast, offline_cast,
 };
 use harmony_roles::{Role, RoleError};
 use harmony_scene::ImageSize;
@@ -66,10 +66,6 @@ pub struct Casting {
     pub cast: Cast,
     /// Who stands in.
     pub offline: Cast,
-    /// The VLM gives boxes with its lists.
-    pub boxes_from_vlm: bool,
-    /// There is a path tracer.
-    pub path_tracer: bool,
     /// Hash of the files that were given beside the photo.
     pub inputs: String,
     /// What was unusual about them.
@@ -122,7 +118,9 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
         let message = format!("profile {} can't play: {}", request.profile.name(), reasons.join("; "));
         return Err(hinted(message, Some(hints.join("; "))));
     }
-    let mut boxes_from_vlm = players.detector.player == Some(Boxes::WithList);
+    if players.detector.player == Some(Boxes::WithList) {
+        cast.detector = Arc::new(BoxesWithLists);
+    }
     if let Some(path) = request.points {
         let mut options = PointMapOptions::new(working);
         options.depth_scale = Some(request.depth_scale);
@@ -147,15 +145,13 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
         let player = Arc::new(MaskFiles::new(loaded.masks));
         if player.have_labels() {
             cast.detector = player.clone();
-            boxes_from_vlm = false;
         }
         cast.segmenter = player;
     }
-    let path_tracer = request.path_tracer && path_tracer().is_some();
     let inputs = inputs.finalize().to_hex().to_string();
     let Known { checks, secrets } = known;
     let absent = own.notes;
-    Ok(Casting { cast, offline, boxes_from_vlm, path_tracer, inputs, notes, absent, checks, secrets })
+    Ok(Casting { cast, offline, inputs, notes, absent, checks, secrets })
 }
 
 /// Casts hosted and local players for the roles that have one; the roles for which that failed, and why.

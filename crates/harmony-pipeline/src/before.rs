@@ -3,9 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use harmony_prompts::InspectedObject;
-use harmony_scene::{Level, ObjectId};
-use serde_json::{Value, json};
+use harmony_prompts::{FoundObject, InspectedObject, KnownObject};
+use harmony_scene::{Level, ObjectId, Size};
 
 use crate::state::{Candidate, SceneState};
 use crate::views;
@@ -29,26 +28,10 @@ pub struct Before {
 }
 
 impl Before {
-    /// One line an object: where it stands, or where it is seen when it is not placed yet.
-    pub fn lines(&self) -> Vec<String> {
-        let placed = self.state.partial.placed.iter().map(views::line);
-        placed.chain(self.waiting().map(|(c, o)| self.found_line(c, o))).collect()
-    }
-
-    /// The same in machine-readable form.
-    pub fn facts(&self) -> Vec<Value> {
-        let placed = self.state.partial.placed.iter().map(|p| {
-            json!({
-                "id": p.item.id, "label": p.item.label, "level": p.item.level, "box": p.item.mask.bounds(),
-                "position": p.pose.position.to_array(), "size": p.size(),
-            })
-        });
-        let found = self.waiting().map(|(c, o)| {
-            json!({
-                "id": c.id, "label": o.kind, "level": c.level, "box": c.mask.bounds(), "position": null, "size": o.size_m,
-            })
-        });
-        placed.chain(found).collect()
+    /// The objects: where they stand, or where they are seen when they are not placed yet.
+    pub fn objects(&self) -> Vec<KnownObject> {
+        let placed = self.state.partial.placed.iter().map(|p| KnownObject::Placed(views::placed_object(p)));
+        placed.chain(self.waiting().map(|(c, o)| KnownObject::Found(self.found(c, o)))).collect()
     }
 
     /// How many objects of each kind of id there are: `chair` -> 4.
@@ -69,23 +52,16 @@ impl Before {
         self.found.iter().flat_map(|known| &known.objects)
     }
 
-    fn found_line(&self, c: &Candidate, o: &InspectedObject) -> String {
-        let size = self.state.partial.camera.size;
-        let (kx, ky) = (1000.0 / f64::from(size.width), 1000.0 / f64::from(size.height));
-        let b = c.detection.bounds;
-        format!(
-            "- {}: {}, seen at box [{:.0}, {:.0}, {:.0}, {:.0}], about {:.2} x {:.2} x {:.2} m; its place is not \
-             known yet",
-            c.id,
-            o.kind,
-            b.x0 * kx,
-            b.y0 * ky,
-            b.x1 * kx,
-            b.y1 * ky,
-            o.size_m.width,
-            o.size_m.height,
-            o.size_m.depth
-        )
+    fn found(&self, c: &Candidate, o: &InspectedObject) -> FoundObject {
+        FoundObject {
+            id: c.id.clone(),
+            label: o.kind.clone(),
+            level: c.level,
+            seen: c.mask.bounds(),
+            bounds: c.detection.bounds,
+            image: self.state.partial.camera.size,
+            size: Size { width: o.size_m.width, height: o.size_m.height, depth: o.size_m.depth },
+        }
     }
 }
 

@@ -3,14 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use harmony_calls::Calls;
+use harmony_calls::{Calls, Capabilities};
 use harmony_io::{FileError, MaskError, PointsError, picture};
-use harmony_prompts::Question;
-use harmony_roles::{Picture, Role, RoleError, VlmRequest};
+use harmony_prompts::Ask;
+use harmony_roles::{Picture, RoleError, VlmRequest};
 use harmony_scene::{ObjectId, Warning, WarningKind};
 use image::{RgbImage, RgbaImage};
-use serde::{Serialize, de::DeserializeOwned};
-use serde_json::Value;
+use serde::Serialize;
 
 use crate::progress::{ProgressEvent, ProgressSink};
 use crate::settings::Settings;
@@ -134,9 +133,7 @@ pub struct PhaseCtx<'a> {
     pub phase: &'static str,
     /// Calls to roles.
     pub calls: &'a Calls,
-    /// The VLM gives boxes with its lists; no detector is asked.
-    pub boxes_from_vlm: bool,
-    /// There is a path tracer.
+    /// Lit pictures are wanted, and there is a path tracer.
     pub path_tracer: bool,
     /// Settings.
     pub settings: &'a Settings,
@@ -152,18 +149,14 @@ impl PhaseCtx<'_> {
         format!("{}/{step}", self.phase)
     }
 
-    /// Whether a language model would answer a question, or the recording that is replayed: not this program.
-    pub fn is_answered(&self, step: &str) -> bool {
-        let name = self.call(step);
-        let recorded =
-            self.calls.book().recording().and_then(|r| r.names(Role::VisionLanguage).ok()).unwrap_or_default();
-        !self.calls.cast().vision_language.card().offline || recorded.iter().any(|n| n.as_str() == name)
+    /// Whether a question of this phase is answered by somebody who looks.
+    pub fn is_looked_at(&self, step: &str) -> bool {
+        self.calls.is_looked_at(&self.call(step))
     }
 
-    /// Whether somebody outside plays a role here, or did so in the recording that is replayed.
-    pub fn played_outside(&self, role: Role) -> bool {
-        let recorded = || self.calls.book().recording().is_some_and(|recording| recording.played_outside(role));
-        !self.calls.cast().card(role).offline || recorded()
+    /// What the players can do.
+    pub fn can(&self) -> Capabilities {
+        self.calls.can()
     }
 
     /// Tells that a step begins.
@@ -179,27 +172,27 @@ impl PhaseCtx<'_> {
         self.warnings.push(warning);
     }
 
-    /// Asks the VLM a question and reads the answer into its type.
+    /// Asks the VLM a question.
     ///
     /// # Errors
     /// Fatal role errors, or no acceptable answer from anybody.
-    pub async fn ask<T: DeserializeOwned>(
+    pub async fn ask<Q: Ask>(&self, step: &str, question: Q, pictures: Vec<Picture>) -> Result<Q::Answer, PhaseError> {
+        self.ask_and_try(step, question, pictures, |_| Ok(())).await
+    }
+
+    /// The same; an answer that passes the question's own check is tried out before it is accepted.
+    ///
+    /// # Errors
+    /// As [`PhaseCtx::ask`].
+    pub async fn ask_and_try<Q: Ask>(
         &self,
         step: &str,
-        question: Question,
+        question: Q,
         pictures: Vec<Picture>,
-        facts: Value,
-        sense: impl Fn(&T) -> Result<(), String> + Send + Sync,
-    ) -> Result<T, PhaseError> {
-        let request = VlmRequest {
-            name: self.call(step),
-            prompt: question.prompt,
-            pictures,
-            schema: question.schema,
-            example: question.example,
-            facts: serde_json::json!({ "question": question.kind, "facts": facts }),
-        };
-        Ok(self.calls.ask_as(&request, sense).await?)
+        tried: impl Fn(&Q::Answer) -> Result<(), String> + Send + Sync,
+    ) -> Result<Q::Answer, PhaseError> {
+        let request = VlmRequest::new(self.call(step), question.clone().into(), pictures);
+        Ok(self.calls.ask_as(&request, |answer| question.check(answer).and_then(|()| tried(answer))).await?)
     }
 
     /// Computes beside the asynchronous work, so that other objects' chains go on meanwhile.

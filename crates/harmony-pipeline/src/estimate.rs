@@ -143,20 +143,19 @@ const OBJECT_OUT: f64 = 120.0;
 
 /// Estimates a run. `log` holds calls that were made already (their times count more than the usual ones).
 pub fn estimate(inventory: Inventory, cast: &Cast, lit: bool, prices: &Prices, log: &[CallSummary]) -> Estimate {
-    let editor = !cast.card(Role::ImageEditor).offline;
-    let generator = !cast.card(Role::MeshGenerator).offline;
+    let can = cast.can();
     let levels = 4.0;
     let busy = inventory.objects.iter().filter(|n| **n > 0.0).count() as f64;
     let all = Inventory::total(inventory.objects);
     let different = Inventory::total(inventory.different);
     // Of identical objects the one seen best is drawn.
-    let drawn = if editor { Inventory::total(inventory.hidden).min(different) } else { 0.0 };
-    let meshes = if generator { different } else { all };
-    let fronts = if generator { different } else { 0.0 };
+    let drawn = if can.draws { Inventory::total(inventory.hidden).min(different) } else { 0.0 };
+    let meshes = if can.makes_shapes { different } else { all };
+    let fronts = if can.makes_shapes { different } else { 0.0 };
     let lit_rounds = if lit { 1.0 } else { 0.0 };
     // layout; list; inspect and review; orient; lights and the rounds of light; checks of pictures and fronts.
     let questions = 1.0 + levels + 2.0 * busy + 1.0 + 1.0 + lit_rounds + drawn + fronts;
-    let edits = if editor { drawn * (1.0 + DRAWN_AGAIN) + 1.0 } else { 0.0 };
+    let edits = if can.draws { drawn * (1.0 + DRAWN_AGAIN) + 1.0 } else { 0.0 };
     let calls = |role: Role| match role {
         Role::VisionLanguage => questions,
         Role::ImageEditor => edits,
@@ -204,11 +203,11 @@ pub fn estimate(inventory: Inventory, cast: &Cast, lit: bool, prices: &Prices, l
         work.zip(&roles).filter(|(_, r)| r.card.concurrency > 0).map(|(seconds, _)| seconds).fold(0.0, f64::max);
     let question = seconds(Role::VisionLanguage);
     let find = question + seconds(Role::Detector) + seconds(Role::Segmenter);
-    let object = if editor && drawn > 0.0 { seconds(Role::ImageEditor) + question } else { 0.0 }
+    let object = if can.draws && drawn > 0.0 { seconds(Role::ImageEditor) + question } else { 0.0 }
         + seconds(Role::MeshGenerator)
-        + if generator { question } else { 0.0 };
+        + if can.makes_shapes { question } else { 0.0 };
     // Decorations wait for the furniture; without players outside every level waits for the one before.
-    let rounds = if editor || generator { busy.min(2.0) } else { busy };
+    let rounds = if can.draws || can.makes_shapes { busy.min(2.0) } else { busy };
     let chain = seconds(Role::GeometryEstimator)
         + question
         + rounds * (find + question + object + question)

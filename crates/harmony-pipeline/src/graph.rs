@@ -24,7 +24,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use futures::future::join_all;
 use harmony_calls::StopReason;
-use harmony_roles::Role;
 use harmony_scene::{Level, Mask};
 use image::RgbImage;
 use tokio::sync::{oneshot, watch};
@@ -104,10 +103,10 @@ pub struct Graph<'a> {
 impl<'a> Graph<'a> {
     /// The graph of the first levels, one context each.
     pub fn new(ctxs: Vec<PhaseCtx<'a>>, start: Arc<SceneState>) -> Self {
-        let outside = |role| ctxs.iter().any(|ctx| ctx.played_outside(role));
+        let somebody_makes = ctxs.first().is_some_and(|ctx| ctx.can().makes_shapes || ctx.can().draws);
         let (senders, receivers) = ctxs.iter().map(|_| oneshot::channel()).map(|(s, r)| (Some(s), Some(r))).unzip();
         Self {
-            ahead: outside(Role::MeshGenerator) || outside(Role::ImageEditor),
+            ahead: somebody_makes,
             start,
             known: ctxs.iter().map(|_| Slot::new()).collect(),
             placed: ctxs.iter().map(|_| Slot::new()).collect(),

@@ -14,7 +14,7 @@ use harmony_lighting::{
     PictureError, SceneFit, ViewTable, assess, display_linear, fit_scene, judge, neutral_field, picture_error, propose,
     updated_field,
 };
-use harmony_prompts::{LightingReviewVars, lighting_review};
+use harmony_prompts::LightingReviewQuestion;
 use harmony_render::canonical_camera;
 use harmony_roles::{LightMeasurement, LitImage, LitKind, LitRequest, Picture, RoleError};
 use harmony_scene::{AlbedoField, Camera, ImageSize, Lighting, Mask, ViewTransform, WarningKind};
@@ -350,20 +350,17 @@ impl Stage<'_, '_> {
         round: usize,
         measured: &LightingDelta,
     ) -> Result<LightingDelta, PhaseError> {
-        let setup = serde_json::to_string_pretty(lighting).map_err(|e| PhaseError::internal(self.ctx.phase, &e))?;
-        let question = lighting_review(&LightingReviewVars {
-            setup,
-            measured: format!(
-                "the preview is {:+.2} stops brighter than the photo (negative = darker), warmth difference {:+.2} (log2 of red over blue)",
-                found.stops, found.warmth
-            ),
-        });
+        let question = LightingReviewQuestion {
+            lighting: lighting.clone(),
+            stops: found.stops,
+            warmth: found.warmth,
+            proposed: measured.clone(),
+        };
         let pictures = vec![
             Picture { caption: "IMAGE 1: the photo".into(), image: self.state.photo.clone() },
             Picture { caption: "IMAGE 2: the lit preview".into(), image: Arc::new(preview.clone()) },
         ];
-        let facts = json!({ "proposed": measured });
-        self.ctx.ask(&format!("review_{round}"), question, pictures, facts, |_: &LightingDelta| Ok(())).await
+        self.ctx.ask(&format!("review_{round}"), question, pictures).await
     }
 
     /// The lit canonical view; near walls and ceiling are left out for the eye but bounce light.

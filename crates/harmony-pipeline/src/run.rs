@@ -52,9 +52,7 @@ pub struct RunRequest {
     pub settings: Settings,
     /// Index into [`PHASES`] of the last phase to run.
     pub until: usize,
-    /// The VLM gives boxes with its lists.
-    pub boxes_from_vlm: bool,
-    /// There is a path tracer.
+    /// Lit pictures are wanted, if there is a path tracer.
     pub path_tracer: bool,
     /// What else the result depends on (hash of mask and point-map files, recording).
     pub further_inputs: String,
@@ -253,8 +251,7 @@ impl Stage<'_> {
             run: &self.request.run,
             phase: PHASES[index],
             calls: self.calls,
-            boxes_from_vlm: self.request.boxes_from_vlm,
-            path_tracer: self.request.path_tracer,
+            path_tracer: self.request.path_tracer && self.calls.can().traces,
             settings: &self.request.settings,
             warnings: self.warnings,
             progress: self.progress,
@@ -358,10 +355,10 @@ fn finished_before(request: &RunRequest, calls: &Calls, inputs: &str) -> Result<
 }
 
 fn inputs_hash(request: &RunRequest, calls: &Calls) -> String {
-    let cards = calls.cast().cards();
+    let (cards, can) = (calls.cast().cards(), calls.can());
     let text = json!({
         "generator": GENERATOR, "settings": request.settings, "cast": cards, "profile": request.profile,
-        "boxes_from_vlm": request.boxes_from_vlm, "path_tracer": request.path_tracer,
+        "boxes_from_vlm": !can.gives_boxes, "path_tracer": request.path_tracer && can.traces,
         "further": request.further_inputs, "title": request.title,
         "photo": blake3::hash(&request.photo.bytes).to_hex().to_string(),
     });

@@ -7,10 +7,11 @@ use glam::DVec3;
 use harmony_imaging::sheet::{LabelledBox, LineEnds, draw_boxes, draw_polyline, palette};
 use harmony_mesh::{Bounds, Mesh, ShellOptions, Trims, room_shell_with};
 use harmony_placement::{Placed, may_be_seen};
+use harmony_prompts::{PlacedObject, RoomSummary};
 use harmony_render::{
     Glass, Instance, Lighting, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window,
 };
-use harmony_scene::{Camera, ImageSize, Intrinsics, PixelBox, Pose, Room, Size, Support, Surface};
+use harmony_scene::{Camera, ImageSize, Intrinsics, PixelBox, Pose, Room, Size, Surface};
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 
 use crate::state::{Candidate, SceneState};
@@ -374,38 +375,28 @@ pub fn turned(state: &SceneState, index: usize, yaw: f64, window: PixelBox) -> R
     DynamicImage::ImageRgb8(DynamicImage::ImageRgba8(part.frame.color).to_rgb8()).to_rgba8()
 }
 
-/// One line about the room and camera.
-pub fn room_line(state: &SceneState) -> String {
-    let e = state.partial.room.extents;
-    let c = state.partial.camera.centre();
-    format!(
-        "Room W x D x H = {:.2} x {:.2} x {:.2} m ({}). Camera at x {:.2}, y {:.2}, z {:.2}.",
-        e.width, e.depth, e.height, state.partial.room.room_type, c.x, c.y, c.z
-    )
+/// The room and the camera in it, for questions.
+pub fn room_summary(state: &SceneState) -> RoomSummary {
+    RoomSummary {
+        extents: state.partial.room.extents,
+        room_type: state.partial.room.room_type.clone(),
+        camera: state.partial.camera.centre().to_array(),
+    }
 }
 
-/// One line about a placed object.
-pub fn line(p: &Placed) -> String {
-    let (at, s) = (p.pose.position, p.size());
-    let on = match &p.support {
-        Support::Floor => "on the floor".to_owned(),
-        Support::Ceiling => "under the ceiling".to_owned(),
-        Support::Wall { wall } => format!("on the {} wall", wall.surface().name()),
-        Support::Object { id } => format!("on {id}"),
-    };
-    let iou = p.evidence.silhouette_iou.map_or(String::new(), |v| format!(", outline agreement {v:.2}"));
-    format!(
-        "- {}: {}, at ({:.2}, {:.2}, {:.2}), yaw {:.0} deg, size {:.2} x {:.2} x {:.2} m, {on}{iou}",
-        p.item.id,
-        p.item.label,
-        at.x,
-        at.y,
-        at.z,
-        p.pose.yaw.to_degrees(),
-        s.width,
-        s.height,
-        s.depth
-    )
+/// A placed object, for questions.
+pub fn placed_object(p: &Placed) -> PlacedObject {
+    PlacedObject {
+        id: p.item.id.clone(),
+        label: p.item.label.clone(),
+        level: p.item.level,
+        seen: p.item.mask.bounds(),
+        position: p.pose.position.to_array(),
+        yaw_deg: p.pose.yaw.to_degrees(),
+        size: p.size(),
+        support: p.support.clone(),
+        outline_agreement: p.evidence.silhouette_iou,
+    }
 }
 
 /// Size that a candidate would have where its mask's bottom meets the floor (or its ray a wall), metres: width and

@@ -4,31 +4,68 @@
 //! prompts: one numbered contact sheet a level instead of one call an object and purpose.
 
 use std::collections::BTreeSet;
+use std::fmt::{Display, Formatter};
 
 use harmony_mesh::{PART_MODEL_GUIDE, PartModel, TemplateParams};
-use harmony_scene::{DepthPosition, Level, MaterialCategory, PlacementType, SurfacePosition, Wall, WallAffinity};
+use harmony_scene::{
+    DepthPosition, ImageSize, Level, MaterialCategory, ObjectId, PixelBox, PlacementType, Size, SurfacePosition, Wall,
+    WallAffinity,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::question::{Question, QuestionKind, fill, in_range};
+use crate::question::{Ask, fill, in_range, lines};
+use crate::subjects::{KnownObject, RoomSummary, thousandths};
 
-/// What the template is filled with.
-#[derive(Debug, Clone)]
-pub struct InspectVars {
+/// Asks about all candidates of a level.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct InspectQuestion {
     /// Level asked for.
     pub level: Level,
-    /// Room type.
+    /// Room type as it was answered.
+    #[serde(skip)]
     pub room_type: String,
-    /// Room size W x D x H and camera, one line.
-    pub room: String,
-    /// Candidates: id, label, box, one line each.
-    pub candidates: Vec<String>,
-    /// Objects placed already, one line each.
-    pub placed: Vec<String>,
+    /// Room and camera.
+    pub room: RoomSummary,
+    /// Candidates.
+    pub candidates: Vec<InspectCandidate>,
+    /// Objects of earlier levels.
+    pub placed: Vec<KnownObject>,
     /// Template names that can be used.
+    #[serde(skip)]
     pub templates: Vec<String>,
     /// Whether meshes come from part models, so that `template` / `part_model` are wanted.
+    #[serde(skip)]
     pub with_models: bool,
+}
+
+/// What was detected and is to be looked at.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct InspectCandidate {
+    /// Id as printed on the sheet.
+    pub id: ObjectId,
+    /// Category it was detected as.
+    pub label: String,
+    /// Phrase it was detected by.
+    #[serde(skip)]
+    pub phrase: String,
+    /// Its box, pixels.
+    #[serde(rename = "box")]
+    pub bounds: PixelBox,
+    /// Size of the photo, pixels.
+    pub image: ImageSize,
+    /// Width and height as they appear at the depth where its foot meets the room, metres.
+    pub estimated_size_m: Option<Size>,
+    /// Furniture that it was listed on.
+    pub host: Option<ObjectId>,
+}
+
+impl Display for InspectCandidate {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let bounds = thousandths(&self.bounds, self.image);
+        write!(f, "- {}: {} (\"{}\"), box {bounds}", self.id, self.label, self.phrase)?;
+        self.host.as_ref().map_or(Ok(()), |host| write!(f, ", listed on {host}"))
+    }
 }
 
 /// The whole answer.
@@ -210,35 +247,44 @@ impl InspectedObject {
     }
 }
 
-/// The question.
-pub fn inspect(vars: &InspectVars) -> Question {
-    let lines = |items: &[String]| if items.is_empty() { "(none)".to_owned() } else { items.join("\n") };
-    let level = match vars.level {
-        Level::Wall => include_str!("../templates/inspect_wall.md"),
-        Level::Furniture => include_str!("../templates/inspect_furniture.md"),
-        Level::Ceiling => include_str!("../templates/inspect_ceiling.md"),
-        Level::Decoration => include_str!("../templates/inspect_decoration.md"),
-    };
-    let models = if vars.with_models {
+impl Ask for InspectQuestion {
+    type Answer = InspectAnswer;
+
+    fn prompt(&self) -> String {
+        let level = match self.level {
+            Level::Wall => include_str!("../templates/inspect_wall.md"),
+            Level::Furniture => include_str!("../templates/inspect_furniture.md"),
+            Level::Ceiling => include_str!("../templates/inspect_ceiling.md"),
+            Level::Decoration => include_str!("../templates/inspect_decoration.md"),
+        };
+        let models = if self.with_models {
+            fill(
+                include_str!("../templates/inspect_models.md"),
+                &[("templates", self.templates.join(", ")), ("guide", PART_MODEL_GUIDE.to_owned())],
+            )
+        } else {
+            "Leave `template`, `params` and `part_model` null.\n".to_owned()
+        };
         fill(
-            include_str!("../templates/inspect_models.md"),
-            &[("templates", vars.templates.join(", ")), ("guide", PART_MODEL_GUIDE.to_owned())],
+            include_str!("../templates/inspect.md"),
+            &[
+                ("level_rules", level.to_owned()),
+                ("models", models),
+                ("room_type", self.room_type.clone()),
+                ("room", self.room.to_string()),
+                ("candidates", lines(&self.candidates)),
+                ("placed", lines(&self.placed)),
+            ],
         )
-    } else {
-        "Leave `template`, `params` and `part_model` null.\n".to_owned()
-    };
-    let prompt = fill(
-        include_str!("../templates/inspect.md"),
-        &[
-            ("level_rules", level.to_owned()),
-            ("models", models),
-            ("room_type", vars.room_type.clone()),
-            ("room", vars.room.clone()),
-            ("candidates", lines(&vars.candidates)),
-            ("placed", lines(&vars.placed)),
-        ],
-    );
-    Question::new(QuestionKind::Inspect, prompt, &InspectAnswer::example())
+    }
+
+    fn example(&self) -> InspectAnswer {
+        InspectAnswer::example()
+    }
+
+    fn check(&self, answer: &InspectAnswer) -> Result<(), String> {
+        answer.check(&self.candidates.iter().map(|c| c.id.to_string()).collect::<Vec<_>>())
+    }
 }
 
 impl InspectAnswer {

@@ -1,25 +1,72 @@
 //! `6_lighting/last_look_<n>`: a last look at the lit scene from all sides, with typed actions.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::{Display, Formatter};
 
+use harmony_scene::Light;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
-use crate::question::{Question, QuestionKind, fill, in_range};
+use crate::question::{Ask, fill, in_range, lines};
+use crate::subjects::{PlacedObject, RoomSummary};
 
-/// What the template is filled with.
-#[derive(Debug, Clone)]
-pub struct LastLookVars {
-    /// Room size and camera, one line.
-    pub room: String,
-    /// Objects, one line each, with their slots.
-    pub objects: Vec<String>,
-    /// Light sources, one line each.
-    pub lights: Vec<String>,
+/// Asks for a last look.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LastLookQuestion {
+    /// Room and camera.
+    #[serde(skip)]
+    pub room: RoomSummary,
+    /// Objects in the scene.
+    pub objects: Vec<PaintedObject>,
+    /// Light sources.
+    pub lights: Vec<ListedLight>,
     /// What geometry and light measured, one line each.
+    #[serde(skip)]
     pub findings: Vec<String>,
     /// What the modelling language offers.
+    #[serde(skip)]
     pub guide: String,
+}
+
+/// An object in the scene and its material slots.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PaintedObject {
+    /// The object.
+    pub object: PlacedObject,
+    /// Names of its slots.
+    pub slots: Vec<String>,
+}
+
+impl Serialize for PaintedObject {
+    /// Its id; the rest is in the text.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.object.id.serialize(serializer)
+    }
+}
+
+impl Display for PaintedObject {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}; slots: {}", self.object, self.slots.join(", "))
+    }
+}
+
+/// A light source.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ListedLight(pub Light);
+
+impl Serialize for ListedLight {
+    /// Its id; the rest is in the text.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.0.id.serialize(serializer)
+    }
+}
+
+impl Display for ListedLight {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let Light { id, position: [x, y, z], intensity, on, .. } = &self.0;
+        let state = if *on { "on" } else { "off" };
+        write!(f, "- {id}: at ({x:.2}, {y:.2}, {z:.2}), {intensity:.1} W, {state}")
+    }
 }
 
 /// The whole answer.
@@ -115,20 +162,35 @@ pub struct LastAction {
 /// Most actions of one answer.
 pub const MOST_LAST_ACTIONS: usize = 12;
 
-/// The question.
-pub fn last_look(vars: &LastLookVars) -> Question {
-    let lines = |items: &[String]| if items.is_empty() { "(none)".to_owned() } else { items.join("\n") };
-    let prompt = fill(
-        include_str!("../templates/last_look.md"),
-        &[
-            ("room", vars.room.clone()),
-            ("objects", lines(&vars.objects)),
-            ("lights", lines(&vars.lights)),
-            ("findings", lines(&vars.findings)),
-            ("guide", vars.guide.clone()),
-        ],
-    );
-    Question::new(QuestionKind::LastLook, prompt, &LastLookAnswer::example())
+impl Ask for LastLookQuestion {
+    type Answer = LastLookAnswer;
+
+    fn prompt(&self) -> String {
+        fill(
+            include_str!("../templates/last_look.md"),
+            &[
+                ("room", self.room.to_string()),
+                ("objects", lines(&self.objects)),
+                ("lights", lines(&self.lights)),
+                ("findings", lines(&self.findings)),
+                ("guide", self.guide.clone()),
+            ],
+        )
+    }
+
+    fn example(&self) -> LastLookAnswer {
+        LastLookAnswer::example()
+    }
+
+    fn check(&self, answer: &LastLookAnswer) -> Result<(), String> {
+        let objects: Vec<String> = self.objects.iter().map(|o| o.object.id.to_string()).collect();
+        let lights: Vec<String> = self.lights.iter().map(|l| l.0.id.clone()).collect();
+        answer.check(&objects, &lights)
+    }
+
+    fn without_looking(&self) -> Option<LastLookAnswer> {
+        Some(LastLookAnswer { converged: true, ..LastLookAnswer::default() })
+    }
 }
 
 impl LastAction {

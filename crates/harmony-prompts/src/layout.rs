@@ -1,19 +1,67 @@
 //! `1_layout/layout`: the room and the camera (paper App. C, "Layout Generation").
 
+use harmony_scene::{Extents, ImageSize};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::question::{Question, QuestionKind, fill, in_range};
+use crate::question::{Ask, fill, in_range};
 
-/// What the template is filled with.
-#[derive(Debug, Clone)]
-pub struct LayoutVars {
-    /// Columns of the photo.
-    pub width: u32,
-    /// Rows of the photo.
-    pub height: u32,
-    /// What is already measured, in words (depth sensor, EXIF), or empty.
-    pub measured: String,
+/// Asks for the room and the camera.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LayoutQuestion {
+    /// Size of the photo, pixels.
+    #[serde(skip)]
+    pub photo: ImageSize,
+    /// What depth is known already.
+    #[serde(skip)]
+    pub depth: KnownDepth,
+    /// The room box that the photo's lines give by themselves, where it is known.
+    #[serde(flatten)]
+    pub unaided: Option<UnaidedRoom>,
+}
+
+/// What depth is known when the layout is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum KnownDepth {
+    /// A depth sensor's, in metres.
+    Metric,
+    /// A point map up to one unknown scale.
+    UpToScale,
+    /// None.
+    None,
+}
+
+impl KnownDepth {
+    fn words(self) -> &'static str {
+        match self {
+            Self::Metric => {
+                "A depth sensor measured the scene in metres; what you see fixes names, openings and textures."
+            }
+            Self::UpToScale => {
+                "A point map up to one unknown scale is there; the ceiling height you give sets the scale, so estimate it with care."
+            }
+            Self::None => {
+                "Nothing is measured: the pins and the ceiling height you give fix the camera, so place them with care."
+            }
+        }
+    }
+}
+
+/// The room box that lines and vanishing points give without an answer.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct UnaidedRoom {
+    /// Metres.
+    pub extents: Extents,
+    /// Above the floor, metres.
+    pub camera_height_m: f64,
+    /// Downward tilt, degrees.
+    pub tilt_deg: f64,
+    /// Turn to the left (positive) from facing the back wall squarely, degrees.
+    pub yaw_deg: f64,
+    /// From the camera to the back wall, metres.
+    pub dist_to_back_m: f64,
+    /// 0 to 1.
+    pub confidence: f64,
 }
 
 /// The whole answer.
@@ -192,14 +240,27 @@ pub use surfaces::{
     LayoutPart, LayoutPartKind, LayoutPattern, LayoutPatternKind, LayoutSurface, LayoutTrim, LayoutTrims, SurfaceName,
 };
 
-/// The question.
-pub fn layout(vars: &LayoutVars) -> Question {
-    let measured = if vars.measured.is_empty() { "Nothing is measured yet.".to_owned() } else { vars.measured.clone() };
-    let prompt = fill(
-        include_str!("../templates/layout.md"),
-        &[("width", vars.width.to_string()), ("height", vars.height.to_string()), ("measured", measured)],
-    );
-    Question::new(QuestionKind::Layout, prompt, &LayoutAnswer::example())
+impl Ask for LayoutQuestion {
+    type Answer = LayoutAnswer;
+
+    fn prompt(&self) -> String {
+        fill(
+            include_str!("../templates/layout.md"),
+            &[
+                ("width", self.photo.width.to_string()),
+                ("height", self.photo.height.to_string()),
+                ("measured", self.depth.words().to_owned()),
+            ],
+        )
+    }
+
+    fn example(&self) -> LayoutAnswer {
+        LayoutAnswer::example()
+    }
+
+    fn check(&self, answer: &LayoutAnswer) -> Result<(), String> {
+        answer.check()
+    }
 }
 
 impl LayoutAnswer {

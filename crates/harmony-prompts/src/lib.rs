@@ -1,7 +1,8 @@
 //! The questions: prompt templates, answer types with their JSON Schemas, and sense checks.
 //!
-//! One module a question. Each has a `Vars` struct (what the template is filled with), an answer type, an example and
-//! a `check`. Templates live in `templates/`, are versioned with the code and snapshot-tested; the paper's own wording
+//! One module a question. Each has a struct with all that is asked about, an answer type, and [`Ask`]: the text, an
+//! example and a check. [`Question`] is any of them: players that look are shown what it renders, players that compute
+//! read its fields. Templates live in `templates/`, are versioned with the code and snapshot-tested; the paper's own wording
 //! is followed where it prints one (`docs/paper-map.md` lists which). Where the paper asks for a bare array the answer
 //! is wrapped in an object, for strict schemas demand one.
 //!
@@ -16,24 +17,30 @@ mod meshes;
 mod programs;
 mod question;
 mod review;
+mod subjects;
 
-pub use inspect::{InspectAnswer, InspectVars, InspectedMaterial, InspectedObject, InspectedSize, Occlusion, inspect};
+pub use inspect::{
+    InspectAnswer, InspectCandidate, InspectQuestion, InspectedMaterial, InspectedObject, InspectedSize, Occlusion,
+};
 pub use last_look::{
-    Difference, DifferenceKind, LastAction, LastActionKind, LastLookAnswer, LastLookVars, MOST_LAST_ACTIONS, last_look,
+    Difference, DifferenceKind, LastAction, LastActionKind, LastLookAnswer, LastLookQuestion, ListedLight,
+    MOST_LAST_ACTIONS, PaintedObject,
 };
 pub use layout::{
-    BackWallSide, FloorTexture, LayoutAnswer, LayoutCamera, LayoutOpening, LayoutPart, LayoutPartKind, LayoutPattern,
-    LayoutPatternKind, LayoutPin, LayoutRoom, LayoutSurface, LayoutTrim, LayoutTrims, LayoutVars, LayoutWall, PinKind,
-    SurfaceName, WallTexture, layout,
+    BackWallSide, FloorTexture, KnownDepth, LayoutAnswer, LayoutCamera, LayoutOpening, LayoutPart, LayoutPartKind,
+    LayoutPattern, LayoutPatternKind, LayoutPin, LayoutQuestion, LayoutRoom, LayoutSurface, LayoutTrim, LayoutTrims,
+    LayoutWall, PinKind, SurfaceName, UnaidedRoom, WallTexture,
 };
-pub use lighting::{LightingReviewVars, LightsVars, lighting_review, lights};
-pub use list::{ListAnswer, ListVars, ListedInstance, ListedItem, list};
+pub use lighting::{LightingReviewQuestion, LightsQuestion, SeenObject};
+pub use list::{ListAnswer, ListQuestion, ListedInstance, ListedItem, RoomView};
 pub use meshes::{
-    CompletedAnswer, CompletedObject, CompletedVars, FrontPanel, FrontsAnswer, FrontsObject, FrontsVars, completed,
-    fronts, orient,
+    CompletedAnswer, CompletedObject, CompletedQuestion, FrontPanel, FrontsAnswer, FrontsObject, FrontsQuestion,
+    OrientQuestion,
 };
 pub use programs::{
-    LookVerdict, LookedAt, ProgramObject, ProgramsAnswer, ProgramsVars, SecondLookAnswer, programs, second_look,
+    LookVerdict, LookedAt, ModelledObject, ProgramObject, ProgramsAnswer, ProgramsQuestion, SecondLookAnswer,
+    SecondLookQuestion, ToModel, WithoutProgram,
 };
-pub use question::{Question, QuestionKind, parse};
-pub use review::{ReviewActionAnswer, ReviewActionKind, ReviewAnswer, ReviewVars, review};
+pub use question::{Ask, Question};
+pub use review::{ReviewActionAnswer, ReviewActionKind, ReviewAnswer, ReviewQuestion};
+pub use subjects::{FoundObject, KnownObject, NamedObject, PlacedObject, RoomSummary};

@@ -1,49 +1,121 @@
 //! `6_lighting/lights` and `6_lighting/review_<n>` (paper App. C, "Material and Lighting Estimation").
 
 use harmony_lighting::{LightingDelta, LightingSpec, PointLightSpec, WindowSpec};
+use harmony_scene::{LightKind, Lighting, ObjectId};
+use serde::Serialize;
 
-use crate::question::{Question, QuestionKind, fill};
-
-/// What `lights` is filled with.
-#[derive(Debug, Clone)]
-pub struct LightsVars {
-    /// Sources: id, kind, position, one line each.
-    pub sources: Vec<String>,
-}
-
-/// What `lighting_review` is filled with.
-#[derive(Debug, Clone)]
-pub struct LightingReviewVars {
-    /// The current setup as JSON.
-    pub setup: String,
-    /// What was measured between photo and preview, in words.
-    pub measured: String,
-}
+use crate::question::{Ask, fill, lines};
 
 /// Asks which sources emit.
-pub fn lights(vars: &LightsVars) -> Question {
-    let sources = if vars.sources.is_empty() { "(none)".to_owned() } else { vars.sources.join("\n") };
-    let prompt = fill(include_str!("../templates/lights.md"), &[("sources", sources)]);
-    let example = LightingSpec {
-        ambient: None,
-        directional: Vec::new(),
-        point_lights: vec![PointLightSpec {
-            id: "floor_lamp_01".into(),
-            on: Some(true),
-            color: Some([1.0, 0.8, 0.55]),
-            intensity: Some(1.2),
-        }],
-        windows: vec![WindowSpec { id: "window_01".into(), daylight_on: Some(false), color: None, intensity: None }],
-        summary: "Evening; a floor lamp lights the corner.".into(),
-    };
-    Question::new(QuestionKind::Lights, prompt, &example)
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LightsQuestion {
+    /// The sources.
+    pub lighting: Lighting,
+    /// Ids of the sources that are screens: rectangles of light as windows are, and answered among them.
+    #[serde(skip)]
+    pub screens: Vec<String>,
+    /// Mean linear luminance of the photo.
+    pub photo_luminance: f64,
+    /// How bright objects are in the photo.
+    pub seen: Vec<SeenObject>,
+}
+
+/// How bright an object is in the photo.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SeenObject {
+    /// Id.
+    pub id: ObjectId,
+    /// Linear luminance of its median colour.
+    pub luminance: f64,
 }
 
 /// Asks for corrections of the light.
-pub fn lighting_review(vars: &LightingReviewVars) -> Question {
-    let prompt = fill(
-        include_str!("../templates/lighting_review.md"),
-        &[("setup", vars.setup.clone()), ("measured", vars.measured.clone())],
-    );
-    Question::new(QuestionKind::LightingReview, prompt, &LightingDelta::default())
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LightingReviewQuestion {
+    /// The current setup.
+    #[serde(skip)]
+    pub lighting: Lighting,
+    /// How much brighter the preview is than the photo, stops.
+    #[serde(skip)]
+    pub stops: f64,
+    /// How much warmer it is, log2 of red over blue.
+    #[serde(skip)]
+    pub warmth: f64,
+    /// The correction that measurement proposes.
+    pub proposed: LightingDelta,
+}
+
+impl Ask for LightsQuestion {
+    type Answer = LightingSpec;
+
+    fn prompt(&self) -> String {
+        let sources: Vec<String> = self
+            .lighting
+            .lights
+            .iter()
+            .map(|light| {
+                let kind = match light.kind {
+                    LightKind::Point { .. } => "lamp",
+                    LightKind::Area { .. } if self.screens.contains(&light.id) => "screen (answer in windows)",
+                    LightKind::Area { .. } => "window",
+                    LightKind::Sun { .. } => "sun",
+                };
+                let [x, y, z] = light.position;
+                format!("- {}: {kind} at ({x:.2}, {y:.2}, {z:.2}), {:.0} W", light.id, light.intensity)
+            })
+            .collect();
+        fill(include_str!("../templates/lights.md"), &[("sources", lines(&sources))])
+    }
+
+    fn example(&self) -> LightingSpec {
+        LightingSpec {
+            ambient: None,
+            directional: Vec::new(),
+            point_lights: vec![PointLightSpec {
+                id: "floor_lamp_01".into(),
+                on: Some(true),
+                color: Some([1.0, 0.8, 0.55]),
+                intensity: Some(1.2),
+            }],
+            windows: vec![WindowSpec {
+                id: "window_01".into(),
+                daylight_on: Some(false),
+                color: None,
+                intensity: None,
+            }],
+            summary: "Evening; a floor lamp lights the corner.".into(),
+        }
+    }
+
+    /// What does not fit the sources is repaired where the answer is applied.
+    fn check(&self, _: &LightingSpec) -> Result<(), String> {
+        Ok(())
+    }
+}
+
+impl Ask for LightingReviewQuestion {
+    type Answer = LightingDelta;
+
+    fn prompt(&self) -> String {
+        let setup = serde_json::to_string_pretty(&self.lighting).expect("a setup is plain data");
+        let measured = format!(
+            "the preview is {:+.2} stops brighter than the photo (negative = darker), warmth difference {:+.2} (log2 of red over blue)",
+            self.stops, self.warmth
+        );
+        fill(include_str!("../templates/lighting_review.md"), &[("setup", setup), ("measured", measured)])
+    }
+
+    fn example(&self) -> LightingDelta {
+        LightingDelta::default()
+    }
+
+    /// What does not fit the sources is repaired where the answer is applied.
+    fn check(&self, _: &LightingDelta) -> Result<(), String> {
+        Ok(())
+    }
+
+    /// What was measured is taken as it is.
+    fn without_looking(&self) -> Option<LightingDelta> {
+        Some(self.proposed.clone())
+    }
 }

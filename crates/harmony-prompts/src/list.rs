@@ -1,22 +1,37 @@
 //! `<level>/list`: which objects of a level are there (paper App. C, detection prompts of the four levels).
 
-use harmony_scene::Level;
+use harmony_scene::{Extents, Level, SceneCamera};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::question::{Question, QuestionKind, fill, in_range};
+use crate::question::{Ask, fill, in_range, lines};
+use crate::subjects::PlacedObject;
 
-/// What the template is filled with.
-#[derive(Debug, Clone)]
-pub struct ListVars {
+/// Asks which objects of a level are there.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ListQuestion {
     /// Level asked for.
     pub level: Level,
     /// Room type.
+    #[serde(skip)]
     pub room_type: String,
     /// Whether the answer must hold a box and an outline of each instance (no other detector is cast).
     pub with_boxes: bool,
-    /// Furniture placed already, one line each, for decorations.
-    pub placed: Vec<String>,
+    /// Furniture placed already, for decorations.
+    #[serde(skip)]
+    pub placed: Vec<PlacedObject>,
+    /// The photo's camera and the room box, where they are known.
+    #[serde(flatten)]
+    pub view: Option<RoomView>,
+}
+
+/// The photo's camera in the room box.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RoomView {
+    /// Its size is the photo's.
+    pub camera: SceneCamera,
+    /// Metres.
+    pub extents: Extents,
 }
 
 /// The whole answer.
@@ -58,29 +73,40 @@ pub struct ListedInstance {
     pub host: Option<String>,
 }
 
-/// The question.
-pub fn list(vars: &ListVars) -> Question {
-    let template = match vars.level {
-        Level::Wall => include_str!("../templates/list_wall.md"),
-        Level::Furniture => include_str!("../templates/list_furniture.md"),
-        Level::Ceiling => include_str!("../templates/list_ceiling.md"),
-        Level::Decoration => include_str!("../templates/list_decoration.md"),
-    };
-    let boxes = if vars.with_boxes {
-        include_str!("../templates/list_boxes.md")
-    } else {
-        "Leave `instances` empty: a detector looks for the boxes.\n"
-    };
-    let placed = if vars.placed.is_empty() { "(none)".to_owned() } else { vars.placed.join("\n") };
-    let prompt =
-        fill(template, &[("boxes", boxes.to_owned()), ("room_type", vars.room_type.clone()), ("placed", placed)]);
-    Question::new(QuestionKind::List, prompt, &ListAnswer::example(vars))
+impl Ask for ListQuestion {
+    type Answer = ListAnswer;
+
+    fn prompt(&self) -> String {
+        let template = match self.level {
+            Level::Wall => include_str!("../templates/list_wall.md"),
+            Level::Furniture => include_str!("../templates/list_furniture.md"),
+            Level::Ceiling => include_str!("../templates/list_ceiling.md"),
+            Level::Decoration => include_str!("../templates/list_decoration.md"),
+        };
+        let boxes = if self.with_boxes {
+            include_str!("../templates/list_boxes.md")
+        } else {
+            "Leave `instances` empty: a detector looks for the boxes.\n"
+        };
+        fill(
+            template,
+            &[("boxes", boxes.to_owned()), ("room_type", self.room_type.clone()), ("placed", lines(&self.placed))],
+        )
+    }
+
+    fn example(&self) -> ListAnswer {
+        ListAnswer::example(self)
+    }
+
+    fn check(&self, answer: &ListAnswer) -> Result<(), String> {
+        answer.check()
+    }
 }
 
 impl ListAnswer {
     /// A well-formed answer about some other picture.
-    pub fn example(vars: &ListVars) -> Self {
-        let (kind, phrase, host) = match vars.level {
+    pub fn example(question: &ListQuestion) -> Self {
+        let (kind, phrase, host) = match question.level {
             Level::Wall => ("window", "white framed window . window", None),
             Level::Furniture => ("sofa", "leather sofa . leather couch", None),
             Level::Ceiling => ("pendant lamp", "pendant lamp . hanging lamp", None),
@@ -96,7 +122,7 @@ impl ListAnswer {
                 kind: kind.into(),
                 gdino: phrase.into(),
                 count: 1,
-                instances: if vars.with_boxes { vec![instance] } else { vec![] },
+                instances: if question.with_boxes { vec![instance] } else { vec![] },
             }],
         }
     }

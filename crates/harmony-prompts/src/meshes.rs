@@ -5,13 +5,14 @@ use std::collections::BTreeSet;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::question::{Question, QuestionKind, fill};
+use crate::question::{Ask, bare_lines, fill};
+use crate::subjects::NamedObject;
 
-/// What `completed` is filled with.
-#[derive(Debug, Clone)]
-pub struct CompletedVars {
-    /// Objects: id and description, one line each.
-    pub objects: Vec<String>,
+/// Asks whether completed objects are right.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CompletedQuestion {
+    /// Objects and their descriptions.
+    pub objects: Vec<NamedObject>,
 }
 
 /// Whether inpainted objects are what they should be (paper Sec. 3.2).
@@ -35,11 +36,18 @@ pub struct CompletedObject {
     pub hint: String,
 }
 
-/// What `fronts` and `orient` are filled with.
-#[derive(Debug, Clone)]
-pub struct FrontsVars {
-    /// Objects: id and label, one line each.
-    pub objects: Vec<String>,
+/// Asks for the front of de-tilted meshes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FrontsQuestion {
+    /// Objects and their kinds.
+    pub objects: Vec<NamedObject>,
+}
+
+/// Asks which of four yaws in the scene matches the photo.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct OrientQuestion {
+    /// Objects and their kinds.
+    pub objects: Vec<NamedObject>,
 }
 
 /// The paper's panel letters: yaw 0, 90, 180, 270 degrees.
@@ -80,37 +88,89 @@ pub struct FrontsObject {
     pub front_panel: FrontPanel,
 }
 
-/// Asks whether completed objects are right.
-pub fn completed(vars: &CompletedVars) -> Question {
-    let prompt = fill(include_str!("../templates/completed.md"), &[("objects", vars.objects.join("\n"))]);
-    let example = CompletedAnswer {
-        objects: vec![
-            CompletedObject { id: "table_01".into(), matches: true, hint: String::new() },
-            CompletedObject {
-                id: "chair_01".into(),
-                matches: false,
-                hint: "four tapered legs of light beech, the seat is dark green velvet".into(),
-            },
-        ],
-    };
-    Question::new(QuestionKind::Completed, prompt, &example)
+impl Ask for CompletedQuestion {
+    type Answer = CompletedAnswer;
+
+    fn prompt(&self) -> String {
+        fill(include_str!("../templates/completed.md"), &[("objects", bare_lines(&self.objects))])
+    }
+
+    fn example(&self) -> CompletedAnswer {
+        CompletedAnswer {
+            objects: vec![
+                CompletedObject { id: "table_01".into(), matches: true, hint: String::new() },
+                CompletedObject {
+                    id: "chair_01".into(),
+                    matches: false,
+                    hint: "four tapered legs of light beech, the seat is dark green velvet".into(),
+                },
+            ],
+        }
+    }
+
+    fn check(&self, answer: &CompletedAnswer) -> Result<(), String> {
+        answer.check(&ids(&self.objects))
+    }
+
+    fn without_looking(&self) -> Option<CompletedAnswer> {
+        let passes = |id| CompletedObject { id, matches: true, hint: String::new() };
+        Some(CompletedAnswer { objects: ids(&self.objects).into_iter().map(passes).collect() })
+    }
 }
 
-/// Asks for the front of de-tilted meshes.
-pub fn fronts(vars: &FrontsVars) -> Question {
-    let prompt = fill(include_str!("../templates/fronts.md"), &[("objects", vars.objects.join("\n"))]);
-    Question::new(QuestionKind::Fronts, prompt, &FrontsAnswer::example())
+impl Ask for FrontsQuestion {
+    type Answer = FrontsAnswer;
+
+    fn prompt(&self) -> String {
+        fill(include_str!("../templates/fronts.md"), &[("objects", bare_lines(&self.objects))])
+    }
+
+    fn example(&self) -> FrontsAnswer {
+        FrontsAnswer::example()
+    }
+
+    fn check(&self, answer: &FrontsAnswer) -> Result<(), String> {
+        answer.check(&ids(&self.objects))
+    }
+
+    fn without_looking(&self) -> Option<FrontsAnswer> {
+        Some(FrontsAnswer::as_they_are(&self.objects))
+    }
 }
 
-/// Asks which of four yaws in the scene matches the photo.
-pub fn orient(vars: &FrontsVars) -> Question {
-    let prompt = fill(include_str!("../templates/orient.md"), &[("objects", vars.objects.join("\n"))]);
-    Question::new(QuestionKind::Orient, prompt, &FrontsAnswer::example())
+impl Ask for OrientQuestion {
+    type Answer = FrontsAnswer;
+
+    fn prompt(&self) -> String {
+        fill(include_str!("../templates/orient.md"), &[("objects", bare_lines(&self.objects))])
+    }
+
+    fn example(&self) -> FrontsAnswer {
+        FrontsAnswer::example()
+    }
+
+    fn check(&self, answer: &FrontsAnswer) -> Result<(), String> {
+        answer.check(&ids(&self.objects))
+    }
+
+    fn without_looking(&self) -> Option<FrontsAnswer> {
+        Some(FrontsAnswer::as_they_are(&self.objects))
+    }
+}
+
+fn ids(objects: &[NamedObject]) -> Vec<String> {
+    objects.iter().map(|o| o.id.clone()).collect()
 }
 
 impl FrontsAnswer {
     fn example() -> Self {
         Self { objects: vec![FrontsObject { id: "chair_01".into(), front_panel: FrontPanel::B }] }
+    }
+
+    /// Nothing is turned.
+    fn as_they_are(objects: &[NamedObject]) -> Self {
+        let as_it_is = |id| FrontsObject { id, front_panel: FrontPanel::A };
+        Self { objects: ids(objects).into_iter().map(as_it_is).collect() }
     }
 
     /// Whether exactly the asked objects are answered.

@@ -1,21 +1,116 @@
 //! `<level>/programs` and `<level>/second_look_<n>`: modelling programs for objects, and a second look at them.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::{Display, Formatter};
 
+use harmony_scene::{ImageSize, ObjectId, PixelBox, Size};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::question::{Question, QuestionKind, fill};
+use crate::question::{Ask, bare_lines, fill};
+use crate::subjects::{PlacedObject, RoomSummary, thousandths};
 
-/// What both questions are filled with.
-#[derive(Debug, Clone)]
-pub struct ProgramsVars {
-    /// Room size and camera, one line.
-    pub room: String,
-    /// Objects: id, type, size, description, template or program so far.
-    pub objects: Vec<String>,
+/// Asks for programs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ProgramsQuestion {
+    /// Room and camera.
+    #[serde(skip)]
+    pub room: RoomSummary,
+    /// What is to be modelled.
+    pub objects: Vec<ToModel>,
     /// What the modelling language offers.
+    #[serde(skip)]
     pub guide: String,
+}
+
+/// An object that a program is wanted for.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(transparent)]
+pub struct ToModel {
+    /// Id.
+    pub id: ObjectId,
+    /// Category.
+    #[serde(skip)]
+    pub kind: String,
+    /// Metres.
+    #[serde(skip)]
+    pub size: Size,
+    /// Its box, pixels.
+    #[serde(skip)]
+    pub bounds: PixelBox,
+    /// Size of the photo, pixels.
+    #[serde(skip)]
+    pub image: ImageSize,
+    /// How it would be modelled without a program.
+    #[serde(skip)]
+    pub otherwise: WithoutProgram,
+    /// Name of the set of identical instances it belongs to.
+    #[serde(skip)]
+    pub matched_set: Option<String>,
+    /// Looks in words.
+    #[serde(skip)]
+    pub description: String,
+}
+
+/// How an object is modelled when there is no program for it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum WithoutProgram {
+    /// By a part model of its own.
+    PartModel,
+    /// By this template.
+    Template(String),
+    /// By the template of its category.
+    Unnamed,
+}
+
+impl Display for ToModel {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let Size { width, height, depth } = self.size;
+        let bounds = thousandths(&self.bounds, self.image);
+        write!(f, "- {}: {}, {width:.2} x {height:.2} x {depth:.2} m, box {bounds}; ", self.id, self.kind)?;
+        match &self.otherwise {
+            WithoutProgram::PartModel => write!(f, "a part model was written")?,
+            WithoutProgram::Template(name) => write!(f, "template {name}")?,
+            WithoutProgram::Unnamed => write!(f, "no template named")?,
+        }
+        self.matched_set.as_ref().map_or(Ok(()), |set| write!(f, "; one of the set {set:?}"))?;
+        write!(f, "; {}", self.description)
+    }
+}
+
+/// Asks whether models are right.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SecondLookQuestion {
+    /// What is looked at.
+    pub objects: Vec<ModelledObject>,
+    /// What the modelling language offers.
+    #[serde(skip)]
+    pub guide: String,
+}
+
+/// An object in the scene and how it is modelled.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelledObject {
+    /// The object.
+    pub object: PlacedObject,
+    /// What its mesh was made from, in words.
+    pub made_as: String,
+    /// Its program.
+    pub program: Option<String>,
+}
+
+impl Serialize for ModelledObject {
+    /// Its id; the rest is in the text.
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.object.id.serialize(serializer)
+    }
+}
+
+impl Display for ModelledObject {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}, made as {}", self.object, self.made_as)?;
+        self.program.as_ref().map_or(Ok(()), |program| write!(f, "\n```python\n{}\n```", program.trim_end()))
+    }
 }
 
 /// The programs of a level.
@@ -84,26 +179,51 @@ pub struct LookedAt {
     pub params: BTreeMap<String, f64>,
 }
 
-/// Asks for programs.
-pub fn programs(vars: &ProgramsVars) -> Question {
-    Question::new(
-        QuestionKind::Programs,
-        filled(include_str!("../templates/programs.md"), vars),
-        &ProgramsAnswer::example(),
-    )
+impl Ask for ProgramsQuestion {
+    type Answer = ProgramsAnswer;
+
+    fn prompt(&self) -> String {
+        fill(
+            include_str!("../templates/programs.md"),
+            &[("room", self.room.to_string()), ("objects", bare_lines(&self.objects)), ("guide", self.guide.clone())],
+        )
+    }
+
+    fn example(&self) -> ProgramsAnswer {
+        ProgramsAnswer::example()
+    }
+
+    fn check(&self, answer: &ProgramsAnswer) -> Result<(), String> {
+        answer.check(&self.objects.iter().map(|o| o.id.to_string()).collect::<Vec<_>>())
+    }
+
+    /// No programs are written.
+    fn without_looking(&self) -> Option<ProgramsAnswer> {
+        Some(ProgramsAnswer::default())
+    }
 }
 
-/// Asks whether the models are right.
-pub fn second_look(vars: &ProgramsVars) -> Question {
-    Question::new(
-        QuestionKind::SecondLook,
-        filled(include_str!("../templates/second_look.md"), vars),
-        &SecondLookAnswer::example(),
-    )
-}
+impl Ask for SecondLookQuestion {
+    type Answer = SecondLookAnswer;
 
-fn filled(template: &str, vars: &ProgramsVars) -> String {
-    fill(template, &[("room", vars.room.clone()), ("objects", vars.objects.join("\n")), ("guide", vars.guide.clone())])
+    fn prompt(&self) -> String {
+        fill(
+            include_str!("../templates/second_look.md"),
+            &[("objects", bare_lines(&self.objects)), ("guide", self.guide.clone())],
+        )
+    }
+
+    fn example(&self) -> SecondLookAnswer {
+        SecondLookAnswer::example()
+    }
+
+    fn check(&self, answer: &SecondLookAnswer) -> Result<(), String> {
+        answer.check(&self.objects.iter().map(|o| o.object.id.to_string()).collect::<Vec<_>>())
+    }
+
+    fn without_looking(&self) -> Option<SecondLookAnswer> {
+        Some(SecondLookAnswer::default())
+    }
 }
 
 /// A stool, for examples.

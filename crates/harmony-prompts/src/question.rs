@@ -4,67 +4,143 @@ use schemars::{JsonSchema, SchemaGenerator, generate::SchemaSettings};
 use serde::{Serialize, de::DeserializeOwned};
 use serde_json::Value;
 
-/// Which question it is; players that compute rather than look choose their rule by it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[expect(missing_docs, reason = "one variant a module")]
-pub enum QuestionKind {
-    Layout,
-    List,
-    Inspect,
-    Completed,
-    Fronts,
-    Orient,
-    Programs,
-    SecondLook,
-    Review,
-    Lights,
-    LightingReview,
-    LastLook,
-}
+use crate::{
+    CompletedQuestion, FrontsQuestion, InspectQuestion, LastLookQuestion, LayoutQuestion, LightingReviewQuestion,
+    LightsQuestion, ListQuestion, OrientQuestion, ProgramsQuestion, ReviewQuestion, SecondLookQuestion,
+};
 
-/// A question ready to be asked, but for its name and pictures.
-#[derive(Debug, Clone)]
-pub struct Question {
-    /// Which.
-    pub kind: QuestionKind,
-    /// Prompt text, Markdown.
-    pub prompt: String,
-    /// JSON Schema of the answer.
-    pub schema: Value,
+/// One kind of question: its fields are all that is asked about, and everything else follows from them.
+///
+/// Players that look get text, schema and example; players that compute read the fields. What is serialised goes into
+/// the content key of a call and its record, beside the text: fields that the text says in full are skipped.
+pub trait Ask: Serialize + Into<Question> + Clone + Send + Sync {
+    /// What is answered.
+    type Answer: JsonSchema + Serialize + DeserializeOwned + Send + Sync;
+
+    /// The text, Markdown.
+    fn prompt(&self) -> String;
+
     /// A well-formed answer about some other picture.
-    pub example: Value,
+    fn example(&self) -> Self::Answer;
+
+    /// Whether an answer that fits the schema makes sense.
+    ///
+    /// # Errors
+    /// A complaint in words, which can be sent back to whoever answered.
+    fn check(&self, answer: &Self::Answer) -> Result<(), String>;
+
+    /// The answer of a player that does not look: nothing is objected to, nothing is changed. `None` for questions
+    /// that cannot be answered so.
+    fn without_looking(&self) -> Option<Self::Answer> {
+        None
+    }
 }
 
-impl Question {
-    /// Builds a question whose answer is a `T`.
-    pub(crate) fn new<T: JsonSchema + Serialize>(kind: QuestionKind, prompt: String, example: &T) -> Self {
-        let generator = SchemaGenerator::new(SchemaSettings::draft2020_12());
-        let schema = generator.into_root_schema_for::<T>();
-        Self {
-            kind,
-            prompt,
-            schema: schema.to_value(),
-            example: serde_json::to_value(example).expect("answer types are plain data"),
+macro_rules! questions {
+    ($($name:ident($question:ident)),+ $(,)?) => {
+        /// Every question of the program, for players that compute rather than look.
+        #[derive(Debug, Clone, PartialEq, Serialize)]
+        #[serde(tag = "question", content = "facts", rename_all = "snake_case")]
+        #[expect(missing_docs, reason = "one variant a question")]
+        pub enum Question {
+            $($name($question)),+
         }
-    }
+
+        $(impl From<$question> for Question {
+            fn from(question: $question) -> Self {
+                Self::$name(question)
+            }
+        })+
+
+        impl Question {
+            /// The text, Markdown.
+            pub fn prompt(&self) -> String {
+                match self { $(Self::$name(question) => question.prompt()),+ }
+            }
+
+            /// JSON Schema of the answer.
+            pub fn schema(&self) -> Value {
+                match self { $(Self::$name(_) => schema_of::<<$question as Ask>::Answer>()),+ }
+            }
+
+            /// A well-formed answer about some other picture.
+            pub fn example(&self) -> Value {
+                match self { $(Self::$name(question) => value_of(&question.example())),+ }
+            }
+
+            /// See [`Ask::check`]; an answer that does not fit the schema is complained about too.
+            ///
+            /// # Errors
+            /// A complaint in words.
+            pub fn check(&self, answer: &Value) -> Result<(), String> {
+                match self { $(Self::$name(question) => question.check(&parse(answer)?)),+ }
+            }
+
+            /// See [`Ask::without_looking`].
+            pub fn without_looking(&self) -> Option<Value> {
+                match self { $(Self::$name(question) => question.without_looking().map(|a| value_of(&a))),+ }
+            }
+        }
+    };
+}
+
+questions! {
+    Layout(LayoutQuestion),
+    List(ListQuestion),
+    Inspect(InspectQuestion),
+    Completed(CompletedQuestion),
+    Fronts(FrontsQuestion),
+    Orient(OrientQuestion),
+    Programs(ProgramsQuestion),
+    SecondLook(SecondLookQuestion),
+    Review(ReviewQuestion),
+    Lights(LightsQuestion),
+    LightingReview(LightingReviewQuestion),
+    LastLook(LastLookQuestion),
+}
+
+fn schema_of<T: JsonSchema>() -> Value {
+    SchemaGenerator::new(SchemaSettings::draft2020_12()).into_root_schema_for::<T>().to_value()
+}
+
+fn value_of<T: Serialize>(answer: &T) -> Value {
+    serde_json::to_value(answer).expect("answer types are plain data")
 }
 
 /// Fills `{name}` places of a template; a place that is not filled stays visible, which the snapshot tests would show.
+/// What is filled in is not looked at again: a label or a program may hold braces.
 pub(crate) fn fill(template: &str, places: &[(&str, String)]) -> String {
-    let mut text = template.to_owned();
-    for (name, value) in places {
-        text = text.replace(&format!("{{{name}}}"), value);
+    let mut text = String::with_capacity(template.len());
+    let mut rest = template;
+    while let Some(open) = rest.find('{') {
+        text.push_str(&rest[..open]);
+        let place = rest[open + 1..].split_once('}');
+        let known = place.and_then(|(name, after)| Some((&places.iter().find(|(n, _)| *n == name)?.1, after)));
+        if let Some((value, after)) = known {
+            text.push_str(value);
+            rest = after;
+        } else {
+            text.push('{');
+            rest = &rest[open + 1..];
+        }
     }
+    text.push_str(rest);
     text
 }
 
+/// One line an item, or `(none)`.
+pub(crate) fn lines<T: ToString>(items: &[T]) -> String {
+    if items.is_empty() { "(none)".to_owned() } else { bare_lines(items) }
+}
+
+/// One line an item; nothing for none.
+pub(crate) fn bare_lines<T: ToString>(items: &[T]) -> String {
+    items.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}
+
 /// Reads an answer into its type.
-///
-/// # Errors
-/// A complaint in words, with the path of the first misfit, that can be sent back to whoever answered.
-pub fn parse<T: DeserializeOwned>(value: &Value) -> Result<T, String> {
-    serde_json::from_value(value.clone()).map_err(|error| format!("the answer does not fit: {error}"))
+fn parse<T: DeserializeOwned>(value: &Value) -> Result<T, String> {
+    T::deserialize(value).map_err(|error| format!("the answer does not fit: {error}"))
 }
 
 /// Complains about a number outside its range.

@@ -2,25 +2,39 @@
 
 use std::collections::BTreeSet;
 
-use harmony_scene::Level;
+use harmony_scene::{Level, ObjectId};
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
-use crate::question::{Question, QuestionKind, fill, in_range};
+use crate::question::{Ask, fill, in_range, lines};
+use crate::subjects::{PlacedObject, RoomSummary};
 
-/// What the template is filled with.
-#[derive(Debug, Clone)]
-pub struct ReviewVars {
+/// Asks what to change after a level is placed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ReviewQuestion {
     /// Level just placed.
     pub level: Level,
-    /// Room size and camera, one line.
-    pub room: String,
-    /// Objects: id, label, position, yaw, size, support, measured agreement, one line each.
-    pub objects: Vec<String>,
+    /// Room and camera.
+    #[serde(skip)]
+    pub room: RoomSummary,
+    /// Objects in the scene.
+    #[serde(flatten, serialize_with = "ids_and_rows")]
+    pub placed: Vec<PlacedObject>,
     /// Candidates that could not be placed, one line each.
+    #[serde(skip)]
     pub unplaced: Vec<String>,
     /// What the geometry itself complains about (collisions, floating, poor overlap), one line each.
     pub findings: Vec<String>,
+}
+
+/// The ids beside the rows, as in the content keys of all records there are.
+fn ids_and_rows<S: Serializer>(placed: &[PlacedObject], serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Facts<'a> {
+        objects: Vec<&'a ObjectId>,
+        placed: &'a [PlacedObject],
+    }
+    Facts { objects: placed.iter().map(|p| &p.id).collect(), placed }.serialize(serializer)
 }
 
 /// The whole answer.
@@ -86,34 +100,47 @@ pub struct ReviewActionAnswer {
     pub reason: String,
 }
 
-/// The question.
-pub fn review(vars: &ReviewVars) -> Question {
-    let lines = |items: &[String]| if items.is_empty() { "(none)".to_owned() } else { items.join("\n") };
-    let prompt = fill(
-        include_str!("../templates/review.md"),
-        &[
-            ("stage", vars.level.stage().to_owned()),
-            ("room", vars.room.clone()),
-            ("objects", lines(&vars.objects)),
-            ("unplaced", lines(&vars.unplaced)),
-            ("findings", lines(&vars.findings)),
-        ],
-    );
-    let example = ReviewAnswer {
-        issues: vec!["chair_02 looks away from the table".into()],
-        actions: vec![ReviewActionAnswer {
-            action: ReviewActionKind::Rotate,
-            id: "chair_02".into(),
-            other: None,
-            delta_m: None,
-            position_m: None,
-            angle_deg: Some(90.0),
-            factor: None,
-            reason: "its back is turned to the table".into(),
-        }],
-        converged: false,
-    };
-    Question::new(QuestionKind::Review, prompt, &example)
+impl Ask for ReviewQuestion {
+    type Answer = ReviewAnswer;
+
+    fn prompt(&self) -> String {
+        fill(
+            include_str!("../templates/review.md"),
+            &[
+                ("stage", self.level.stage().to_owned()),
+                ("room", self.room.to_string()),
+                ("objects", lines(&self.placed)),
+                ("unplaced", lines(&self.unplaced)),
+                ("findings", lines(&self.findings)),
+            ],
+        )
+    }
+
+    fn example(&self) -> ReviewAnswer {
+        ReviewAnswer {
+            issues: vec!["chair_02 looks away from the table".into()],
+            actions: vec![ReviewActionAnswer {
+                action: ReviewActionKind::Rotate,
+                id: "chair_02".into(),
+                other: None,
+                delta_m: None,
+                position_m: None,
+                angle_deg: Some(90.0),
+                factor: None,
+                reason: "its back is turned to the table".into(),
+            }],
+            converged: false,
+        }
+    }
+
+    fn check(&self, answer: &ReviewAnswer) -> Result<(), String> {
+        answer.check(&self.placed.iter().map(|p| p.id.to_string()).collect::<Vec<_>>())
+    }
+
+    /// What geometry can tell by itself, placement has settled already.
+    fn without_looking(&self) -> Option<ReviewAnswer> {
+        Some(ReviewAnswer { converged: true, ..ReviewAnswer::default() })
+    }
 }
 
 impl ReviewAnswer {

@@ -68,6 +68,11 @@ pub trait Detector: Send + Sync {
     /// Who is playing.
     fn card(&self) -> PlayerCard;
 
+    /// Whether it gives boxes. Where it does not, they are asked for with the language model's lists.
+    fn gives_boxes(&self) -> bool {
+        true
+    }
+
     /// Looks for every phrase of the request.
     async fn detect(&self, request: &DetectRequest) -> Result<Detections, RoleError>;
 }

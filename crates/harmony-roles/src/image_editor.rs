@@ -51,6 +51,12 @@ pub trait ImageEditor: Send + Sync {
     /// Who is playing.
     fn card(&self) -> PlayerCard;
 
+    /// Whether it draws what is hidden. One that only repeats what is around is not asked to complete objects or to empty
+    /// a room.
+    fn draws(&self) -> bool {
+        true
+    }
+
     /// Makes one image.
     async fn edit(&self, request: &EditRequest) -> Result<EditedImage, RoleError>;
 }

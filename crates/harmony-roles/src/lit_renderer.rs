@@ -85,6 +85,11 @@ pub trait LitRenderer: Send + Sync {
     /// Who is playing.
     fn card(&self) -> PlayerCard;
 
+    /// Whether there is a path tracer at all.
+    fn traces(&self) -> bool {
+        true
+    }
+
     /// Renders one image.
     async fn render(&self, request: &LitRequest) -> Result<LitImage, RoleError>;
 }

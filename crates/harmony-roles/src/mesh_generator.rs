@@ -96,6 +96,12 @@ pub trait MeshGenerator: Send + Sync {
         false
     }
 
+    /// Whether it makes shapes of its own from pictures. For one that builds part models, templates and programs are asked
+    /// of the language model.
+    fn makes_shapes(&self) -> bool {
+        true
+    }
+
     /// Makes one mesh.
     async fn generate(&self, request: &MeshRequest) -> Result<GeneratedMesh, RoleError>;
 }

@@ -1,5 +1,7 @@
 //! Who plays a role, and what an answer cost.
 
+use std::time::Duration;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -73,4 +75,7 @@ pub struct Usage {
     pub output_tokens: u64,
     /// Cost in US dollars by the price table; `None` = not known.
     pub cost_usd: Option<f64>,
+    /// The player takes nothing more for so long, as it said with its answer. Of now, so not recorded.
+    #[serde(skip)]
+    pub closed_for: Option<Duration>,
 }

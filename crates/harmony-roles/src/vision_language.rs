@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use async_trait::async_trait;
+use harmony_prompts::Question;
 use image::RgbImage;
 use serde_json::Value;
 
@@ -30,8 +31,8 @@ pub struct VlmRequest {
     pub schema: Value,
     /// An example of a well-formed answer about some other picture.
     pub example: Value,
-    /// Facts in machine-readable form (ids, sizes, positions) for players that compute rather than look.
-    pub facts: Value,
+    /// The question itself, for players that compute rather than look; `None` = it is asked in words only.
+    pub question: Option<Arc<Question>>,
 }
 
 /// One answer that fits the schema.
@@ -54,6 +55,16 @@ pub trait VisionLanguage: Send + Sync {
     /// Who is playing.
     fn card(&self) -> PlayerCard;
 
+    /// Whether it looks at the pictures. One that only computes is not asked what only looking can tell.
+    fn sees(&self) -> bool {
+        true
+    }
+
+    /// Whether it answers in its own time, as a person does: it has no deadline, and who did not come is not asked again.
+    fn in_own_time(&self) -> bool {
+        false
+    }
+
     /// Answers one question.
     async fn ask(&self, request: &VlmRequest) -> Result<VlmAnswer, RoleError>;
 }
@@ -62,6 +73,23 @@ pub trait VisionLanguage: Send + Sync {
 const COMPLAINT_HEADING: &str = "\n\n## Your previous answer was not accepted\n\n";
 
 impl VlmRequest {
+    /// A question of the program under a call name.
+    pub fn new(name: String, question: Question, pictures: Vec<Picture>) -> Self {
+        Self {
+            name,
+            prompt: question.prompt(),
+            pictures,
+            schema: question.schema(),
+            example: question.example(),
+            question: Some(Arc::new(question)),
+        }
+    }
+
+    /// The question as it goes into content keys and records; null for one in words only.
+    pub fn facts(&self) -> Value {
+        serde_json::to_value(self.question.as_deref()).expect("questions are plain data")
+    }
+
     /// The same question with a complaint about the previous answer at the end of the prompt; it replaces an earlier
     /// complaint.
     #[must_use]
@@ -101,7 +129,7 @@ mod tests {
             pictures: vec![],
             schema: Value::Null,
             example: Value::Null,
-            facts: Value::Null,
+            question: None,
         };
         assert_eq!(request.split_complaint(), ("How large is the room?", None));
         let again = request.with_complaint("width is -3", "{\"width\": -3}").with_complaint("width is 900", "");

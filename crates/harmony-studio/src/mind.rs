@@ -17,8 +17,8 @@ use harmony_bench::oracle::{Noise, Oracle};
 use harmony_bench::truth::{TruthObject, TruthRoom};
 use harmony_lighting::{LightingDelta, LightingSpec, LightingVerdict};
 use harmony_mesh::Mesh;
-use harmony_prompts::{CompletedAnswer, CompletedObject, QuestionKind};
-use harmony_roles::{DetectRequest, Detection, Detector as _, PhraseRequest, VisionLanguage as _, VlmRequest};
+use harmony_prompts::Question;
+use harmony_roles::{DetectRequest, Detection, Detector as _, PhraseRequest};
 use harmony_scene::{ImageSize, Level, Mask};
 use image::imageops::{FilterType, crop_imm, resize};
 use image::{Rgb, RgbImage, Rgba, RgbaImage};
@@ -119,7 +119,7 @@ impl Mind {
     pub async fn answer(&self, asked: &Asked) -> Result<Value, String> {
         match asked {
             Asked::Colour => Ok(json!({"color": "red"})),
-            Asked::Question(kind, facts) => self.question(*kind, facts).await,
+            Asked::Question(question) => self.question(question),
             Asked::Boxes { key, phrases, pixels } => {
                 let names: Vec<String> = phrases.iter().map(|(_, phrase)| phrase.clone()).collect();
                 let boxes: Vec<Value> = self
@@ -139,39 +139,31 @@ impl Mind {
         }
     }
 
-    async fn question(&self, kind: QuestionKind, facts: &Value) -> Result<Value, String> {
-        let value = match kind {
+    /// Answers a question of the program.
+    ///
+    /// # Errors
+    /// In words, for one that the truth does not answer.
+    pub fn question(&self, question: &Question) -> Result<Value, String> {
+        let value = match question {
             // The studio drew it itself: it shows the object.
-            QuestionKind::Completed => {
-                let ids = facts["objects"].as_array().into_iter().flatten().filter_map(Value::as_str);
-                let matches = |id: &str| CompletedObject { id: id.to_owned(), matches: true, hint: String::new() };
-                json!(CompletedAnswer { objects: ids.map(matches).collect() })
-            }
+            Question::Completed(_) => question.without_looking(),
             // The truth says nothing of light: everything stays as it is listed.
-            QuestionKind::Lights => json!(LightingSpec { summary: "As listed.".into(), ..LightingSpec::default() }),
-            QuestionKind::LightingReview => {
-                json!(LightingDelta { verdict: LightingVerdict::Converged, ..LightingDelta::default() })
+            Question::Lights(_) => {
+                Some(json!(LightingSpec { summary: "As listed.".into(), ..LightingSpec::default() }))
             }
-            _ => {
-                let request = VlmRequest {
-                    name: String::new(),
-                    prompt: String::new(),
-                    pictures: Vec::new(),
-                    schema: Value::Null,
-                    example: Value::Null,
-                    facts: json!({"question": kind, "facts": facts}),
-                };
-                self.oracle.ask(&request).await.map_err(|error| error.to_string())?.value
+            Question::LightingReview(_) => {
+                Some(json!(LightingDelta { verdict: LightingVerdict::Converged, ..LightingDelta::default() }))
             }
+            _ => self.oracle.answer(question),
         };
-        if kind == QuestionKind::List {
-            self.remember_list(facts, &value);
+        let value = value.ok_or("the truth does not answer this question")?;
+        if let Question::List(list) = question {
+            self.remember_list(list.level, &value);
         }
         Ok(value)
     }
 
-    fn remember_list(&self, facts: &Value, list: &Value) {
-        let Ok(level) = serde_json::from_value::<Level>(facts["level"].clone()) else { return };
+    fn remember_list(&self, level: Level, list: &Value) {
         let items = list["items"].as_array().into_iter().flatten();
         let phrases = items.filter_map(|item| item["gdino"].as_str()).map(str::to_lowercase).collect();
         self.lists.lock().unwrap_or_else(PoisonError::into_inner).push((phrases, level));

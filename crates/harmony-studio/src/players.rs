@@ -6,7 +6,6 @@ use async_trait::async_trait;
 use harmony_bench::oracle::Oracle;
 use harmony_calls::Cast;
 use harmony_players::mesh::finish::{Finish, SourceFrame, finished};
-use harmony_prompts::QuestionKind;
 use harmony_roles::{
     EditKind, EditRequest, EditedImage, GeneratedMesh, ImageEditor, MeshGenerator, MeshRequest, PlayerCard, RoleError,
     Usage, VisionLanguage, VlmAnswer, VlmRequest,
@@ -16,9 +15,8 @@ use image::{DynamicImage, Rgba, RgbaImage};
 
 use crate::glb;
 use crate::mind::Mind;
-use crate::reading::Asked;
 
-/// Plays what the oracle does not, and has the oracle answer from the call's own facts, not from its text.
+/// Plays what the oracle does not, and has the oracle answer from the question's own fields, not from its text.
 struct Inside(Arc<Mind>);
 
 fn card(model: &str) -> PlayerCard {
@@ -36,10 +34,8 @@ impl VisionLanguage for Inside {
     }
 
     async fn ask(&self, request: &VlmRequest) -> Result<VlmAnswer, RoleError> {
-        let kind: QuestionKind =
-            serde_json::from_value(request.facts["question"].clone()).map_err(|error| incapable(error.to_string()))?;
-        let asked = Asked::Question(kind, request.facts["facts"].clone());
-        let value = self.0.answer(&asked).await.map_err(incapable)?;
+        let question = request.question.as_deref().ok_or_else(|| incapable("it is asked in words only".to_owned()))?;
+        let value = self.0.question(question).map_err(incapable)?;
         Ok(VlmAnswer { raw: value.to_string(), value, usage: Usage::default() })
     }
 }

@@ -1,18 +1,21 @@
 //! What a request asks, read from its text alone, as a model would have to.
 //!
-//! Real services see neither the name of a call nor its machine-readable facts, and the studio does not either: the
-//! prompt's wording tells the kind of the question, its lists tell the objects. Numbers have the precision of the text
-//! (centimetres, degrees, thousandths of the picture).
+//! Real services see neither the name of a call nor its fields, and the studio does not either: the prompt's wording tells
+//! the kind of the question, its lists tell the objects. Numbers have the precision of the text (centimetres, degrees,
+//! thousandths of the picture); what only shapes the text, and what no answer from the truth depends on, is left out.
 
-use harmony_prompts::QuestionKind;
-use harmony_scene::{ImageSize, Level, ObjectId, PixelBox, Support, Wall};
-use serde_json::{Value, json};
+use harmony_prompts::{
+    CompletedQuestion, FoundObject, FrontsQuestion, InspectCandidate, InspectQuestion, KnownDepth, KnownObject,
+    LastLookQuestion, LayoutQuestion, LightingReviewQuestion, LightsQuestion, ListQuestion, NamedObject,
+    OrientQuestion, PlacedObject, ProgramsQuestion, Question, ReviewQuestion, RoomSummary, SecondLookQuestion,
+};
+use harmony_scene::{Extents, ImageSize, Level, Lighting, ObjectId, PixelBox, Size, Support, ViewTransform, Wall};
 
 /// What is asked.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Asked {
-    /// A question of `harmony-prompts`, with the facts that its text holds.
-    Question(QuestionKind, Value),
+    /// A question of `harmony-prompts`, as far as its text tells it.
+    Question(Box<Question>),
     /// Boxes for these phrases (label, phrase).
     Boxes {
         /// Property that holds the numbers.
@@ -26,20 +29,88 @@ pub enum Asked {
     Colour,
 }
 
-/// Words by which a question is known. One that is reworded is not understood, and a test says so.
-const KINDS: [(&str, QuestionKind); 12] = [
-    ("You look a last time at a 3D scene", QuestionKind::LastLook),
-    ("You model objects of a photographed room", QuestionKind::Programs),
-    ("You look a second time at objects", QuestionKind::SecondLook),
-    ("STEP 5 -- PINS", QuestionKind::Layout),
-    ("For EVERY candidate decide", QuestionKind::Inspect),
-    ("judge whether the completed picture matches", QuestionKind::Completed),
-    ("one de-tilted mesh", QuestionKind::Fronts),
-    ("pick the one panel whose orientation", QuestionKind::Orient),
-    ("IMAGE 2 is the current reconstruction", QuestionKind::Review),
-    ("Light sources in the scene", QuestionKind::Lights),
-    ("CURRENT LIGHTING SETUP", QuestionKind::LightingReview),
-    ("OUTPUT -- JSON to the schema: {\"items\"", QuestionKind::List),
+/// Makes a question from its text.
+type Read = fn(&str) -> Option<Question>;
+
+/// Words by which a question is known, and how it is read. One that is reworded is not understood, and a test says so.
+const KINDS: [(&str, Read); 12] = [
+    ("You look a last time at a 3D scene", |prompt| {
+        let (objects, lights, findings) = (Vec::new(), Vec::new(), Vec::new());
+        Some(LastLookQuestion { room: room(prompt)?, objects, lights, findings, guide: String::new() }.into())
+    }),
+    ("You model objects of a photographed room", |prompt| {
+        Some(ProgramsQuestion { room: room(prompt)?, objects: Vec::new(), guide: String::new() }.into())
+    }),
+    ("You look a second time at objects", |_| {
+        Some(SecondLookQuestion { objects: Vec::new(), guide: String::new() }.into())
+    }),
+    ("STEP 5 -- PINS", |prompt| {
+        let [width, height] = numbers(prompt, "IMAGE 1 is the photograph (", " pixels)")[..] else { return None };
+        let photo = ImageSize::new(width as u32, height as u32);
+        Some(LayoutQuestion { photo, depth: KnownDepth::None, unaided: None }.into())
+    }),
+    ("For EVERY candidate decide", |prompt| {
+        let level = level(prompt)?;
+        let placed = section(prompt, "Objects placed already:").filter_map(|line| known(line, level)).collect();
+        Some(
+            InspectQuestion {
+                level,
+                room_type: String::new(),
+                room: room(prompt)?,
+                candidates: section(prompt, "Candidates:").filter_map(candidate).collect(),
+                placed,
+                templates: Vec::new(),
+                with_models: false,
+            }
+            .into(),
+        )
+    }),
+    ("judge whether the completed picture matches", |prompt| {
+        Some(CompletedQuestion { objects: objects(prompt) }.into())
+    }),
+    ("one de-tilted mesh", |prompt| Some(FrontsQuestion { objects: objects(prompt) }.into())),
+    ("pick the one panel whose orientation", |prompt| Some(OrientQuestion { objects: objects(prompt) }.into())),
+    ("IMAGE 2 is the current reconstruction", |prompt| {
+        let after = |level: &Level| prompt.contains(&format!("after placing {} objects", level.stage()));
+        Some(
+            ReviewQuestion {
+                level: Level::ALL.into_iter().find(after)?,
+                room: room(prompt)?,
+                placed: section(prompt, "Objects in the scene").filter_map(placed).collect(),
+                unplaced: Vec::new(),
+                findings: Vec::new(),
+            }
+            .into(),
+        )
+    }),
+    ("Light sources in the scene", |_| {
+        let dark = Lighting {
+            lights: Vec::new(),
+            ambient_color: [1.0; 3],
+            ambient_intensity: 0.0,
+            exposure: 0.0,
+            view: ViewTransform::default(),
+        };
+        Some(LightsQuestion { lighting: dark, screens: Vec::new(), photo_luminance: 0.0, seen: Vec::new() }.into())
+    }),
+    ("CURRENT LIGHTING SETUP", |prompt| {
+        let (_, rest) = prompt.split_once("CURRENT LIGHTING SETUP:\n")?;
+        let lighting = serde_json::from_str(rest.split_once("\n\nMeasured:")?.0).ok()?;
+        let proposed = harmony_lighting::LightingDelta::default();
+        Some(LightingReviewQuestion { lighting, stops: 0.0, warmth: 0.0, proposed }.into())
+    }),
+    ("OUTPUT -- JSON to the schema: {\"items\"", |prompt| {
+        Some(
+            ListQuestion {
+                level: level(prompt)?,
+                room_type: String::new(),
+                with_boxes: false,
+                placed: Vec::new(),
+                view: None,
+            }
+            .into(),
+        )
+    }),
 ];
 
 /// Words by which the level of a list or an inspection is known.
@@ -62,36 +133,28 @@ pub fn read(prompt: &str) -> Option<Asked> {
     if prompt.contains("Find every instance of these things") {
         return boxes(prompt);
     }
-    let (_, kind) = KINDS.iter().find(|(words, _)| prompt.contains(words))?;
-    let level = LEVELS.iter().find(|(words, _)| prompt.contains(words)).map(|(_, level)| *level);
-    let facts = match kind {
-        QuestionKind::Layout
-        | QuestionKind::Lights
-        | QuestionKind::LightingReview
-        | QuestionKind::LastLook
-        | QuestionKind::Programs
-        | QuestionKind::SecondLook => json!({}),
-        QuestionKind::List => json!({"level": level?}),
-        QuestionKind::Inspect => json!({
-            "level": level?,
-            "candidates": section(prompt, "Candidates:").filter_map(candidate).collect::<Vec<_>>(),
-            "placed": section(prompt, "Objects placed already:")
-                .filter_map(|line| Some(json!({"id": named(line)?.0}))).collect::<Vec<_>>(),
-        }),
-        QuestionKind::Completed | QuestionKind::Fronts | QuestionKind::Orient => {
-            let ids: Vec<&str> = section(prompt, "Objects:").filter_map(|line| Some(named(line)?.0)).collect();
-            json!({"objects": ids})
-        }
-        QuestionKind::Review => {
-            let stage =
-                Level::ALL.into_iter().find(|l| prompt.contains(&format!("after placing {} objects", l.stage())));
-            json!({
-                "level": stage?,
-                "placed": section(prompt, "Objects in the scene").filter_map(placed).collect::<Vec<_>>(),
-            })
-        }
-    };
-    Some(Asked::Question(*kind, facts))
+    let (_, question) = KINDS.iter().find(|(words, _)| prompt.contains(words))?;
+    Some(Asked::Question(Box::new(question(prompt)?)))
+}
+
+fn level(prompt: &str) -> Option<Level> {
+    LEVELS.iter().find(|(words, _)| prompt.contains(words)).map(|(_, level)| *level)
+}
+
+fn room(prompt: &str) -> Option<RoomSummary> {
+    let [width, depth, height] = numbers(prompt, "Room W x D x H = ", " m (")[..] else { return None };
+    let (_, rest) = prompt.split_once("Room W x D x H = ")?;
+    let (_, rest) = rest.split_once(" m (")?;
+    let (room_type, rest) = rest.split_once("). Camera at x ")?;
+    let mut camera = rest.split_once(".\n").map_or(rest, |(line, _)| line).split(", ");
+    let mut next = |axis: &str| camera.next()?.trim_start_matches(axis).trim().parse().ok();
+    let camera = [next("x")?, next("y")?, next("z")?];
+    Some(RoomSummary { extents: Extents { width, height, depth }, room_type: room_type.to_owned(), camera })
+}
+
+fn objects(prompt: &str) -> Vec<NamedObject> {
+    let named = section(prompt, "Objects:").filter_map(named);
+    named.map(|(id, about)| NamedObject { id: id.to_owned(), about: about.to_owned() }).collect()
 }
 
 /// The lines that follow a heading, up to the next empty one.
@@ -112,34 +175,76 @@ fn numbers(text: &str, open: &str, close: &str) -> Vec<f64> {
     inside.split([',', 'x']).filter_map(|n| n.trim().parse().ok()).collect()
 }
 
-fn candidate(line: &str) -> Option<Value> {
+/// Thousandths are pixels of a picture of this size.
+const THOUSANDTHS: ImageSize = ImageSize { width: 1000, height: 1000 };
+
+fn candidate(line: &str) -> Option<InspectCandidate> {
     let (id, rest) = named(line)?;
-    let (label, _) = rest.split_once(" (\"")?;
-    let [x0, y0, x1, y1] = numbers(rest, "box [", "]")[..] else { return None };
-    // Thousandths are pixels of a picture of 1000 x 1000.
-    Some(json!({"id": id, "label": label, "box": PixelBox { x0, y0, x1, y1 }, "image": ImageSize::new(1000, 1000)}))
+    let (label, phrase) = rest.split_once(" (\"")?;
+    Some(InspectCandidate {
+        id: ObjectId::new(id).ok()?,
+        label: label.to_owned(),
+        phrase: phrase.split_once("\"), box").map_or(phrase, |(phrase, _)| phrase).to_owned(),
+        bounds: bounds(rest)?,
+        image: THOUSANDTHS,
+        estimated_size_m: None,
+        host: rest.split_once(", listed on ").and_then(|(_, host)| ObjectId::new(host).ok()),
+    })
 }
 
-fn placed(line: &str) -> Option<Value> {
+fn bounds(text: &str) -> Option<PixelBox> {
+    let [x0, y0, x1, y1] = numbers(text, "box [", "]")[..] else { return None };
+    Some(PixelBox { x0, y0, x1, y1 })
+}
+
+/// An object of an earlier level; the text does not say of which, so that one that is not placed is taken to be of the
+/// level that is asked for.
+fn known(line: &str, asked: Level) -> Option<KnownObject> {
+    if let Some(object) = placed(line) {
+        return Some(KnownObject::Placed(object));
+    }
     let (id, rest) = named(line)?;
+    let (label, _) = rest.split_once(", seen at ")?;
+    let [width, height, depth] = numbers(rest, ", about ", " m;")[..] else { return None };
+    Some(KnownObject::Found(FoundObject {
+        id: ObjectId::new(id).ok()?,
+        label: label.to_owned(),
+        level: asked,
+        seen: None,
+        bounds: bounds(rest)?,
+        image: THOUSANDTHS,
+        size: Size { width, height, depth },
+    }))
+}
+
+fn placed(line: &str) -> Option<PlacedObject> {
+    let (id, rest) = named(line)?;
+    let (label, _) = rest.split_once(", at (")?;
     let [x, y, z] = numbers(rest, ", at (", ")")[..] else { return None };
-    let [yaw] = numbers(rest, ", yaw ", " deg")[..] else { return None };
+    let [yaw_deg] = numbers(rest, ", yaw ", " deg")[..] else { return None };
     let [width, height, depth] = numbers(rest, ", size ", " m,")[..] else { return None };
     let (_, on) = rest.split_once(" m, ")?;
-    let on = on.split(", outline agreement").next().unwrap_or(on);
-    let support = match on {
-        "on the floor" => Support::Floor,
-        "under the ceiling" => Support::Ceiling,
-        "on the back wall" => Support::Wall { wall: Wall::Back },
-        "on the left wall" => Support::Wall { wall: Wall::Left },
-        "on the right wall" => Support::Wall { wall: Wall::Right },
-        "on the front wall" => Support::Wall { wall: Wall::Front },
-        other => Support::Object { id: ObjectId::new(other.strip_prefix("on ")?).ok()? },
+    let (on, agreement) = on.split_once(", outline agreement ").map_or((on, None), |(on, iou)| (on, Some(iou)));
+    let (support, level) = match on {
+        "on the floor" => (Support::Floor, Level::Furniture),
+        "under the ceiling" => (Support::Ceiling, Level::Ceiling),
+        "on the back wall" => (Support::Wall { wall: Wall::Back }, Level::Wall),
+        "on the left wall" => (Support::Wall { wall: Wall::Left }, Level::Wall),
+        "on the right wall" => (Support::Wall { wall: Wall::Right }, Level::Wall),
+        "on the front wall" => (Support::Wall { wall: Wall::Front }, Level::Wall),
+        other => (Support::Object { id: ObjectId::new(other.strip_prefix("on ")?).ok()? }, Level::Decoration),
     };
-    Some(json!({
-        "id": id, "position": [x, y, z], "yaw_deg": yaw, "support": support,
-        "size": {"width": width, "height": height, "depth": depth},
-    }))
+    Some(PlacedObject {
+        id: ObjectId::new(id).ok()?,
+        label: label.to_owned(),
+        level,
+        seen: None,
+        position: [x, y, z],
+        yaw_deg,
+        size: Size { width, height, depth },
+        support,
+        outline_agreement: agreement.and_then(|iou| iou.parse().ok()),
+    })
 }
 
 fn boxes(prompt: &str) -> Option<Asked> {
@@ -165,79 +270,145 @@ fn boxes(prompt: &str) -> Option<Asked> {
 
 #[cfg(test)]
 mod tests {
-    use harmony_prompts as p;
+    use harmony_prompts::{Ask, RoomView, WithoutProgram};
+    use harmony_scene::{Camera, Intrinsics, SceneCamera, Vec3};
 
     use super::*;
 
-    fn kind(question: &p::Question) -> Option<QuestionKind> {
-        match read(&question.prompt)? {
-            Asked::Question(kind, _) => Some(kind),
-            _ => None,
+    fn id(text: &str) -> ObjectId {
+        ObjectId::new(text).unwrap()
+    }
+
+    fn study() -> RoomSummary {
+        let extents = Extents { width: 4.0, height: 2.6, depth: 5.0 };
+        RoomSummary { extents, room_type: "study".into(), camera: [2.0, 1.5, 4.0] }
+    }
+
+    fn object(name: &str, level: Level, support: Support) -> PlacedObject {
+        PlacedObject {
+            id: id(name),
+            label: "table lamp".into(),
+            level,
+            seen: None,
+            position: [1.25, 0.74, -0.4],
+            yaw_deg: -90.0,
+            size: Size { width: 0.2, height: 0.45, depth: 0.2 },
+            support,
+            outline_agreement: (level == Level::Decoration).then_some(0.91),
+        }
+    }
+
+    fn rows() -> Vec<PlacedObject> {
+        vec![
+            object("lamp_01", Level::Decoration, Support::Object { id: id("desk_01") }),
+            object("window_01", Level::Wall, Support::Wall { wall: Wall::Left }),
+            object("desk_01", Level::Furniture, Support::Floor),
+            object("pendant_01", Level::Ceiling, Support::Ceiling),
+        ]
+    }
+
+    /// What is read from a question's text.
+    fn read_of(question: &Question) -> Question {
+        match read(&question.prompt()) {
+            Some(Asked::Question(read)) => *read,
+            other => panic!("{other:?}"),
         }
     }
 
     #[test]
-    fn every_question_of_the_program_is_understood() {
-        let objects = vec!["- chair_01: a chair".to_owned()];
+    fn levels_candidates_and_places_are_read_from_the_text() {
         for level in Level::ALL {
-            let list = p::list(&p::ListVars { level, room_type: "study".into(), with_boxes: false, placed: vec![] });
-            assert_eq!(read(&list.prompt), Some(Asked::Question(QuestionKind::List, json!({"level": level}))));
-            for with_models in [false, true] {
-                let inspect = p::inspect(&p::InspectVars {
-                    level,
-                    room_type: "study".into(),
-                    room: "Room W x D x H = 4.00 x 5.00 x 2.60 m (study). Camera at x 2.00, y 1.50, z 4.00.".into(),
-                    candidates: vec!["- chair_02: chair (\"office chair\"), box [100, 220, 300, 401]".into()],
-                    placed: vec![
-                        "- desk_01: desk, at (1.00, 0.00, 0.40), yaw 0 deg, size 1.20 x 0.74 x 0.60 m, on the floor"
-                            .into(),
-                    ],
-                    templates: vec!["chair".into()],
-                    with_models,
-                });
-                let Some(Asked::Question(QuestionKind::Inspect, facts)) = read(&inspect.prompt) else {
-                    panic!("{level:?} {with_models}");
-                };
-                assert_eq!(facts["level"], json!(level));
-                assert_eq!(facts["candidates"][0]["id"], "chair_02");
-                assert_eq!(facts["candidates"][0]["label"], "chair");
-                assert_eq!(facts["candidates"][0]["box"]["x1"], 300.0);
-                assert_eq!(facts["placed"], json!([{"id": "desk_01"}]));
-            }
-            let rows = vec![
-                "- lamp_01: lamp, at (1.25, 0.74, -0.40), yaw -90 deg, size 0.20 x 0.45 x 0.20 m, on desk_01, outline agreement 0.91".to_owned(),
-                "- window_01: window, at (0.00, 0.90, 2.00), yaw 90 deg, size 1.20 x 1.40 x 0.05 m, on the left wall".to_owned(),
-            ];
-            let review = p::review(&p::ReviewVars {
+            let camera = Camera::looking(
+                ImageSize::new(8, 6),
+                Intrinsics::centred(ImageSize::new(8, 6), 6.0),
+                Vec3::new(2.0, 1.5, 4.0),
+                Vec3::NEG_Z,
+            );
+            let view = RoomView { camera: SceneCamera::from(&camera), extents: study().extents };
+            let list = |placed, view| ListQuestion { level, room_type: String::new(), with_boxes: false, placed, view };
+            assert_eq!(read_of(&list(rows(), Some(view)).into()), list(vec![], None).into());
+
+            let candidate = InspectCandidate {
+                id: id("chair_02"),
+                label: "chair".into(),
+                phrase: "office chair".into(),
+                bounds: PixelBox { x0: 100.0, y0: 220.0, x1: 300.0, y1: 401.0 },
+                image: THOUSANDTHS,
+                estimated_size_m: None,
+                host: (level == Level::Decoration).then(|| id("desk_01")),
+            };
+            let found = FoundObject {
+                id: id("rug_01"),
+                label: "rug".into(),
                 level,
-                room: "Room.".into(),
-                objects: rows,
-                unplaced: vec![],
-                findings: vec![],
-            });
-            let Some(Asked::Question(QuestionKind::Review, facts)) = read(&review.prompt) else { panic!("{level:?}") };
-            assert_eq!(facts["level"], json!(level));
-            let lamp = &facts["placed"][0];
-            assert_eq!(lamp["position"], json!([1.25, 0.74, -0.40]));
-            assert_eq!((lamp["yaw_deg"].as_f64(), lamp["size"]["height"].as_f64()), (Some(-90.0), Some(0.45)));
-            assert_eq!(lamp["support"], json!({"on": "object", "id": "desk_01"}));
-            assert_eq!(facts["placed"][1]["support"], json!({"on": "wall", "wall": "left"}));
+                seen: None,
+                bounds: PixelBox { x0: 0.0, y0: 620.0, x1: 500.0, y1: 900.0 },
+                image: THOUSANDTHS,
+                size: Size { width: 2.0, height: 0.01, depth: 1.4 },
+            };
+            let known: Vec<KnownObject> = rows().into_iter().map(KnownObject::Placed).collect();
+            for with_models in [false, true] {
+                let inspect = InspectQuestion {
+                    level,
+                    room_type: String::new(),
+                    room: study(),
+                    candidates: vec![candidate.clone()],
+                    placed: known.iter().cloned().chain([KnownObject::Found(found.clone())]).collect(),
+                    templates: vec![],
+                    with_models,
+                };
+                let wanted = InspectQuestion { with_models: false, ..inspect.clone() };
+                assert_eq!(read_of(&inspect.into()), wanted.into());
+            }
+            let review = ReviewQuestion { level, room: study(), placed: rows(), unplaced: vec![], findings: vec![] };
+            assert_eq!(read_of(&review.clone().into()), review.into());
         }
-        let layout = p::layout(&p::LayoutVars { width: 4, height: 3, measured: "Nothing.".into() });
-        assert_eq!(kind(&layout), Some(QuestionKind::Layout));
-        for (question, wanted) in [
-            (p::completed(&p::CompletedVars { objects: objects.clone() }), QuestionKind::Completed),
-            (p::fronts(&p::FrontsVars { objects: objects.clone() }), QuestionKind::Fronts),
-            (p::orient(&p::FrontsVars { objects: objects.clone() }), QuestionKind::Orient),
+    }
+
+    #[test]
+    fn every_other_question_is_understood() {
+        let objects = vec![NamedObject { id: "chair_01".into(), about: "a chair".into() }];
+        let photo = ImageSize::new(640, 480);
+        let setup = Lighting {
+            lights: vec![],
+            ambient_color: [1.0; 3],
+            ambient_intensity: 0.0,
+            exposure: 0.5,
+            view: ViewTransform::default(),
+        };
+        let dark = Lighting { exposure: 0.0, ..setup.clone() };
+        let proposed = harmony_lighting::LightingDelta::default();
+        for whole in [
+            Question::from(LayoutQuestion { photo, depth: KnownDepth::None, unaided: None }),
+            CompletedQuestion { objects: objects.clone() }.into(),
+            FrontsQuestion { objects: objects.clone() }.into(),
+            OrientQuestion { objects }.into(),
+            LightsQuestion { lighting: dark, screens: vec![], photo_luminance: 0.0, seen: vec![] }.into(),
+            LightingReviewQuestion { lighting: setup, stops: 0.0, warmth: 0.0, proposed }.into(),
+            ProgramsQuestion { room: study(), objects: vec![], guide: String::new() }.into(),
+            SecondLookQuestion { objects: vec![], guide: String::new() }.into(),
+            LastLookQuestion { room: study(), objects: vec![], lights: vec![], findings: vec![], guide: String::new() }
+                .into(),
         ] {
-            assert_eq!(read(&question.prompt), Some(Asked::Question(wanted, json!({"objects": ["chair_01"]}))));
+            assert_eq!(read_of(&whole), whole);
         }
-        assert_eq!(kind(&p::lights(&p::LightsVars { sources: vec![] })), Some(QuestionKind::Lights));
-        let again = p::LightingReviewVars { setup: "{}".into(), measured: "so".into() };
-        assert_eq!(kind(&p::lighting_review(&again)), Some(QuestionKind::LightingReview));
-        let models = p::ProgramsVars { room: String::new(), objects: objects.clone(), guide: String::new() };
-        assert_eq!(kind(&p::programs(&models)), Some(QuestionKind::Programs));
-        assert_eq!(kind(&p::second_look(&models)), Some(QuestionKind::SecondLook));
+        // Objects to model are in the text, but no answer from the truth depends on them.
+        let stool = harmony_prompts::ToModel {
+            id: id("stool_01"),
+            kind: "stool".into(),
+            size: Size { width: 0.4, height: 0.45, depth: 0.4 },
+            bounds: PixelBox { x0: 1.0, y0: 2.0, x1: 3.0, y1: 4.0 },
+            image: photo,
+            otherwise: WithoutProgram::Unnamed,
+            matched_set: None,
+            description: "a stool".into(),
+        };
+        let programs = ProgramsQuestion { room: study(), objects: vec![stool], guide: String::new() };
+        assert!(programs.prompt().contains("- stool_01: stool"));
+        assert_eq!(
+            read_of(&programs.into()),
+            ProgramsQuestion { room: study(), objects: vec![], guide: String::new() }.into()
+        );
         assert_eq!(read("What is the weather like?"), None);
     }
 }

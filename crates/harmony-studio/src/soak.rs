@@ -360,7 +360,6 @@ pub async fn one(room: &TruthRoom, seed: u64, faults: FaultPlan, out: &Path) -> 
         profile: "studio".to_owned(),
         settings: quick_settings(),
         until: 5,
-        boxes_from_vlm: false,
         path_tracer: false,
         further_inputs: String::new(),
     };

@@ -1,17 +1,16 @@
 //! The language model's answers from the truth.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use async_trait::async_trait;
 use glam::{DVec2, DVec3};
 use harmony_prompts::{
-    BackWallSide, FrontPanel, FrontsAnswer, FrontsObject, InspectAnswer, InspectedObject, InspectedSize, LayoutAnswer,
-    LayoutPin, ListAnswer, ListedInstance, ListedItem, Occlusion, PinKind, QuestionKind,
+    BackWallSide, FrontPanel, FrontsAnswer, FrontsObject, InspectAnswer, InspectQuestion, InspectedObject,
+    InspectedSize, LayoutAnswer, LayoutPin, ListAnswer, ListedInstance, ListedItem, NamedObject, Occlusion, PinKind,
+    Question,
 };
 use harmony_roles::{PlayerCard, RoleError, Usage, VisionLanguage, VlmAnswer, VlmRequest};
-use harmony_scene::{
-    DepthPosition, ImageSize, Level, PixelBox, PlacementType, Support, SurfacePosition, Wall, WallAffinity,
-};
+use harmony_scene::{DepthPosition, Level, PlacementType, Support, SurfacePosition, Wall, WallAffinity};
 use rand::Rng;
 use serde_json::{Value, json};
 
@@ -25,42 +24,33 @@ impl VisionLanguage for Oracle {
     }
 
     async fn ask(&self, request: &VlmRequest) -> Result<VlmAnswer, RoleError> {
-        let facts = &request.facts["facts"];
-        let kind: Option<QuestionKind> = serde_json::from_value(request.facts["question"].clone()).ok();
-        let value = self.spent.measured(|| {
-            Ok(match kind {
-                Some(QuestionKind::Layout) => json!(self.layout()),
-                Some(QuestionKind::List) => json!(self.list(level(facts), facts["with_boxes"] == true)),
-                Some(QuestionKind::Inspect) => json!(self.inspect(facts)),
-                Some(QuestionKind::Fronts) => json!(self.fronts(facts)),
-                Some(QuestionKind::Orient) => json!(self.orient(facts)),
-                Some(QuestionKind::Review) => json!(self.review(facts)),
-                Some(QuestionKind::LastLook) => json!(harmony_prompts::LastLookAnswer {
-                    converged: true,
-                    ..harmony_prompts::LastLookAnswer::default()
-                }),
-                // It writes no programs, and has nothing against the shapes that there are.
-                Some(QuestionKind::Programs) => json!(harmony_prompts::ProgramsAnswer::default()),
-                Some(QuestionKind::SecondLook) => json!(harmony_prompts::SecondLookAnswer::default()),
-                Some(QuestionKind::Lights) => self.lights(facts),
-                Some(QuestionKind::LightingReview) => Self::confirm_light(facts),
-                _ => {
-                    return Err(RoleError::NotCapable {
-                        player: "oracle".to_owned(),
-                        reason: format!("{kind:?} is a question that the truth does not answer"),
-                    });
-                }
-            })
+        let answer = request.question.as_deref().and_then(|question| self.answer(question));
+        let value = answer.ok_or_else(|| RoleError::NotCapable {
+            player: "oracle".to_owned(),
+            reason: format!("{} is a question that the truth does not answer", request.name),
         })?;
         Ok(VlmAnswer { raw: value.to_string(), value, usage: Usage::default() })
     }
 }
 
-fn level(facts: &Value) -> Level {
-    serde_json::from_value(facts["level"].clone()).unwrap_or(Level::Furniture)
-}
-
 impl Oracle {
+    /// The answer to a question; `None` for one that the truth does not answer.
+    pub fn answer(&self, question: &Question) -> Option<Value> {
+        self.spent.measured(|| match question {
+            Question::Layout(_) => Some(json!(self.layout())),
+            Question::List(question) => Some(json!(self.list(question.level, question.with_boxes))),
+            Question::Inspect(question) => Some(json!(self.inspect(question))),
+            Question::Fronts(question) => Some(json!(self.fronts(&question.objects))),
+            Question::Orient(question) => Some(json!(self.orient(&question.objects))),
+            Question::Review(question) => Some(json!(self.review(question))),
+            Question::Lights(question) => Some(self.lights(&question.lighting)),
+            // The truth has no completed pictures.
+            Question::Completed(_) => None,
+            // It writes no programs, has nothing against the shapes that there are, and confirms what was measured.
+            question => question.without_looking(),
+        })
+    }
+
     /// A relative error of one sigma.
     pub(super) fn factor(&self, purpose: &str, sigma: f64) -> f64 {
         1.0 + sigma * self.draws.normal(purpose).clamp(-2.5, 2.5)
@@ -196,25 +186,17 @@ impl Oracle {
         wide.then_some(ListedInstance { bounds, outline: Vec::new(), host: None })
     }
 
-    fn inspect(&self, facts: &Value) -> InspectAnswer {
-        let level = level(facts);
-        let candidates = facts["candidates"].as_array().cloned().unwrap_or_default();
+    fn inspect(&self, question: &InspectQuestion) -> InspectAnswer {
         let mut shown = Vec::new();
-        for c in &candidates {
-            let (Some(id), Some(label)) = (c["id"].as_str(), c["label"].as_str()) else { continue };
-            let bounds: Option<PixelBox> = serde_json::from_value(c["box"].clone()).ok();
-            let image: Option<ImageSize> = serde_json::from_value(c["image"].clone()).ok();
-            let object = bounds.zip(image).and_then(|(b, image)| self.recognise(Some(level), label, &b, image));
+        for c in &question.candidates {
+            let object = self.recognise(Some(question.level), &c.label, &c.bounds, c.image);
             if let Some(object) = object {
-                self.remember(id, object);
+                self.remember(c.id.as_str(), object);
             }
-            shown.push((id.to_owned(), label.to_owned(), object));
+            shown.push((c.id.to_string(), c.label.clone(), object));
         }
         let ids: Vec<String> = shown.iter().map(|(id, ..)| id.clone()).collect();
-        let placed: Vec<String> = facts["placed"]
-            .as_array()
-            .map(|a| a.iter().filter_map(|p| p["id"].as_str().map(str::to_owned)).collect())
-            .unwrap_or_default();
+        let placed: Vec<String> = question.placed.iter().map(|known| known.id().to_string()).collect();
         let objects: Vec<InspectedObject> = shown
             .iter()
             .map(|(id, label, object)| {
@@ -358,30 +340,27 @@ impl Oracle {
     }
 
     /// The panel whose turn brings a generated mesh's front to +Z.
-    fn fronts(&self, facts: &Value) -> FrontsAnswer {
-        self.panels(facts, |object, name| {
+    fn fronts(&self, objects: &[NamedObject]) -> FrontsAnswer {
+        self.panels(objects, |object, name| {
             let wrong = self.wrong_quarters(&format!("panel {name}"));
             (4 - self.quarters(object) + wrong) % 4
         })
     }
 
     /// Whether a placed decoration looks right: all but wrong turns are left as they are.
-    fn orient(&self, facts: &Value) -> FrontsAnswer {
-        self.panels(facts, |_, name| self.wrong_quarters(&format!("orient {name}")))
+    fn orient(&self, objects: &[NamedObject]) -> FrontsAnswer {
+        self.panels(objects, |_, name| self.wrong_quarters(&format!("orient {name}")))
     }
 
-    fn panels(&self, facts: &Value, quarters: impl Fn(&TruthObject, &str) -> u32) -> FrontsAnswer {
-        let ids: BTreeSet<String> = facts["objects"]
-            .as_array()
-            .map(|a| a.iter().filter_map(|v| v.as_str().map(str::to_owned)).collect())
-            .unwrap_or_default();
-        let objects = ids
-            .into_iter()
-            .map(|id| {
-                let q = self.recall(&id).map_or(0, |i| quarters(&self.room.objects[i], &self.room.objects[i].id));
-                FrontsObject { front_panel: FrontPanel::ALL[q as usize % 4], id }
+    fn panels(&self, objects: &[NamedObject], quarters: impl Fn(&TruthObject, &str) -> u32) -> FrontsAnswer {
+        let mut objects: Vec<FrontsObject> = objects
+            .iter()
+            .map(|NamedObject { id, .. }| {
+                let q = self.known(id).map_or(0, |object| quarters(object, &object.id));
+                FrontsObject { front_panel: FrontPanel::ALL[q as usize % 4], id: id.clone() }
             })
             .collect();
+        objects.sort_by(|a, b| a.id.cmp(&b.id));
         FrontsAnswer { objects }
     }
 

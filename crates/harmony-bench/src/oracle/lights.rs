@@ -16,10 +16,9 @@ impl Oracle {
     /// The compact lighting specification: which of the listed sources shine, how strongly and in which colour.
     ///
     /// Powers are as far off as three hints: nobody reads watts from a photo.
-    pub(super) fn lights(&self, facts: &Value) -> Value {
-        let listed: Option<Lighting> = serde_json::from_value(facts["lighting"].clone()).ok();
+    pub(super) fn lights(&self, listed: &Lighting) -> Value {
         let (mut lamps, mut windows, mut suns) = (Vec::new(), Vec::new(), Vec::new());
-        for light in listed.iter().flat_map(|l| &l.lights) {
+        for light in &listed.lights {
             let truth = self.true_light(light);
             let color = truth.map(|t| brightest_one(t.color));
             let intensity = truth.map(|t| {
@@ -43,14 +42,6 @@ impl Oracle {
             "ambient": null, "directional": suns, "point_lights": lamps, "windows": windows,
             "summary": "as in the truth",
         })
-    }
-
-    /// What measurement proposes is confirmed.
-    pub(super) fn confirm_light(facts: &Value) -> Value {
-        match &facts["proposed"] {
-            Value::Object(proposed) => Value::Object(proposed.clone()),
-            _ => json!({ "verdict": "converged" }),
-        }
     }
 
     /// The true light that a light of the run is.
@@ -144,18 +135,11 @@ mod tests {
             exposure: 0.0,
             view: harmony_scene::ViewTransform::Agx,
         };
-        let said = oracle.lights(&json!({ "lighting": lighting }));
+        let said = oracle.lights(&lighting);
         let spec: Vec<&Value> = said["windows"].as_array().unwrap().iter().collect();
         assert_eq!(spec[0]["daylight_on"], true);
         assert!((spec[0]["intensity"].as_f64().unwrap() - 2.0).abs() < 1e-9);
         assert!((spec[0]["color"][0].as_f64().unwrap() - 0.86).abs() < 1e-9);
         assert_eq!((&spec[1]["daylight_on"], &spec[1]["intensity"]), (&json!(false), &Value::Null));
-    }
-
-    #[test]
-    fn what_was_measured_is_confirmed() {
-        let proposed = json!({ "global_intensity_mult": 1.2, "verdict": "adjust" });
-        assert_eq!(Oracle::confirm_light(&json!({ "proposed": proposed })), proposed);
-        assert_eq!(Oracle::confirm_light(&json!({}))["verdict"], "converged");
     }
 }

@@ -1,10 +1,9 @@
 //! What a reviewer of two pictures would notice: gross faults only, most of them, and now and then one that is none.
 
 use glam::DVec3;
-use harmony_prompts::{ReviewActionAnswer, ReviewActionKind, ReviewAnswer};
-use harmony_scene::{Level, Support};
+use harmony_prompts::{ReviewActionAnswer, ReviewActionKind, ReviewAnswer, ReviewQuestion};
+use harmony_scene::Support;
 use rand::Rng;
-use serde_json::Value;
 
 use super::{Oracle, normal};
 
@@ -16,12 +15,11 @@ const VISIBLE_TURN: f64 = 40.0;
 const VISIBLE_RATIO: f64 = 1.25;
 
 impl Oracle {
-    pub(super) fn review(&self, facts: &Value) -> ReviewAnswer {
-        let level: Option<Level> = serde_json::from_value(facts["level"].clone()).ok();
+    pub(super) fn review(&self, question: &ReviewQuestion) -> ReviewAnswer {
         let mut actions = Vec::new();
-        for row in facts["placed"].as_array().cloned().unwrap_or_default() {
-            let Some(id) = row["id"].as_str() else { continue };
-            let Some(object) = self.known(id).filter(|o| level.is_none_or(|l| l == o.level)) else { continue };
+        for row in &question.placed {
+            let id = row.id.as_str();
+            let Some(object) = self.known(id).filter(|o| o.level == question.level) else { continue };
             let mut rng = self.draws.rng(&format!("review {id}"));
             let sees = rng.random::<f64>() < self.noise.noticed;
             let imagines = rng.random::<f64>() < self.noise.false_alarms;
@@ -44,17 +42,16 @@ impl Oracle {
             if !sees {
                 continue;
             }
-            let support: Option<Support> = serde_json::from_value(row["support"].clone()).ok();
-            if let (Support::Object { id: host }, Some(now)) = (&object.support, support) {
+            if let Support::Object { id: host } = &object.support {
                 let right = self.id_of(host.as_str());
-                let is_right = matches!(&now, Support::Object { id } if Some(id.as_str()) == right.as_deref());
+                let is_right = matches!(&row.support, Support::Object { id } if Some(id.as_str()) == right.as_deref());
                 if let (false, Some(right)) = (is_right, right) {
                     let rehost = action(ReviewActionKind::Rehost, "it stands on something else in the photo");
                     actions.push(ReviewActionAnswer { other: Some(right), ..rehost });
                     continue;
                 }
             }
-            let turn = object.yaw.to_degrees() - row["yaw_deg"].as_f64().unwrap_or(0.0);
+            let turn = object.yaw.to_degrees() - row.yaw_deg;
             let turn = (turn + 180.0).rem_euclid(360.0) - 180.0;
             if Self::turns_matter(object) && turn.abs() > VISIBLE_TURN {
                 let quarter = (turn / 45.0).round() * 45.0;
@@ -62,8 +59,7 @@ impl Oracle {
                 actions.push(ReviewActionAnswer { angle_deg: Some(quarter), ..rotate });
                 continue;
             }
-            let side = |k: &str| row["size"][k].as_f64().unwrap_or(1.0);
-            let now = DVec3::new(side("width"), side("height"), side("depth")).max(DVec3::splat(1e-3));
+            let now = row.size.as_vec().max(DVec3::splat(1e-3));
             let ratio = (object.size / now).max(DVec3::splat(1e-3));
             let ratio = (ratio.x * ratio.y * ratio.z).cbrt();
             if ratio.max(1.0 / ratio) > VISIBLE_RATIO {
@@ -72,8 +68,7 @@ impl Oracle {
                 actions.push(ReviewActionAnswer { factor: Some([factor; 3]), ..rescale });
                 continue;
             }
-            let at = |i: usize| row["position"][i].as_f64().unwrap_or(0.0);
-            let off = object.position - DVec3::new(at(0), at(1), at(2));
+            let off = object.position - DVec3::from_array(row.position);
             let off = DVec3::new(off.x, 0.0, off.z);
             if off.length() > VISIBLE_MOVE {
                 let guess = off * (1.0 + 2.0 * self.noise.size * normal(&mut rng)).clamp(0.2, 2.0);

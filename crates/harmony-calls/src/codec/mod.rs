@@ -29,6 +29,10 @@ pub(crate) trait Recordable: Clone + Send + Sync + 'static {
     fn name(&self) -> &str;
     /// Who is playing.
     fn card(player: &Self::Player) -> PlayerCard;
+    /// Whether it answers in its own time, as a person does.
+    fn in_own_time(_player: &Self::Player) -> bool {
+        false
+    }
     /// Asks the player once.
     fn play(&self, player: &Self::Player) -> impl Future<Output = Result<Self::Answer, RoleError>> + Send;
     /// Adds everything that the answer may depend on.

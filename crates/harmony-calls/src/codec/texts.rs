@@ -31,6 +31,10 @@ impl Recordable for VlmRequest {
         player.card()
     }
 
+    fn in_own_time(player: &Self::Player) -> bool {
+        player.in_own_time()
+    }
+
     async fn play(&self, player: &Self::Player) -> Result<VlmAnswer, RoleError> {
         player.ask(self).await
     }
@@ -39,7 +43,7 @@ impl Recordable for VlmRequest {
         hasher.text("prompt", &self.prompt);
         hasher.json("schema", &self.schema);
         hasher.json("example", &self.example);
-        hasher.json("facts", &self.facts);
+        hasher.json("facts", &self.facts());
         for picture in &self.pictures {
             hasher.text("caption", &picture.caption);
             hasher.pixels("picture", &rgb_hash(&picture.image));
@@ -53,7 +57,7 @@ impl Recordable for VlmRequest {
             images.push(show_rgb(out, &file, &picture.image, &picture.caption, offline)?);
         }
         out.text("prompt.md", &self.prompt)?;
-        out.json("request.json", &json!({"images": images, "schema": self.schema, "facts": self.facts}))
+        out.json("request.json", &json!({"images": images, "schema": self.schema, "facts": self.facts()}))
     }
 
     fn write_answer(&self, answer: &VlmAnswer, out: &RecordWriter<'_>) -> Result<(), BookError> {

@@ -22,6 +22,8 @@ struct Slow {
     places: usize,
     running: AtomicUsize,
     most: AtomicUsize,
+    /// What it says of its rate with every answer.
+    closed_for: Option<Duration>,
     asked: Mutex<Vec<(String, Instant)>>,
 }
 
@@ -32,6 +34,7 @@ impl Slow {
             places,
             running: AtomicUsize::new(0),
             most: AtomicUsize::new(0),
+            closed_for: None,
             asked: Mutex::default(),
         })
     }
@@ -55,7 +58,7 @@ impl VisionLanguage for Slow {
         tokio::time::sleep(self.takes).await;
         self.running.fetch_sub(1, Ordering::SeqCst);
         let value = json!({"width_m": 4});
-        let usage = Usage { input_tokens: 500, output_tokens: 500, ..Usage::default() };
+        let usage = Usage { input_tokens: 500, output_tokens: 500, closed_for: self.closed_for, ..Usage::default() };
         Ok(VlmAnswer { raw: value.to_string(), value, usage })
     }
 }
@@ -81,6 +84,21 @@ fn too_many() -> RoleError {
         status: Some(429),
         retry_after,
     }
+}
+
+/// Better to wait than to be refused: nobody is asked before the time that came with an answer is over.
+#[tokio::test(start_paused = true)]
+async fn a_player_that_says_with_its_answer_that_its_rate_is_used_up_is_left_alone_until_the_reset() {
+    let run = tempfile::tempdir().unwrap();
+    let slow = Slow::new(1, 1);
+    let slow = Arc::new(Slow { closed_for: Some(Duration::from_secs(30)), ..Arc::into_inner(slow).unwrap() });
+    let desk = desk(run.path(), slow.cast(), CallOptions::default());
+    for i in 0..3 {
+        desk.calls.ask(&width_question(&format!("1_layout/q_{i}")), sane).await.unwrap();
+    }
+    let times: Vec<Instant> = slow.asked.lock().unwrap().iter().map(|(_, at)| *at).collect();
+    let gaps: Vec<u64> = times.windows(2).map(|w| w[1].duration_since(w[0]).as_secs()).collect();
+    assert_eq!(gaps, [31, 31], "one second of work and the pause");
 }
 
 #[tokio::test(start_paused = true)]

@@ -73,7 +73,7 @@ pub fn run(args: &Args) -> Result<u8> {
         Some(run) => CallBook::look(run).log()?,
         None => Vec::new(),
     };
-    let found = estimate(inventory, &casting.cast, casting.path_tracer, &config.prices, &log);
+    let found = estimate(inventory, &casting.cast, casting.cast.can().traces, &config.prices, &log);
     if args.json {
         say!("{}", serde_json::to_string_pretty(&found)?)?;
     } else {

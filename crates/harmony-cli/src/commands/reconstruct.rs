@@ -166,11 +166,6 @@ async fn reconstruct(args: Args) -> Result<u8> {
     stopping::on_interrupt(&calls);
     let ticker = stopping::show_calls(&calls, &display);
     let replaying = args.replay.is_some();
-    // A recording without a detector's answers has boxes with its lists.
-    let boxes_from_vlm = match calls.book().recording() {
-        Some(recording) => !recording.played_outside(Role::Detector),
-        None => casting.boxes_from_vlm,
-    };
     let run_request = RunRequest {
         title: args.photo.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
         photo,
@@ -178,8 +173,7 @@ async fn reconstruct(args: Args) -> Result<u8> {
         profile: if replaying { format!("{} (replayed)", profile.name()) } else { profile.name().to_owned() },
         settings: config.settings,
         until: args.until.unwrap_or(PHASES.len() - 1),
-        boxes_from_vlm,
-        path_tracer: casting.path_tracer,
+        path_tracer: !args.no_lit,
         further_inputs: casting.inputs,
     };
     let outcome = Box::pin(harmony_pipeline::run(&run_request, &calls, &warnings, &display.sink())).await;

@@ -11,7 +11,7 @@ use harmony_imaging::border::Border;
 use harmony_imaging::sheet::grid_overlay;
 use harmony_io::Photo;
 use harmony_placement::{PartialScene, RoomPoints};
-use harmony_prompts::{BackWallSide, LayoutAnswer, LayoutVars, PinKind, layout};
+use harmony_prompts::{BackWallSide, KnownDepth, LayoutAnswer, LayoutQuestion, PinKind, UnaidedRoom};
 use harmony_roles::{GeometryAnswer, GeometryRequest, Picture};
 use harmony_scene::{Camera, Extents, ImageSize, Room, Surface, SurfaceTexture, WarningKind};
 use image::RgbImage;
@@ -187,26 +187,24 @@ async fn ask(
     geometry: &GeometryAnswer,
     unaided: &harmony_geometry::RoomBox,
 ) -> Result<LayoutAnswer, PhaseError> {
-    let measured = match geometry {
-        GeometryAnswer::Points(map) => match map.kind {
-            harmony_scene::PointMapKind::Metric => {
-                "A depth sensor measured the scene in metres; what you see fixes names, openings and textures.".to_owned()
-            }
-            _ => "A point map up to one unknown scale is there; the ceiling height you give sets the scale, so estimate it with care.".to_owned(),
-        },
-        GeometryAnswer::NoDepth { .. } => {
-            "Nothing is measured: the pins and the ceiling height you give fix the camera, so place them with care.".to_owned()
-        }
+    let depth = match geometry {
+        GeometryAnswer::Points(map) if map.kind == harmony_scene::PointMapKind::Metric => KnownDepth::Metric,
+        GeometryAnswer::Points(_) => KnownDepth::UpToScale,
+        GeometryAnswer::NoDepth { .. } => KnownDepth::None,
     };
-    let question = layout(&LayoutVars { width: photo.width(), height: photo.height(), measured });
-    let facts = json!({
-        "extents": unaided.extents,
-        "camera_height_m": unaided.camera.centre().y,
-        "tilt_deg": (-unaided.camera.forward().y).clamp(-1.0, 1.0).asin().to_degrees(),
-        "yaw_deg": (-unaided.camera.forward().x).atan2(-unaided.camera.forward().z).to_degrees(),
-        "dist_to_back_m": unaided.camera.centre().z,
-        "confidence": unaided.confidence,
-    });
+    let (centre, forward) = (unaided.camera.centre(), unaided.camera.forward());
+    let question = LayoutQuestion {
+        photo: ImageSize::new(photo.width(), photo.height()),
+        depth,
+        unaided: Some(UnaidedRoom {
+            extents: unaided.extents,
+            camera_height_m: centre.y,
+            tilt_deg: (-forward.y).clamp(-1.0, 1.0).asin().to_degrees(),
+            yaw_deg: (-forward.x).atan2(-forward.z).to_degrees(),
+            dist_to_back_m: centre.z,
+            confidence: unaided.confidence,
+        }),
+    };
     let pictures = vec![
         Picture { caption: "IMAGE 1: the photograph".into(), image: photo.clone() },
         Picture {
@@ -214,7 +212,7 @@ async fn ask(
             image: Arc::new(grid_overlay(photo, 50).picture),
         },
     ];
-    ctx.ask("layout", question, pictures, facts, |answer: &LayoutAnswer| answer.check()).await
+    ctx.ask("layout", question, pictures).await
 }
 
 /// The layout answer in the words of the calibration, pixels of an image of this size.

@@ -1,10 +1,10 @@
 //! Phase 6, materials and light. Paper Sec. 3.4 and App. C "Material and Lighting Estimation".
 
 use harmony_catalogue::{Emission, emission};
-use harmony_lighting::{LightingSpec, lights_from_scene};
-use harmony_prompts::{LightsVars, lights};
+use harmony_lighting::lights_from_scene;
+use harmony_prompts::{LightsQuestion, SeenObject};
 use harmony_roles::Picture;
-use harmony_scene::{Light, LightKind, Lighting, SceneObject, WarningKind};
+use harmony_scene::{Light, Lighting, SceneObject, WarningKind};
 use image::RgbImage;
 use serde_json::{Value, json};
 
@@ -56,37 +56,25 @@ async fn ask_sources(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &mut Ligh
         return Ok(());
     }
     let objects = outputs::scene_objects(state);
-    let sources: Vec<String> = lighting
-        .lights
-        .iter()
-        .map(|l| {
-            let kind = match l.kind {
-                LightKind::Point { .. } => "lamp",
-                // Answered among the windows, as it is a rectangle of light like them.
-                LightKind::Area { .. } if shows_a_picture(&objects, l) => "screen (answer in windows)",
-                LightKind::Area { .. } => "window",
-                LightKind::Sun { .. } => "sun",
-            };
-            format!(
-                "- {}: {kind} at ({:.2}, {:.2}, {:.2}), {:.0} W",
-                l.id, l.position[0], l.position[1], l.position[2], l.intensity
-            )
-        })
-        .collect();
-    let question = lights(&LightsVars { sources });
+    let question = LightsQuestion {
+        lighting: lighting.clone(),
+        screens: lighting.lights.iter().filter(|l| shows_a_picture(&objects, l)).map(|l| l.id.clone()).collect(),
+        photo_luminance: mean_luminance(&state.photo),
+        seen: state
+            .partial
+            .placed
+            .iter()
+            .filter_map(|p| {
+                let luminance = mask_luminance(state, &p.item.mask)?;
+                Some(SeenObject { id: p.item.id.clone(), luminance })
+            })
+            .collect(),
+    };
     let pictures = vec![
         Picture { caption: "IMAGE 1: the photo".into(), image: state.photo.clone() },
         Picture { caption: "IMAGE 2: the flat render".into(), image: views::flat(state) },
     ];
-    let facts = json!({
-        "lighting": lighting,
-        "photo_luminance": mean_luminance(&state.photo),
-        "seen": state.partial.placed.iter().filter_map(|p| {
-            let bright = mask_luminance(state, &p.item.mask)?;
-            Some(json!({ "id": p.item.id, "luminance": bright }))
-        }).collect::<Vec<_>>(),
-    });
-    let spec: LightingSpec = ctx.ask("lights", question, pictures, facts, |_: &LightingSpec| Ok(())).await?;
+    let spec = ctx.ask("lights", question, pictures).await?;
     for note in spec.apply(lighting) {
         ctx.warn(WarningKind::AnswerRepaired, None, note);
     }

@@ -7,7 +7,7 @@ use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_lighting::{MaterialAnswer, material_for};
 use harmony_mesh::{PartModel, TextureMode, broad_sides, front_by_form, front_by_size};
 use harmony_placement::Shape;
-use harmony_prompts::{FrontPanel, FrontsAnswer, FrontsVars, InspectedObject, InspectedSize, fronts};
+use harmony_prompts::{FrontPanel, FrontsQuestion, InspectedObject, InspectedSize, NamedObject};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture};
 use harmony_scene::{Level, ObjectId, PlacementType, Size, SurfaceMaterial, WarningKind};
 use image::RgbaImage;
@@ -80,12 +80,10 @@ pub async fn canonicalise(
             (mesh, turn, sheet, panels, by_form, among)
         })
         .await?;
-    let question = fronts(&FrontsVars { objects: vec![format!("- {id}: {}", c.inspected.kind)] });
+    let shown = NamedObject { id: id.clone(), about: c.inspected.kind.clone() };
+    let question = FrontsQuestion { objects: vec![shown] };
     let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
-    let asked = vec![id.clone()];
-    let facts = json!({ "objects": asked });
-    let answer: FrontsAnswer =
-        ctx.ask(&format!("{id}/front"), question, vec![sheet], facts, move |a: &FrontsAnswer| a.check(&asked)).await?;
+    let answer = ctx.ask(&format!("{id}/front"), question, vec![sheet]).await?;
     let answered = answer.objects.iter().find(|o| o.id == id).map(|o| o.front_panel);
     // A panel's turn brings the front to +Z.
     let panel_of = |quarters: u8| FrontPanel::ALL[(4 - usize::from(quarters)) % 4];

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use harmony_imaging::sheet::{LabelledBox, draw_boxes, grid_overlay, palette};
-use harmony_prompts::{ListAnswer, ListVars, ListedItem, list};
+use harmony_prompts::{ListAnswer, ListQuestion, ListedItem, PlacedObject, RoomView};
 use harmony_roles::{DetectRequest, Detection, PhraseRequest, Picture, SegmentPrompt, SegmentRequest};
 use harmony_scene::{ImageSize, Level, Mask, ObjectId, PixelBox, WarningKind};
 use image::RgbImage;
@@ -41,7 +41,7 @@ pub struct Found {
 /// # Errors
 /// Fatal role errors only; a player that fails is replaced.
 pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> Result<Found, PhaseError> {
-    let with_boxes = ctx.boxes_from_vlm;
+    let with_boxes = !ctx.can().gives_boxes;
     let wanted = ask_list(ctx, "list", level, state, with_boxes).await?;
     let size = state.partial.camera.size;
     let (found, mut hosts) = if with_boxes {
@@ -177,22 +177,25 @@ async fn ask_list(
     state: &Arc<SceneState>,
     with_boxes: bool,
 ) -> Result<ListAnswer, PhaseError> {
-    let placed: Vec<String> = if level == Level::Decoration {
-        state.partial.placed.iter().filter(|p| p.item.level != Level::Ceiling).map(crate::views::line).collect()
+    let placed: Vec<PlacedObject> = if level == Level::Decoration {
+        let below = state.partial.placed.iter().filter(|p| p.item.level != Level::Ceiling);
+        below.map(crate::views::placed_object).collect()
     } else {
         Vec::new()
     };
-    let question = list(&ListVars { level, room_type: state.layout.answer.room.room_type.clone(), with_boxes, placed });
-    let facts = json!({
-        "level": level,
-        "with_boxes": with_boxes,
-        "camera": harmony_scene::SceneCamera::from(&state.partial.camera),
-        "extents": state.partial.room.extents,
-    });
+    let question = ListQuestion {
+        level,
+        room_type: state.layout.answer.room.room_type.clone(),
+        with_boxes,
+        placed,
+        view: Some(RoomView {
+            camera: harmony_scene::SceneCamera::from(&state.partial.camera),
+            extents: state.partial.room.extents,
+        }),
+    };
     let shown = Arc::clone(state);
     let pictures = ctx.computed(move || list_pictures(level, &shown)).await?;
-    let answer: ListAnswer = ctx.ask(call, question, pictures, facts, |answer: &ListAnswer| answer.check()).await?;
-    Ok(answer)
+    ctx.ask(call, question, pictures).await
 }
 
 /// The label of a listed kind's objects.

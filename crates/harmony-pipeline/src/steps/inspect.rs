@@ -5,11 +5,10 @@ use std::sync::Arc;
 
 use futures::future::join_all;
 use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
-use harmony_prompts::{InspectAnswer, InspectVars, InspectedObject, InspectedSize, inspect};
-use harmony_roles::{Picture, Role};
+use harmony_prompts::{InspectAnswer, InspectCandidate, InspectQuestion, InspectedObject, InspectedSize};
+use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, Size, WarningKind};
 use image::RgbaImage;
-use serde_json::json;
 
 use crate::before::Before;
 use crate::ctx::{PhaseCtx, PhaseError};
@@ -71,48 +70,29 @@ async fn ask(
     name: &str,
 ) -> Result<InspectAnswer, PhaseError> {
     let state = &before.state;
-    let ids: Vec<String> = candidates.iter().map(|c| c.id.to_string()).collect();
-    let size = state.partial.camera.size;
-    let question = inspect(&InspectVars {
+    let question = InspectQuestion {
         level,
         room_type: state.layout.answer.room.room_type.clone(),
-        room: views::room_line(state),
+        room: views::room_summary(state),
         candidates: candidates
             .iter()
-            .map(|c| {
-                let b = c.detection.bounds;
-                let (kx, ky) = (1000.0 / f64::from(size.width), 1000.0 / f64::from(size.height));
-                let host = c.host_hint.as_ref().map_or(String::new(), |h| format!(", listed on {h}"));
-                format!(
-                    "- {}: {} (\"{}\"), box [{:.0}, {:.0}, {:.0}, {:.0}]{host}",
-                    c.id,
-                    c.detection.label,
-                    c.detection.phrase,
-                    b.x0 * kx,
-                    b.y0 * ky,
-                    b.x1 * kx,
-                    b.y1 * ky
-                )
+            .map(|c| InspectCandidate {
+                id: c.id.clone(),
+                label: c.detection.label.clone(),
+                phrase: c.detection.phrase.clone(),
+                bounds: c.detection.bounds,
+                image: state.partial.camera.size,
+                estimated_size_m: views::apparent_size(state, c),
+                host: c.host_hint.clone(),
             })
             .collect(),
-        placed: before.lines(),
+        placed: before.objects(),
         templates: harmony_catalogue::templates().map(str::to_owned).collect(),
-        with_models: !ctx.played_outside(Role::MeshGenerator),
-    });
+        with_models: !ctx.can().makes_shapes,
+    };
     let (shown, listed) = (Arc::clone(state), candidates.to_vec());
     let pictures = ctx.computed(move || pictures(&shown, &listed)).await?;
-    let facts = json!({
-        "level": level,
-        "room": state.partial.room.extents,
-        "candidates": candidates.iter().map(|c| json!({
-            "id": c.id, "label": c.detection.label, "box": c.detection.bounds, "image": size,
-            "estimated_size_m": views::apparent_size(state, c),
-            "host": c.host_hint,
-        })).collect::<Vec<_>>(),
-        "placed": before.facts(),
-    });
-    let asked = ids.clone();
-    ctx.ask(name, question, pictures, facts, move |answer: &InspectAnswer| answer.check(&asked)).await
+    ctx.ask(name, question, pictures).await
 }
 
 /// The photo with the candidates, the empty room, and sheets of crops.

@@ -7,7 +7,7 @@ use harmony_lighting::Judgement;
 use harmony_mesh::{Mesh, linear_rgb, parse_color};
 use harmony_placement::ReviewAction;
 use harmony_program::GUIDE;
-use harmony_prompts::{LastAction, LastActionKind, LastLookAnswer, LastLookVars, last_look};
+use harmony_prompts::{LastAction, LastActionKind, LastLookAnswer, LastLookQuestion, ListedLight, PaintedObject};
 use harmony_render::canonical_camera;
 use harmony_roles::Picture;
 use harmony_scene::{ImageSize, Lighting, ObjectId, Surface, WarningKind};
@@ -36,7 +36,7 @@ pub async fn until_settled(
 ) -> Result<Option<LitPictures>, PhaseError> {
     for round in 1..=ctx.settings.lighting.last_looks {
         let name = format!("last_look_{round}");
-        if !ctx.is_answered(&name) || state.partial.placed.is_empty() {
+        if !ctx.is_looked_at(&name) || state.partial.placed.is_empty() {
             break;
         }
         ctx.step(&format!("last look {round}"));
@@ -112,32 +112,20 @@ async fn ask(
     lit: Option<&LitPictures>,
     name: &str,
 ) -> Result<LastLookAnswer, PhaseError> {
-    let ids: Vec<String> = state.partial.placed.iter().map(|p| p.item.id.to_string()).collect();
-    let lights: Vec<String> = state.lighting.iter().flat_map(|l| &l.lights).map(|light| light.id.clone()).collect();
-    let objects = state.partial.placed.iter().map(|p| {
-        let slots = state.mesh_of(&p.item.id).map_or(String::new(), |mesh| {
-            mesh.materials.iter().map(|m| m.name.as_str()).collect::<Vec<_>>().join(", ")
-        });
-        format!("{}; slots: {slots}", views::line(p))
+    let objects = state.partial.placed.iter().map(|p| PaintedObject {
+        object: views::placed_object(p),
+        slots: state.mesh_of(&p.item.id).iter().flat_map(|m| &m.materials).map(|m| m.name.clone()).collect(),
     });
-    let question = last_look(&LastLookVars {
-        room: views::room_line(state),
+    let question = LastLookQuestion {
+        room: views::room_summary(state),
         objects: objects.collect(),
-        lights: state.lighting.iter().flat_map(|l| &l.lights).map(light_line).collect(),
+        lights: state.lighting.iter().flat_map(|l| &l.lights).cloned().map(ListedLight).collect(),
         findings: findings(state, lit.is_some()),
         guide: GUIDE.to_owned(),
-    });
+    };
     let (shown, lit) = (state.clone(), lit.cloned());
     let pictures = ctx.computed(move || pictures(&shown, lit)).await?;
-    let (asked, sources) = (ids.clone(), lights.clone());
-    let facts = json!({ "objects": ids, "lights": lights });
-    ctx.ask(name, question, pictures, facts, move |answer: &LastLookAnswer| answer.check(&asked, &sources)).await
-}
-
-fn light_line(light: &harmony_scene::Light) -> String {
-    let [x, y, z] = light.position;
-    let state = if light.on { "on" } else { "off" };
-    format!("- {}: at ({x:.2}, {y:.2}, {z:.2}), {:.1} W, {state}", light.id, light.intensity)
+    ctx.ask(name, question, pictures).await
 }
 
 /// What geometry and colour complain about.

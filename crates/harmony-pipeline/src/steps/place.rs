@@ -5,7 +5,7 @@ use std::sync::Arc;
 use harmony_catalogue::Trait;
 use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_placement::{Item, LevelReport, ReviewAction, Traits, YawHint, place_level};
-use harmony_prompts::{FrontPanel, FrontsAnswer, FrontsVars, Occlusion, orient};
+use harmony_prompts::{FrontPanel, NamedObject, Occlusion, OrientQuestion};
 use harmony_roles::Picture;
 use harmony_scene::{
     Camera, Level, ObjectId, OpeningKind, Placement, Relations, Similarity, Size, Support, WallAffinity, WarningKind,
@@ -150,7 +150,7 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
 /// # Errors
 /// Fatal role errors only.
 pub async fn orient_decorations(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
-    if !ctx.is_answered("orient") {
+    if !ctx.is_looked_at("orient") {
         return Ok(());
     }
     let turning: Vec<usize> = (0..state.partial.placed.len())
@@ -163,18 +163,9 @@ pub async fn orient_decorations(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> R
         return Ok(());
     }
     let (shown, wanted) = (state.clone(), turning.clone());
-    let (sheet, ids) = ctx.computed(move || orientation_sheet(&shown, &wanted)).await?;
-    let question = orient(&FrontsVars {
-        objects: turning
-            .iter()
-            .map(|i| format!("- {}: {}", state.partial.placed[*i].item.id, state.partial.placed[*i].item.label))
-            .collect(),
-    });
+    let (sheet, objects) = ctx.computed(move || orientation_sheet(&shown, &wanted)).await?;
     let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
-    let asked = ids.clone();
-    let answer: FrontsAnswer = ctx
-        .ask("orient", question, vec![sheet], json!({ "objects": ids }), move |a: &FrontsAnswer| a.check(&asked))
-        .await?;
+    let answer = ctx.ask("orient", OrientQuestion { objects }, vec![sheet]).await?;
     for i in turning {
         let object = state.partial.placed[i].item.id.clone();
         let answered = answer.objects.iter().find(|o| o.id == object.as_str()).map(|o| o.front_panel);
@@ -188,22 +179,22 @@ pub async fn orient_decorations(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> R
     Ok(())
 }
 
-/// A row an object: the photo around it and four renders of the scene with it turned; and the ids shown.
-fn orientation_sheet(state: &SceneState, turning: &[usize]) -> (RgbImage, Vec<String>) {
+/// A row an object: the photo around it and four renders of the scene with it turned; and the objects shown.
+fn orientation_sheet(state: &SceneState, turning: &[usize]) -> (RgbImage, Vec<NamedObject>) {
     let mut pictures: Vec<(String, RgbaImage)> = Vec::new();
-    let mut ids = Vec::new();
+    let mut shown = Vec::new();
     for i in turning {
-        let id = state.partial.placed[*i].item.id.clone();
+        let Item { id, label, .. } = &*state.partial.placed[*i].item;
         let Some(window) = views::window_around(state, *i) else { continue };
         pictures.push((format!("{id} photo"), views::photo_window(state, window)));
         for (k, letter) in ["A", "B", "C", "D"].iter().enumerate() {
             let turn = FrontPanel::ALL[k].yaw();
             pictures.push((format!("{id} {letter}"), views::turned(state, *i, turn, window)));
         }
-        ids.push(id.to_string());
+        shown.push(NamedObject { id: id.to_string(), about: label.clone() });
     }
     let cells: Vec<Cell<'_>> = pictures.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
-    (contact_sheet(&cells, 5, 240), ids)
+    (contact_sheet(&cells, 5, 240), shown)
 }
 
 /// Writes `placements.json` and the level's renders.

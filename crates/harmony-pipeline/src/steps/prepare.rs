@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use futures::future::join_all;
 use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
-use harmony_prompts::{CompletedAnswer, CompletedVars, InspectedObject, Occlusion, completed};
-use harmony_roles::{EditKind, EditRequest, GeneratedMesh, MeshRequest, Picture, Role};
+use harmony_prompts::{CompletedQuestion, InspectedObject, NamedObject, Occlusion};
+use harmony_roles::{EditKind, EditRequest, GeneratedMesh, MeshRequest, Picture};
 use harmony_scene::{Level, ObjectId, Size, WarningKind};
 use image::RgbaImage;
 use serde_json::{Value, json};
@@ -84,8 +84,8 @@ pub async fn all(
         }
     }
     // What this program makes itself costs nothing, and a part model is made for each object's own mask.
-    let made_outside = ctx.played_outside(Role::MeshGenerator);
-    let groups = if made_outside { identical(wanted) } else { wanted.into_iter().map(|one| vec![one]).collect() };
+    let groups =
+        if ctx.can().makes_shapes { identical(wanted) } else { wanted.into_iter().map(|one| vec![one]).collect() };
     let outcomes = join_all(groups.into_iter().map(|group| chain(ctx, level, state, group, &programs))).await;
     let mut ready = Vec::new();
     for outcome in outcomes.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().flatten() {
@@ -206,8 +206,7 @@ async fn chain(
 /// Amodal completion of what is hidden, inspected, with one more try.
 async fn complete(ctx: &PhaseCtx<'_>, state: &Arc<SceneState>, c: &mut Completed) -> Result<(), PhaseError> {
     // This program's own fill can't invent what is hidden, so for part models the masked crop is enough.
-    let editor_draws = ctx.played_outside(Role::ImageEditor);
-    if !editor_draws || c.inspected.occlusion == Occlusion::None {
+    if !ctx.can().draws || c.inspected.occlusion == Occlusion::None {
         return Ok(());
     }
     c.image = edit(ctx, state, c, "complete", "").await?;
@@ -258,13 +257,10 @@ async fn inspect_completed(
         })
         .await?;
     let Some(sheet) = sheet else { return Ok(None) };
-    let question = completed(&CompletedVars { objects: vec![format!("- {id}: {}", c.inspected.description)] });
+    let shown = NamedObject { id: id.clone(), about: c.inspected.description.clone() };
+    let question = CompletedQuestion { objects: vec![shown] };
     let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
-    let asked = vec![id.clone()];
-    let facts = json!({ "objects": asked });
-    let answer: CompletedAnswer = ctx
-        .ask(&format!("{id}/completed"), question, vec![sheet], facts, move |a: &CompletedAnswer| a.check(&asked))
-        .await?;
+    let answer = ctx.ask(&format!("{id}/completed"), question, vec![sheet]).await?;
     Ok(answer.objects.into_iter().find(|o| o.id == id).filter(|o| !o.matches).map(|o| o.hint))
 }
 

@@ -12,13 +12,12 @@ use harmony_imaging::sheet::{grid_overlay, ruled_window};
 use harmony_mesh::Tile;
 use harmony_placement::{Shape, reshape};
 use harmony_program::{ChildCommand, GUIDE, Inputs, Limits};
-use harmony_prompts::{InspectedObject, ProgramsAnswer, ProgramsVars, programs};
-use harmony_roles::{GeneratedMesh, MeshFrame, Picture, Role, Usage};
+use harmony_prompts::{InspectedObject, ProgramsAnswer, ProgramsQuestion, ToModel, WithoutProgram};
+use harmony_roles::{GeneratedMesh, MeshFrame, Picture, Usage};
 use harmony_scene::{Camera, Extents, ImageSize, ObjectId, Size, WarningKind};
 use harmony_shape::ShapeTree;
 use harmony_shape::build::{BuildContext, BuiltShape, lazy_signs};
 use image::RgbImage;
-use serde_json::json;
 
 use super::detect;
 use super::inspect::Inspection;
@@ -170,7 +169,7 @@ pub async fn ask(
 ) -> Result<BTreeMap<ObjectId, Program>, PhaseError> {
     let settings = ctx.settings.programs;
     let mut found = BTreeMap::new();
-    if ctx.played_outside(Role::MeshGenerator) || settings.most_objects == 0 {
+    if ctx.can().makes_shapes || settings.most_objects == 0 {
         return Ok(found);
     }
     let smallest = settings.smallest_share * state.photo.width() as f64 * f64::from(state.photo.height());
@@ -183,7 +182,7 @@ pub async fn ask(
     wanted.truncate(settings.most_objects);
     let answers = join_all(wanted.chunks(settings.objects_per_question).enumerate().map(|(part, chunk)| {
         let name = if part == 0 { "programs".to_owned() } else { format!("programs_{}", part + 1) };
-        async move { if ctx.is_answered(&name) { ask_for(ctx, state, chunk, &name).await } else { Ok(Vec::new()) } }
+        async move { if ctx.is_looked_at(&name) { ask_for(ctx, state, chunk, &name).await } else { Ok(Vec::new()) } }
     }))
     .await;
     for answer in answers {
@@ -199,20 +198,18 @@ async fn ask_for(
     name: &str,
 ) -> Result<Vec<(ObjectId, Program)>, PhaseError> {
     ctx.step(&format!("modelling {} objects", objects.len()));
-    let ids: Vec<String> = objects.iter().map(|(c, _)| c.id.to_string()).collect();
-    let question = programs(&ProgramsVars {
-        room: views::room_line(state),
-        objects: objects.iter().map(|(c, o)| line(c, o, state.partial.camera.size)).collect(),
+    let question = ProgramsQuestion {
+        room: views::room_summary(state),
+        objects: objects.iter().map(|(c, o)| to_model(c, o, state.partial.camera.size)).collect(),
         guide: GUIDE.to_owned(),
-    });
+    };
     let (shown, listed) = (Arc::clone(state), objects.iter().map(|(c, _)| (*c).clone()).collect::<Vec<_>>());
     let pictures = ctx.computed(move || pictures(&shown, &listed)).await?;
     let sizes: BTreeMap<String, Size> = objects.iter().map(|(c, o)| (c.id.to_string(), size_of(o))).collect();
     let around = Surroundings::of(state);
-    let (asked, photo) = (ids.clone(), Arc::clone(&state.photo));
-    let answer: ProgramsAnswer = ctx
-        .ask(name, question, pictures, json!({ "objects": ids }), move |answer: &ProgramsAnswer| {
-            answer.check(&asked)?;
+    let photo = Arc::clone(&state.photo);
+    let answer = ctx
+        .ask_and_try(name, question, pictures, move |answer: &ProgramsAnswer| {
             for (id, size) in &sizes {
                 let Some((source, params)) = answer.program_of(id) else { continue };
                 let program = Program { source: source.to_owned(), params: params.clone() };
@@ -234,28 +231,21 @@ fn size_of(o: &InspectedObject) -> Size {
     Size { width: o.size_m.width, height: o.size_m.height, depth: o.size_m.depth }
 }
 
-fn line(c: &Candidate, o: &InspectedObject, size: ImageSize) -> String {
-    let b = c.detection.bounds;
-    let (kx, ky) = (1000.0 / f64::from(size.width), 1000.0 / f64::from(size.height));
-    let template = match (&o.part_model, &o.template) {
-        (Some(_), _) => "a part model was written".to_owned(),
-        (None, Some(name)) => format!("template {name}"),
-        (None, None) => "no template named".to_owned(),
-    };
-    let set = o.matched_set.as_ref().map_or(String::new(), |s| format!("; one of the set {s:?}"));
-    format!(
-        "- {}: {}, {:.2} x {:.2} x {:.2} m, box [{:.0}, {:.0}, {:.0}, {:.0}]; {template}{set}; {}",
-        c.id,
-        o.kind,
-        o.size_m.width,
-        o.size_m.height,
-        o.size_m.depth,
-        b.x0 * kx,
-        b.y0 * ky,
-        b.x1 * kx,
-        b.y1 * ky,
-        o.description
-    )
+fn to_model(c: &Candidate, o: &InspectedObject, image: ImageSize) -> ToModel {
+    ToModel {
+        id: c.id.clone(),
+        kind: o.kind.clone(),
+        size: size_of(o),
+        bounds: c.detection.bounds,
+        image,
+        otherwise: match (&o.part_model, &o.template) {
+            (Some(_), _) => WithoutProgram::PartModel,
+            (None, Some(name)) => WithoutProgram::Template(name.clone()),
+            (None, None) => WithoutProgram::Unnamed,
+        },
+        matched_set: o.matched_set.clone(),
+        description: o.description.clone(),
+    }
 }
 
 /// The photo with the objects boxed and a grid, and a ruled crop of each.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use harmony_placement::{ActionError, ReviewAction, Verdict, apply, judge};
-use harmony_prompts::{ReviewActionAnswer, ReviewActionKind, ReviewAnswer, ReviewVars, review};
+use harmony_prompts::{ReviewActionAnswer, ReviewActionKind, ReviewAnswer, ReviewQuestion};
 use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, WarningKind};
 use serde_json::{Value, json};
@@ -42,7 +42,6 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
 }
 
 async fn ask(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState, round: usize) -> Result<ReviewAnswer, PhaseError> {
-    let ids: Vec<String> = state.partial.placed.iter().map(|p| p.item.id.to_string()).collect();
     let findings: Vec<String> = state
         .partial
         .placed
@@ -62,18 +61,18 @@ async fn ask(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState, round: usize)
             })
         })
         .collect();
-    let question = review(&ReviewVars {
+    let question = ReviewQuestion {
         level,
-        room: views::room_line(state),
-        objects: state.partial.placed.iter().map(views::line).collect(),
+        room: views::room_summary(state),
+        placed: state.partial.placed.iter().map(views::placed_object).collect(),
         unplaced: state
             .dropped
             .iter()
             .filter(|(_, phase, _)| phase == ctx.phase)
             .map(|(label, _, reason)| format!("- {label}: {reason}"))
             .collect(),
-        findings: findings.clone(),
-    });
+        findings,
+    };
     let shown = state.clone();
     let (reconstruction, both) = ctx
         .computed(move || {
@@ -86,17 +85,7 @@ async fn ask(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState, round: usize)
         Picture { caption: "IMAGE 2: the reconstruction".into(), image: reconstruction },
         Picture { caption: "IMAGE 3: both, with outlines".into(), image: both },
     ];
-    let facts = json!({
-        "level": level,
-        "objects": ids,
-        "findings": findings,
-        "placed": state.partial.placed.iter().map(|p| json!({
-            "id": p.item.id, "position": p.pose.position.to_array(), "yaw_deg": p.pose.yaw.to_degrees(),
-            "size": p.size(), "support": p.support,
-        })).collect::<Vec<_>>(),
-    });
-    let known = ids.clone();
-    ctx.ask(&format!("review_{round}"), question, pictures, facts, move |a: &ReviewAnswer| a.check(&known)).await
+    ctx.ask(&format!("review_{round}"), question, pictures).await
 }
 
 /// Tries one action; the scene changes only when the evidence does not speak against it.

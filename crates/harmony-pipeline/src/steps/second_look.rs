@@ -6,8 +6,8 @@ use std::sync::Arc;
 use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_placement::{Shape, judge, reshape};
 use harmony_program::GUIDE;
-use harmony_prompts::{LookVerdict, LookedAt, ProgramsVars, SecondLookAnswer, second_look};
-use harmony_roles::{Picture, Role};
+use harmony_prompts::{LookVerdict, LookedAt, ModelledObject, SecondLookAnswer, SecondLookQuestion};
+use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, Size, WarningKind};
 use image::{RgbImage, RgbaImage};
 use serde_json::{Value, json};
@@ -25,13 +25,13 @@ const CELL: u32 = 300;
 /// # Errors
 /// Fatal role errors and unwritable files.
 pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> Result<(), PhaseError> {
-    if ctx.played_outside(Role::MeshGenerator) {
+    if ctx.can().makes_shapes {
         return Ok(());
     }
     for round in 1..=ctx.settings.programs.second_looks {
         let name = format!("second_look_{round}");
         let chosen = worth_a_look(ctx, level, state);
-        if chosen.is_empty() || !ctx.is_answered(&name) {
+        if chosen.is_empty() || !ctx.is_looked_at(&name) {
             return Ok(());
         }
         ctx.step(&format!("second look {round}"));
@@ -76,24 +76,21 @@ async fn ask(
     name: &str,
 ) -> Result<SecondLookAnswer, PhaseError> {
     let placed = |i: &usize| &state.partial.placed[*i];
-    let ids: Vec<String> = chosen.iter().map(|i| placed(i).item.id.to_string()).collect();
-    let lines = chosen.iter().map(|i| {
-        let p = placed(i);
-        let prepared = state.prepared.get(&p.item.id);
-        let how = prepared.map_or("", |o| o.mesh_source.as_str());
-        let program = prepared.and_then(|o| o.program.as_ref());
-        let text = program.map_or(String::new(), |o| format!("\n```python\n{}\n```", o.source.trim_end()));
-        format!("{}, made as {how}{text}", views::line(p))
+    let objects = chosen.iter().map(|i| {
+        let prepared = state.prepared.get(&placed(i).item.id);
+        ModelledObject {
+            object: views::placed_object(placed(i)),
+            made_as: prepared.map_or(String::new(), |o| o.mesh_source.clone()),
+            program: prepared.and_then(|o| o.program.as_ref()).map(|o| o.source.clone()),
+        }
     });
-    let question =
-        second_look(&ProgramsVars { room: views::room_line(state), objects: lines.collect(), guide: GUIDE.to_owned() });
+    let question = SecondLookQuestion { objects: objects.collect(), guide: GUIDE.to_owned() };
     let (shown, rows) = (state.clone(), chosen.to_vec());
     let sheet = ctx.computed(move || sheet(&shown, &rows)).await?;
     let pictures = vec![Picture { caption: "IMAGE 1: the rows".into(), image: Arc::new(sheet) }];
     let sizes: Vec<(String, Size)> = chosen.iter().map(|i| (placed(i).item.id.to_string(), placed(i).size())).collect();
-    let (around, photo, asked) = (Surroundings::of(state), Arc::clone(&state.photo), ids.clone());
-    ctx.ask(name, question, pictures, json!({ "objects": ids }), move |answer: &SecondLookAnswer| {
-        answer.check(&asked)?;
+    let (around, photo) = (Surroundings::of(state), Arc::clone(&state.photo));
+    ctx.ask_and_try(name, question, pictures, move |answer: &SecondLookAnswer| {
         for (id, size) in &sizes {
             let Some(program) = answer.objects.iter().find(|o| o.id == *id).and_then(program_of) else { continue };
             programs::built(&program, *size, &around, &photo).map_err(|error| format!("program of {id}: {error}"))?;

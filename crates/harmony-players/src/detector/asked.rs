@@ -96,7 +96,7 @@ pub fn question(request: &DetectRequest, seen: &Arc<RgbImage>, style: BoxStyle) 
             "additionalProperties": false,
         }),
         example: json!({"boxes": [entry]}),
-        facts: Value::Null,
+        question: None,
     }
 }
 

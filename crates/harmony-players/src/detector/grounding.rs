@@ -105,7 +105,7 @@ impl Detector for GroundingPlayer {
         let file =
             file.map_err(|error| RoleError::NotCapable { player: player.to_owned(), reason: error.to_string() })?;
         let body = body(&file, &request.phrases, self.options.threshold);
-        let answer: Value = self.service.call_json(&HttpRequest::post_json("", &body)).await?;
+        let answer: Value = self.service.call_json(&HttpRequest::post_json("", &body)).await?.value;
         let found = read(&answer, request, self.options.threshold);
         let detections = found.ok_or_else(|| {
             self.service.unusable("the answer is no list of scores, labels and boxes", &answer.to_string())

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 use super::boxes::{BoxStyle, alternatives, ordered, phrase_of};
 use crate::check::{Check, Checked};
-use crate::http::{Http, HttpRequest, Service, ServiceOptions};
+use crate::http::{Http, HttpRequest, Received, Service, ServiceOptions};
 use crate::vlm::wire::chat;
 use crate::work::computed;
 
@@ -140,7 +140,8 @@ impl Detector for LocatePlayer {
         let file =
             file.map_err(|error| RoleError::NotCapable { player: player.to_owned(), reason: error.to_string() })?;
         let body = body(&file, &request.phrases, &self.options.model);
-        let answer: Value = self.service.call_json(&HttpRequest::post_json(chat::PATH, &body)).await?;
+        let Received { value: answer, closed_for }: Received<Value> =
+            self.service.call_json(&HttpRequest::post_json(chat::PATH, &body)).await?;
         let text = answer.pointer("/choices/0/message/content").and_then(Value::as_str).unwrap_or_default();
         if answer.pointer("/choices/0/finish_reason").and_then(Value::as_str) == Some("length") {
             return Err(self.service.unusable("the answer was cut off, boxes may be missing", text));
@@ -157,7 +158,7 @@ impl Detector for LocatePlayer {
             Some(Detection { label, phrase, bounds, score: None, outline: None })
         });
         let detections = ordered(found.collect(), &request.phrases, SAME);
-        Ok(Detections { detections, usage: chat::tokens(&answer).usage() })
+        Ok(Detections { detections, usage: chat::tokens(&answer).usage(closed_for) })
     }
 }
 

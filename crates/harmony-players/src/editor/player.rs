@@ -13,7 +13,7 @@ use super::cutout::cut_out;
 use super::frame::{self, Around, Canvas, Sizes};
 use super::wire::{self, EditSettings, SentEdit};
 use crate::check::{Check, Checked};
-use crate::http::{Http, HttpRequest, Service, ServiceOptions};
+use crate::http::{Http, HttpRequest, Received, Service, ServiceOptions};
 use crate::vlm::wire::{Trouble, gemini};
 use crate::work::computed;
 
@@ -109,7 +109,7 @@ impl EditorPlayer {
         self.service.unusable(complaint, "")
     }
 
-    async fn received(&self, sent: &SentEdit) -> Result<wire::ReceivedEdit, RoleError> {
+    async fn received(&self, sent: &SentEdit) -> Result<Received<wire::ReceivedEdit>, RoleError> {
         let request = match self.format {
             EditorFormat::Gemini => {
                 HttpRequest::post_json(&gemini::path(&self.settings.model), &wire::gemini_body(sent, &self.settings))
@@ -120,18 +120,19 @@ impl EditorPlayer {
                 HttpRequest::post_form(wire::EDITS_PATH, &wire::local_form(sent, &self.settings, sd_server))
             }
         };
-        let body: Value = self.service.call_json(&request).await?;
+        let Received { value: body, closed_for }: Received<Value> = self.service.call_json(&request).await?;
         let read = match self.format {
             EditorFormat::Gemini => wire::read_gemini(&body),
             EditorFormat::OpenAi | EditorFormat::Local => wire::read_edits(&body),
         };
-        read.map_err(|trouble| match trouble {
+        let received = read.map_err(|trouble| match trouble {
             Trouble::Refused(reason) => self.service.refused(&reason),
             Trouble::Failed(reason) => self.service.unavailable(reason),
             Trouble::CutOff(reason) | Trouble::NotUnderstood(reason) => {
                 self.service.unusable(reason, &without_files(&body))
             }
-        })
+        })?;
+        Ok(Received { value: received, closed_for })
     }
 }
 
@@ -269,8 +270,8 @@ impl ImageEditor for EditorPlayer {
             computed(player, move || prepare(&request, sizes, with_context)).await?
         };
         let prepared = prepared.map_err(|reason| RoleError::NotCapable { player: player.to_owned(), reason })?;
-        let received = self.received(&prepared.sent).await?;
-        let usage = received.tokens.usage();
+        let Received { value: received, closed_for } = self.received(&prepared.sent).await?;
+        let usage = received.tokens.usage(closed_for);
         tracing::debug!(player = self.service.player(), bytes = received.bytes.len(), "edited");
         let request = request.clone();
         let image = computed(player, move || finish(&request, &prepared, &received.bytes)).await?;

@@ -218,6 +218,10 @@ impl VisionLanguage for FilesPlayer {
         }
     }
 
+    fn in_own_time(&self) -> bool {
+        true
+    }
+
     async fn ask(&self, request: &VlmRequest) -> Result<VlmAnswer, RoleError> {
         let opened = {
             let (root, request) = (self.options.folder.clone(), request.clone());

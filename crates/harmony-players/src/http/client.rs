@@ -165,6 +165,18 @@ impl HttpRequest {
     }
 }
 
+/// Longest window of a rate: mostly it is a minute, at times an hour.
+const LONGEST_WINDOW: Duration = Duration::from_hours(1);
+
+/// What was read from an answer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Received<T> {
+    /// What.
+    pub value: T,
+    /// See [`HttpAnswer::closed_for`].
+    pub closed_for: Option<Duration>,
+}
+
 /// An answer, whatever its status. The service's key is blotted out in it.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct HttpAnswer {
@@ -185,6 +197,12 @@ impl HttpAnswer {
     /// The body as text, broken characters replaced.
     pub fn text(&self) -> String {
         String::from_utf8_lossy(&self.body).into_owned()
+    }
+
+    /// For how long the service takes nothing more: until the reset of a rate of which nothing remains. `None` when it
+    /// does not say, or speaks of a day's quota rather than of a rate.
+    pub fn closed_for(&self) -> Option<Duration> {
+        super::wait::used_up(self).filter(|wait| self.is_success() && *wait <= LONGEST_WINDOW)
     }
 
     /// Whether it is a success.
@@ -269,11 +287,12 @@ impl Service {
     ///
     /// # Errors
     /// As [`Service::call`]; [`RoleError::UnusableAnswer`] when it is not that.
-    pub async fn call_json<T: DeserializeOwned>(&self, request: &HttpRequest) -> Result<T, RoleError> {
+    pub async fn call_json<T: DeserializeOwned>(&self, request: &HttpRequest) -> Result<Received<T>, RoleError> {
         let answer = self.call(request).await?;
-        serde_json::from_slice(&answer.body).map_err(|error| {
+        let value = serde_json::from_slice(&answer.body).map_err(|error| {
             self.unusable(format!("its answer is not the JSON that was expected: {error}"), &answer.text())
-        })
+        })?;
+        Ok(Received { value, closed_for: answer.closed_for() })
     }
 
     /// The error of an answer that is not a success.
@@ -372,12 +391,6 @@ impl Service {
         }
         if let Some(key) = self.options.auth.key() {
             key.blot_out(&mut answer.body);
-        }
-        if answer.is_success()
-            && let Some(wait) = super::wait::used_up(&answer)
-        {
-            // Better to wait now than to be refused next.
-            harmony_calls::no_more_for(wait);
         }
         Ok(answer)
     }

@@ -19,7 +19,7 @@ mod price;
 mod wait;
 
 pub use address::{AddressError, LocalHosts, is_loopback, parse_address};
-pub use client::{Auth, Http, HttpAnswer, HttpLimits, HttpRequest, Method, Service, ServiceOptions};
+pub use client::{Auth, Http, HttpAnswer, HttpLimits, HttpRequest, Method, Received, Service, ServiceOptions};
 pub use failure::{Complaint, MAX_RAW, complaint, failure};
 pub use key::{ApiKey, KeyError, check_variable};
 pub use price::Tokens;

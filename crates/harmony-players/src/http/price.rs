@@ -1,4 +1,6 @@
-//! Tokens of calls. What they cost is known to `[prices]` alone (`harmony_calls::Prices`).
+//! Tokens of calls, and what their headers say of rates. What calls cost is known to `[prices]` alone (`harmony_calls::Prices`).
+
+use std::time::Duration;
 
 use harmony_roles::Usage;
 
@@ -14,8 +16,15 @@ pub struct Tokens {
 }
 
 impl Tokens {
-    /// As usage; no service tells what a call cost.
-    pub fn usage(self) -> Usage {
-        Usage { input_tokens: self.input, cached_tokens: self.cached, output_tokens: self.output, cost_usd: None }
+    /// As usage, with what the answer's headers said ([`super::HttpAnswer::closed_for`]); no service tells what a call
+    /// cost.
+    pub fn usage(self, closed_for: Option<Duration>) -> Usage {
+        Usage {
+            input_tokens: self.input,
+            cached_tokens: self.cached,
+            output_tokens: self.output,
+            cost_usd: None,
+            closed_for,
+        }
     }
 }

@@ -36,6 +36,25 @@ impl Detector for RegionDetector {
     }
 }
 
+/// No detector: boxes come with the language model's lists. Who asks for some all the same gets regions.
+#[derive(Debug, Clone, Copy)]
+pub struct BoxesWithLists;
+
+#[async_trait]
+impl Detector for BoxesWithLists {
+    fn card(&self) -> PlayerCard {
+        RegionDetector.card()
+    }
+
+    fn gives_boxes(&self) -> bool {
+        false
+    }
+
+    async fn detect(&self, request: &DetectRequest) -> Result<Detections, RoleError> {
+        RegionDetector.detect(request).await
+    }
+}
+
 fn assign(phrases: &[PhraseRequest], regions: &[Region], level: Level, height: f64, tolerance: f64) -> Detections {
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (p, phrase) in phrases.iter().enumerate() {

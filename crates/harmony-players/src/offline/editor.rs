@@ -33,6 +33,10 @@ impl ImageEditor for ExemplarEditor {
         super::card("exemplar fill 1")
     }
 
+    fn draws(&self) -> bool {
+        false
+    }
+
     async fn edit(&self, request: &EditRequest) -> Result<EditedImage, RoleError> {
         let request = request.clone();
         let image = super::computed(move || match request.kind {

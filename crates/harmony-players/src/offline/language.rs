@@ -1,16 +1,13 @@
-//! Rules as a language model: for each question what its facts and pictures allow, and nothing that they don't.
+//! Rules as a language model: for each question what its fields and pictures allow, and nothing that they don't.
 
 use async_trait::async_trait;
-use harmony_prompts::QuestionKind;
+use harmony_prompts::Question;
 use harmony_roles::{PlayerCard, RoleError, Usage, VisionLanguage, VlmAnswer, VlmRequest};
 use serde_json::Value;
 
 use super::answers;
 
-/// Answers the program's own questions by rules.
-///
-/// `request.facts` is `{"question": <kind>, "facts": {...}}`; what each rule reads of the facts is documented with it.
-/// Facts that are missing are done without.
+/// Answers the program's own questions by rules; questions in words only are declined.
 #[derive(Debug, Clone, Copy)]
 pub struct Rules;
 
@@ -20,47 +17,26 @@ impl VisionLanguage for Rules {
         super::card("rules 1")
     }
 
+    fn sees(&self) -> bool {
+        false
+    }
+
     async fn ask(&self, request: &VlmRequest) -> Result<VlmAnswer, RoleError> {
-        let Some(kind) = kind_of(request) else {
-            return Err(super::not_capable(format!("there is no rule for the question {}", request.name)));
-        };
-        let request = request.clone();
-        let value = super::computed(move || answer(kind, &request)).await??;
+        let no_rule = || super::not_capable(format!("there is no rule for the question {}", request.name));
+        let question = request.question.clone().ok_or_else(no_rule)?;
+        let photo = request.pictures.first().map(|picture| picture.image.clone());
+        let value = super::computed(move || answer(&question, photo.as_deref())).await?.ok_or_else(no_rule)?;
         Ok(VlmAnswer { raw: String::new(), value, usage: Usage::default() })
     }
 }
 
-/// The kind of a question: as its facts say, else by the last part of its name.
-fn kind_of(request: &VlmRequest) -> Option<QuestionKind> {
-    if let Ok(kind) = serde_json::from_value(request.facts["question"].clone()) {
-        return Some(kind);
-    }
-    let last = request.name.rsplit('/').next()?;
-    let stem = last.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
-    match stem {
-        "review" if request.name.starts_with("6_lighting") => Some(QuestionKind::LightingReview),
-        stem => serde_json::from_value(Value::String(stem.to_owned())).ok(),
-    }
-}
-
-fn answer(kind: QuestionKind, request: &VlmRequest) -> Result<Value, RoleError> {
-    let facts = &request.facts["facts"];
-    let answer = match kind {
-        QuestionKind::Layout => serde_json::to_value(answers::layout(facts, request)),
-        QuestionKind::List => serde_json::to_value(answers::list(facts, request)),
-        QuestionKind::Inspect => serde_json::to_value(answers::inspect(facts)),
-        QuestionKind::Completed => serde_json::to_value(answers::completed(facts)),
-        QuestionKind::Fronts | QuestionKind::Orient => serde_json::to_value(answers::fronts(facts)),
-        // It writes no programs, and has nothing against those that there are.
-        QuestionKind::Programs => serde_json::to_value(harmony_prompts::ProgramsAnswer::default()),
-        QuestionKind::SecondLook => serde_json::to_value(harmony_prompts::SecondLookAnswer::default()),
-        QuestionKind::Review => serde_json::to_value(answers::review()),
-        QuestionKind::Lights => serde_json::to_value(answers::lights(facts)),
-        QuestionKind::LastLook => serde_json::to_value(harmony_prompts::LastLookAnswer {
-            converged: true,
-            ..harmony_prompts::LastLookAnswer::default()
-        }),
-        QuestionKind::LightingReview => serde_json::to_value(answers::lighting_review(facts)),
+fn answer(question: &Question, photo: Option<&image::RgbImage>) -> Option<Value> {
+    let answer = match question {
+        Question::Layout(question) => serde_json::to_value(answers::layout(question, photo)),
+        Question::List(question) => serde_json::to_value(answers::list(question, photo)),
+        Question::Inspect(question) => serde_json::to_value(answers::inspect(question)),
+        Question::Lights(question) => serde_json::to_value(answers::lights(question)),
+        question => return question.without_looking(),
     };
-    answer.map_err(|error| super::not_capable(format!("the answer can't be written: {error}")))
+    Some(answer.expect("answer types are plain data"))
 }

@@ -98,6 +98,10 @@ impl LitRenderer for NoLit {
         super::card("no path tracer")
     }
 
+    fn traces(&self) -> bool {
+        false
+    }
+
     async fn render(&self, _request: &LitRequest) -> Result<LitImage, RoleError> {
         Err(role_error(&LitError::NotFound))
     }

@@ -23,6 +23,10 @@ impl MeshGenerator for PartModels {
         super::card("part models 1")
     }
 
+    fn makes_shapes(&self) -> bool {
+        false
+    }
+
     async fn generate(&self, request: &MeshRequest) -> Result<GeneratedMesh, RoleError> {
         let request = request.clone();
         super::computed(move || build(&request)).await?

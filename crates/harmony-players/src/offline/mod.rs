@@ -2,7 +2,7 @@
 //!
 //! | role | method |
 //! |---|---|
-//! | `VisionLanguage` | rules over the facts of a question and the pixels of its pictures |
+//! | `VisionLanguage` | rules over the fields of a question and the pixels of its pictures |
 //! | `ImageEditor` | exemplar fill; symmetry for what is hidden of an object |
 //! | `MeshGenerator` | part models: the one that came with the request, else a template |
 //! | `GeometryEstimator` | no depth: vanishing points, as evidence for the room box |
@@ -24,7 +24,7 @@ use std::sync::Arc;
 use harmony_calls::Cast;
 use harmony_roles::{PlayerCard, RoleError};
 
-pub use detector::RegionDetector;
+pub use detector::{BoxesWithLists, RegionDetector};
 pub use editor::ExemplarEditor;
 pub use geometry::VanishingPoints;
 pub use language::Rules;

@@ -37,6 +37,14 @@ impl VisionLanguage for PhasedVlm {
         card
     }
 
+    fn sees(&self) -> bool {
+        self.usual.sees()
+    }
+
+    fn in_own_time(&self) -> bool {
+        self.usual.in_own_time() || self.phases.values().any(|player| player.in_own_time())
+    }
+
     async fn ask(&self, request: &VlmRequest) -> Result<VlmAnswer, RoleError> {
         self.for_name(&request.name).ask(request).await
     }
@@ -72,7 +80,7 @@ mod tests {
                 pictures: vec![],
                 schema: Value::Null,
                 example: Value::Null,
-                facts: Value::Null,
+                question: None,
             };
             player.ask(&request).await.unwrap().value
         };

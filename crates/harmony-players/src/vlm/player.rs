@@ -10,7 +10,7 @@ use super::schema::{Dialect, from_wire, strict, to_wire};
 use super::wire::chat::Server;
 use super::wire::{Asked, ModelSettings, Reply, Trouble, anthropic, chat, gemini, responses};
 use crate::check::{Check, Checked};
-use crate::http::{Http, HttpRequest, Service, ServiceOptions, Tokens};
+use crate::http::{Http, HttpRequest, Received, Service, ServiceOptions, Tokens};
 use crate::work::computed;
 
 /// Which format is spoken.
@@ -160,10 +160,10 @@ impl VlmPlayer {
     }
 
     /// Asks, and reads the model's text.
-    async fn reply(&self, asked: &Asked) -> Result<Reply, RoleError> {
+    async fn reply(&self, asked: &Asked) -> Result<Received<Reply>, RoleError> {
         let found = self.found().await?;
         let answer = self.service.call(&self.request(asked, found)).await?;
-        let text = answer.text();
+        let (text, closed_for) = (answer.text(), answer.closed_for());
         let body: Value = serde_json::from_slice(&answer.body)
             .map_err(|error| self.service.unusable(format!("the answer's envelope is not JSON: {error}"), &text))?;
         let (read, tokens) = match self.format {
@@ -179,12 +179,13 @@ impl VlmPlayer {
         {
             return Err(self.service.not_set_up(reason, "start Ollama with OLLAMA_CONTEXT_LENGTH=32768 or more"));
         }
-        read.map_err(|trouble| match trouble {
+        let value = read.map_err(|trouble| match trouble {
             Trouble::Refused(reason) => self.service.refused(&reason),
             Trouble::CutOff(reason) => self.service.unusable(format!("{reason}; answer more briefly"), &text),
             Trouble::Failed(reason) => self.service.unavailable(reason),
             Trouble::NotUnderstood(reason) => self.service.unusable(reason, &text),
-        })
+        })?;
+        Ok(Received { value, closed_for })
     }
 }
 
@@ -235,14 +236,14 @@ impl VisionLanguage for VlmPlayer {
         let question = request.clone();
         let asked = computed(player, move || asked(&question, dialect, longest)).await?;
         let asked = asked.map_err(|reason| RoleError::NotCapable { player: player.to_owned(), reason })?;
-        let reply = self.reply(&asked).await?;
+        let Received { value: reply, closed_for } = self.reply(&asked).await?;
         let value = parse_answer(&reply.text).map_err(|complaint| self.service.unusable(complaint, &reply.text))?;
         let value = from_wire(&request.schema, &value);
         let complaints = schema_complaints(&request.schema, &value);
         if !complaints.is_empty() {
             return Err(self.service.unusable(complaints.join("\n"), &reply.text));
         }
-        Ok(VlmAnswer { value, raw: reply.text, usage: reply.tokens.usage() })
+        Ok(VlmAnswer { value, raw: reply.text, usage: reply.tokens.usage(closed_for) })
     }
 }
 
@@ -288,7 +289,7 @@ impl Check for VlmPlayer {
             schema: json!({"type": "object", "properties": {"color": {"type": "string"}}, "required": ["color"],
                            "additionalProperties": false}),
             example: json!({"color": "green"}),
-            facts: Value::Null,
+            question: None,
         };
         let answer = self.ask(&question).await?;
         let color = answer.value["color"].as_str().unwrap_or_default().to_lowercase();
@@ -323,7 +324,7 @@ mod tests {
             pictures: vec![],
             schema: json!({"type": "array", "items": {"type": "string"}}),
             example: json!(["lamp"]),
-            facts: Value::Null,
+            question: None,
         };
         let asked = asked(&request, Dialect::STRICT, 100).unwrap();
         assert!(asked.prompt.starts_with("List them.\n\n## Form"));

@@ -142,7 +142,7 @@ fn question(name: &str) -> VlmRequest {
         // Anything fits, so that what the service repeats is accepted and recorded.
         schema: value!({"type": "string"}),
         example: Value::Null,
-        facts: Value::Null,
+        question: None,
     }
 }
 

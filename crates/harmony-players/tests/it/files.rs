@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, Cast};
 use harmony_players::{FilesEvent, FilesOptions, FilesPlayer, offline_cast};
-use harmony_prompts::{ListAnswer, ListVars, list};
+use harmony_prompts::{ListAnswer, ListQuestion};
 use harmony_roles::{Picture, RoleError, VisionLanguage, VlmRequest};
 use harmony_scene::Level;
 use image::{Rgb, RgbImage};
@@ -26,17 +26,15 @@ fn options(folder: &Path) -> FilesOptions {
 
 /// The real list question, about a small picture.
 fn question(name: &str) -> VlmRequest {
-    let vars = ListVars { level: Level::Furniture, room_type: "bedroom".into(), with_boxes: true, placed: vec![] };
-    let question = list(&vars);
+    let question = ListQuestion {
+        level: Level::Furniture,
+        room_type: "bedroom".into(),
+        with_boxes: true,
+        placed: vec![],
+        view: None,
+    };
     let image = Arc::new(RgbImage::from_pixel(32, 20, Rgb([200, 180, 160])));
-    VlmRequest {
-        name: name.into(),
-        prompt: question.prompt,
-        pictures: vec![Picture { caption: "IMAGE 1: the photo".into(), image }],
-        schema: question.schema,
-        example: question.example,
-        facts: Value::Null,
-    }
+    VlmRequest::new(name.into(), question.into(), vec![Picture { caption: "IMAGE 1: the photo".into(), image }])
 }
 
 fn good() -> Value {

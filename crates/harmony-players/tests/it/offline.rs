@@ -6,21 +6,23 @@ use std::sync::{Arc, Mutex};
 
 use harmony_calls::{BookOptions, CallBook, CallOptions, Calls};
 use harmony_io::LoadedMask;
-use harmony_lighting::{LightingDelta, LightingSpec};
+use harmony_lighting::{LightingDelta, LightingSpec, LightingVerdict};
 use harmony_mesh::{PartModel, TemplateParams};
 use harmony_players::{MaskFiles, casting_report, offline_cast};
 use harmony_prompts::{
-    CompletedAnswer, CompletedVars, FrontPanel, FrontsAnswer, FrontsVars, InspectAnswer, InspectVars, LayoutAnswer,
-    LayoutVars, LightingReviewVars, LightsVars, ListAnswer, ListVars, Question, ReviewAnswer, ReviewVars, completed,
-    fronts, inspect, layout, lighting_review, lights, list, review,
+    Ask, CompletedQuestion, FrontPanel, FrontsQuestion, InspectCandidate, InspectQuestion, KnownDepth, KnownObject,
+    LayoutQuestion, LightingReviewQuestion, LightsQuestion, ListQuestion, NamedObject, PlacedObject, ReviewQuestion,
+    RoomSummary, RoomView, SeenObject, UnaidedRoom,
 };
 use harmony_roles::{
     DetectRequest, EditKind, EditRequest, GeometryAnswer, GeometryRequest, MeshFrame, MeshRequest, MeshSettings,
     PhraseRequest, Picture, Role, RoleError, SegmentPrompt, SegmentRequest, Segmenter, VlmRequest,
 };
-use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Level, Mask, PixelBox, SceneCamera, Size, Vec3, Warning};
+use harmony_scene::{
+    Camera, Extents, ImageSize, Intrinsics, Level, Light, LightKind, Lighting, Mask, ObjectId, PixelBox, SceneCamera,
+    Size, Support, Vec3, ViewTransform, Warning,
+};
 use image::{Rgb, RgbImage, Rgba, RgbaImage};
-use serde_json::{Value, json};
 
 const SIZE: ImageSize = ImageSize { width: 160, height: 120 };
 
@@ -63,49 +65,79 @@ fn desk() -> Desk {
     Desk { calls: Calls::new(book, offline_cast(), offline_cast(), options), warnings, _run: run }
 }
 
-#[expect(clippy::needless_pass_by_value, reason = "so that facts can be written in the call")]
-fn asked(name: &str, question: Question, facts: Value) -> VlmRequest {
-    VlmRequest {
-        name: name.into(),
-        prompt: question.prompt,
-        pictures: vec![Picture { caption: "IMAGE 1: the photo".into(), image: photo() }],
-        schema: question.schema,
-        example: question.example,
-        facts: json!({"question": question.kind, "facts": facts}),
+impl Desk {
+    /// The answer to a question about the photo, through its own check.
+    async fn ask<Q: Ask>(&self, name: &str, question: Q) -> Q::Answer {
+        let picture = Picture { caption: "IMAGE 1: the photo".into(), image: photo() };
+        let request = VlmRequest::new(name.into(), question.clone().into(), vec![picture]);
+        self.calls.ask_as(&request, |answer| question.check(answer)).await.unwrap()
+    }
+}
+
+fn id(text: &str) -> ObjectId {
+    ObjectId::new(text).unwrap()
+}
+
+fn room() -> RoomSummary {
+    let extents = Extents { width: 4.0, height: 2.6, depth: 5.0 };
+    RoomSummary { extents, room_type: "room".into(), camera: [2.0, 1.4, 4.5] }
+}
+
+fn table(name: &str, y1: f64) -> PlacedObject {
+    PlacedObject {
+        id: id(name),
+        label: "table".into(),
+        level: Level::Furniture,
+        seen: Some(PixelBox { x0: 50.0, y0: 40.0, x1: 120.0, y1 }),
+        position: [1.0, 0.0, 1.0],
+        yaw_deg: 0.0,
+        size: Size { width: 1.2, height: 0.74, depth: 0.6 },
+        support: Support::Floor,
+        outline_agreement: Some(0.1),
     }
 }
 
 #[tokio::test]
-async fn the_layout_is_what_was_measured_and_fits_its_schema_even_without_facts() {
+async fn the_layout_is_what_was_measured_and_fits_its_schema_even_when_nothing_was() {
     let desk = desk();
-    let question = || layout(&LayoutVars { width: 160, height: 120, measured: String::new() });
-    let facts = json!({
-        "extents": {"width": 3.3, "height": 2.4, "depth": 5.5}, "camera_height_m": 1.4, "tilt_deg": 5.0,
-        "yaw_deg": -12.0, "dist_to_back_m": 4.4, "confidence": 0.7
-    });
-    let answer: LayoutAnswer =
-        desk.calls.ask_as(&asked("1_layout/layout", question(), facts), LayoutAnswer::check).await.unwrap();
+    let measured = UnaidedRoom {
+        extents: Extents { width: 3.3, height: 2.4, depth: 5.5 },
+        camera_height_m: 1.4,
+        tilt_deg: 5.0,
+        yaw_deg: -12.0,
+        dist_to_back_m: 4.4,
+        confidence: 0.7,
+    };
+    let question = |unaided| LayoutQuestion { photo: SIZE, depth: KnownDepth::None, unaided };
+    let answer = desk.ask("1_layout/layout", question(Some(measured))).await;
     assert_eq!((answer.room.floor_width_m, answer.room.ceiling_height_m), (3.3, 2.4));
     assert_eq!((answer.camera.yaw_deg, answer.camera.dist_to_back_m), (-12.0, 4.4));
     assert!(answer.pins.is_empty() && answer.camera.corner_px.is_none(), "nothing is pretended");
     assert!(answer.camera.floor_junction_y_frac > 0.5);
 
-    let hostile = json!({"extents": {"width": 1e9, "height": "x"}, "tilt_deg": null, "camera_height_m": -5});
-    for (name, facts) in [("1_layout/none", Value::Null), ("1_layout/hostile", hostile)] {
-        let answer: LayoutAnswer =
-            desk.calls.ask_as(&asked(name, question(), facts), LayoutAnswer::check).await.unwrap();
+    let hostile = UnaidedRoom {
+        extents: Extents { width: 1e9, height: f64::NAN, depth: f64::INFINITY },
+        camera_height_m: -5.0,
+        tilt_deg: f64::NAN,
+        yaw_deg: 1e300,
+        dist_to_back_m: 0.0,
+        confidence: f64::NAN,
+    };
+    for (name, unaided) in [("1_layout/none", None), ("1_layout/hostile", Some(hostile))] {
+        let answer = desk.ask(name, question(unaided)).await;
         assert!(answer.room.floor_width_m <= 40.0);
     }
+}
+
+fn list(level: Level, view: Option<RoomView>) -> ListQuestion {
+    ListQuestion { level, room_type: "room".into(), with_boxes: true, placed: vec![], view }
 }
 
 #[tokio::test]
 async fn nothing_is_listed_where_no_surface_is_known() {
     let desk = desk();
     for level in Level::ALL {
-        let vars = ListVars { level, room_type: "room".into(), with_boxes: true, placed: vec![] };
-        let request = asked(&format!("{}/list", level.folder()), list(&vars), json!({"level": level}));
-        let answer: ListAnswer = desk.calls.ask_as(&request, ListAnswer::check).await.unwrap();
-        assert!(answer.items.is_empty());
+        assert!(desk.ask(&format!("{}/list", level.folder()), list(level, None)).await.items.is_empty());
     }
 }
 
@@ -114,13 +146,8 @@ async fn a_list_with_a_known_room_fits_its_schema() {
     let desk = desk();
     let camera = Camera::looking(SIZE, Intrinsics::centred(SIZE, 140.0), Vec3::new(2.0, 1.4, 4.5), Vec3::NEG_Z);
     for level in Level::ALL {
-        let vars = ListVars { level, room_type: "room".into(), with_boxes: true, placed: vec![] };
-        let facts = json!({
-            "level": level, "with_boxes": true, "camera": SceneCamera::from(&camera),
-            "extents": Extents { width: 4.0, height: 2.6, depth: 5.0 }
-        });
-        let request = asked(&format!("{}/list", level.folder()), list(&vars), facts);
-        let answer: ListAnswer = desk.calls.ask_as(&request, ListAnswer::check).await.unwrap();
+        let view = RoomView { camera: SceneCamera::from(&camera), extents: room().extents };
+        let answer = desk.ask(&format!("{}/list", level.folder()), list(level, Some(view))).await;
         for item in &answer.items {
             assert_eq!(item.count as usize, item.instances.len());
         }
@@ -131,30 +158,32 @@ async fn a_list_with_a_known_room_fits_its_schema() {
 #[tokio::test]
 async fn inspection_keeps_every_candidate_with_a_plausible_size_in_the_order_from_far_to_near() {
     let desk = desk();
-    let vars = InspectVars {
+    let candidate = |name: &str, label: &str, bounds, estimated_size_m, host| InspectCandidate {
+        id: id(name),
+        label: label.into(),
+        phrase: label.into(),
+        bounds,
+        image: SIZE,
+        estimated_size_m,
+        host,
+    };
+    let huge = Size { width: 90.0, height: 900.0, depth: 0.0 };
+    let near = PixelBox { x0: 70.0, y0: 60.0, x1: 80.0, y1: 90.0 };
+    let far = PixelBox { x0: 10.0, y0: 5.0, x1: 20.0, y1: 30.0 };
+    let tables = [table("table_01", 95.0), table("table_02", 110.0), table("table_03", 80.0)];
+    let question = InspectQuestion {
         level: Level::Decoration,
         room_type: "room".into(),
-        room: String::new(),
-        candidates: vec![],
-        placed: vec![],
+        room: room(),
+        candidates: vec![
+            candidate("vase_01", "vase", near, Some(huge), None),
+            candidate("blob_01", "unheard-of", far, None, Some(id("table_02"))),
+        ],
+        placed: tables.map(KnownObject::Placed).to_vec(),
         templates: vec![],
         with_models: true,
     };
-    let near = json!({"id": "vase_01", "label": "vase", "box": PixelBox { x0: 70.0, y0: 60.0, x1: 80.0, y1: 90.0 },
-        "estimated_size_m": {"width": 90.0, "height": 900.0, "depth": 0.0}, "host": null});
-    let far = json!({"id": "blob_01", "label": "unheard-of", "box": PixelBox { x0: 10.0, y0: 5.0, x1: 20.0, y1: 30.0 },
-        "estimated_size_m": null, "host": "table_02"});
-    let table = |id: &str, y1: f64| {
-        let bounds = PixelBox { x0: 50.0, y0: 40.0, x1: 120.0, y1 };
-        json!({"id": id, "label": "table", "level": "furniture", "box": bounds})
-    };
-    let facts = json!({
-        "level": "decoration", "candidates": [near, far, {"no": "id"}],
-        "placed": [table("table_01", 95.0), table("table_02", 110.0), table("table_03", 80.0)]
-    });
-    let ids = ["vase_01".to_owned(), "blob_01".to_owned()];
-    let request = asked("5_decoration/inspect", inspect(&vars), facts);
-    let answer: InspectAnswer = desk.calls.ask_as(&request, |a: &InspectAnswer| a.check(&ids)).await.unwrap();
+    let answer = desk.ask("5_decoration/inspect", question).await;
     assert_eq!(answer.placement_order, ["blob_01", "vase_01"]);
     let vase = &answer.objects[0];
     assert!(vase.keep && vase.size_m.height < 4.1, "a vase is not 900 m high: {:?}", vase.size_m);
@@ -166,68 +195,72 @@ async fn inspection_keeps_every_candidate_with_a_plausible_size_in_the_order_fro
 #[tokio::test]
 async fn where_nobody_looks_nothing_is_objected_to() {
     let desk = desk();
-    let ids = vec!["chair_01".to_owned(), "sofa_01".to_owned()];
-    let facts = json!({"objects": ids});
-    let question = completed(&CompletedVars { objects: vec![] });
-    let request = asked("3_furniture/completed", question, facts.clone());
-    let answer: CompletedAnswer = desk.calls.ask_as(&request, |a: &CompletedAnswer| a.check(&ids)).await.unwrap();
+    let objects: Vec<NamedObject> =
+        ["chair_01", "sofa_01"].map(|id| NamedObject { id: id.into(), about: "a seat".into() }).to_vec();
+    let answer = desk.ask("3_furniture/completed", CompletedQuestion { objects: objects.clone() }).await;
     assert!(answer.objects.iter().all(|o| o.matches));
-    let request = asked("3_furniture/fronts", fronts(&FrontsVars { objects: vec![] }), facts);
-    let answer: FrontsAnswer = desk.calls.ask_as(&request, |a: &FrontsAnswer| a.check(&ids)).await.unwrap();
+    let answer = desk.ask("3_furniture/fronts", FrontsQuestion { objects }).await;
     assert!(answer.objects.iter().all(|o| o.front_panel == FrontPanel::A));
-    let vars = ReviewVars {
+    let question = ReviewQuestion {
         level: Level::Furniture,
-        room: String::new(),
-        objects: vec![],
+        room: room(),
+        placed: vec![table("table_01", 95.0)],
         unplaced: vec![],
-        findings: vec!["- chair_01: outline agreement 0.10".into()],
+        findings: vec!["- table_01: outline agreement 0.10".into()],
     };
-    let request = asked("3_furniture/review_1", review(&vars), Value::Null);
-    let answer: ReviewAnswer = desk.calls.ask_as(&request, |a: &ReviewAnswer| a.check(&ids)).await.unwrap();
+    let answer = desk.ask("3_furniture/review_1", question).await;
     assert!(answer.converged && answer.actions.is_empty());
 }
 
 #[tokio::test]
 async fn lamps_shine_when_they_are_bright_and_the_measured_correction_is_taken() {
     let desk = desk();
-    let lamp = |id: &str| {
-        json!({"id": id, "kind": "point", "radius_m": 0.05, "position": [1.0, 1.5, 1.0],
-            "color": [1.0, 0.9, 0.8], "intensity": 8.0, "on": true, "object": id})
+    let light = |name: &str, kind| Light {
+        id: name.into(),
+        kind,
+        position: [1.0, 1.5, 1.0],
+        color: [1.0, 0.9, 0.8],
+        intensity: 8.0,
+        on: true,
+        object: Some(id(name)),
     };
-    let window = json!({"id": "window_01", "kind": "area", "direction": [0.0, 0.0, 1.0], "size_m": [1.0, 1.2],
-        "position": [2.0, 1.5, 0.0], "color": [1.0, 1.0, 1.0], "intensity": 80.0, "on": true, "object": "window_01"});
-    let facts = json!({
-        "lighting": {"lights": [lamp("lamp_01"), lamp("lamp_02"), lamp("lamp_03"), window],
-            "ambient_color": [1.0, 1.0, 1.0], "ambient_intensity": 0.5, "exposure": 0.0},
-        "photo_luminance": 0.2,
-        "seen": [{"id": "lamp_01", "luminance": 0.9}, {"id": "lamp_02", "luminance": 0.1},
-            {"id": "window_01", "luminance": 0.1}]
-    });
-    let question = lights(&LightsVars { sources: vec![] });
-    let spec: LightingSpec =
-        desk.calls.ask_as(&asked("6_lighting/lights", question, facts), |_: &LightingSpec| Ok(())).await.unwrap();
+    let mut lights: Vec<Light> =
+        ["lamp_01", "lamp_02", "lamp_03"].map(|name| light(name, LightKind::Point { radius_m: 0.05 })).to_vec();
+    lights.push(light("window_01", LightKind::Area { direction: [0.0, 0.0, 1.0], size_m: [1.0, 1.2] }));
+    let lighting = Lighting {
+        lights,
+        ambient_color: [1.0; 3],
+        ambient_intensity: 0.5,
+        exposure: 0.0,
+        view: ViewTransform::default(),
+    };
+    let seen = [("lamp_01", 0.9), ("lamp_02", 0.1), ("window_01", 0.1)];
+    let question = LightsQuestion {
+        lighting: lighting.clone(),
+        screens: vec![],
+        photo_luminance: 0.2,
+        seen: seen.map(|(name, luminance)| SeenObject { id: id(name), luminance }).to_vec(),
+    };
+    let spec: LightingSpec = desk.ask("6_lighting/lights", question).await;
     let told: Vec<_> = spec.point_lights.iter().map(|l| (l.id.as_str(), l.on)).collect();
     assert_eq!(told, [("lamp_01", Some(true)), ("lamp_02", Some(false))], "of an unseen lamp nothing is said");
     assert_eq!(spec.windows[0].daylight_on, Some(false));
 
-    let question = || lighting_review(&LightingReviewVars { setup: String::new(), measured: String::new() });
-    let mut proposed = question().example;
-    proposed["global_intensity_mult"] = json!(0.7);
-    let request = asked("6_lighting/review_1", question(), json!({"proposed": proposed.clone()}));
-    let delta: LightingDelta = desk.calls.ask_as(&request, |_: &LightingDelta| Ok(())).await.unwrap();
-    assert_eq!(delta, serde_json::from_value(proposed).unwrap());
-    assert!(!delta.is_converged());
-    let request = asked("6_lighting/review_2", question(), Value::Null);
-    let delta: LightingDelta = desk.calls.ask_as(&request, |_: &LightingDelta| Ok(())).await.unwrap();
-    assert!(delta.is_converged());
+    let proposed = LightingDelta {
+        global_intensity_mult: Some(0.7),
+        verdict: LightingVerdict::Adjust,
+        ..LightingDelta::default()
+    };
+    let question = LightingReviewQuestion { lighting, stops: 0.5, warmth: 0.0, proposed: proposed.clone() };
+    assert_eq!(desk.ask("6_lighting/review_1", question).await, proposed);
 }
 
 #[tokio::test]
-async fn a_question_without_a_rule_is_declined() {
+async fn a_question_in_words_only_is_declined() {
     let desk = desk();
-    let mut request =
-        asked("1_layout/poem", layout(&LayoutVars { width: 1, height: 1, measured: String::new() }), Value::Null);
-    request.facts = Value::Null;
+    let question = LayoutQuestion { photo: SIZE, depth: KnownDepth::None, unaided: None };
+    let mut request = VlmRequest::new("1_layout/layout".into(), question.into(), vec![]);
+    request.question = None;
     let error = desk.calls.ask(&request, |_| Ok(())).await.unwrap_err();
     assert!(matches!(error, RoleError::NotCapable { .. }), "{error}");
 }

@@ -41,7 +41,7 @@ fn question() -> VlmRequest {
             "kind": {"type": "string"}, "count": {"type": "integer", "minimum": 1}, "host": {"type": "string"}},
             "required": ["kind", "count"], "additionalProperties": false}}),
         example: value!([{"kind": "lamp", "count": 2}]),
-        facts: Value::Null,
+        question: None,
     }
 }
 

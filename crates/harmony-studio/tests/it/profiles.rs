@@ -122,7 +122,6 @@ async fn inside(room: &Room, out: &Path) -> Scene {
         profile: "inside".into(),
         settings: file.settings,
         until: 5,
-        boxes_from_vlm: false,
         path_tracer: false,
         further_inputs: String::new(),
     };

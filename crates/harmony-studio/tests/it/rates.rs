@@ -9,13 +9,12 @@ use harmony_players::flat_cast;
 use harmony_players::http::{ApiKey, Auth, Http, HttpLimits, ServiceOptions};
 use harmony_players::vlm::wire::ModelSettings;
 use harmony_players::vlm::{Format, VlmOptions, VlmPlayer};
-use harmony_prompts::{ListVars, list};
+use harmony_prompts::ListQuestion;
 use harmony_roles::VlmRequest;
 use harmony_scene::Level;
 use harmony_studio::mind::Mind;
 use harmony_studio::services::Service;
 use harmony_studio::{KEY, Studio, StudioOptions, rooms};
-use serde_json::Value;
 
 /// Requests in a window, and how long that is.
 const REQUESTS: u32 = 3;
@@ -46,17 +45,14 @@ async fn a_full_bucket_is_waited_for_and_no_429_is_drawn() {
         let calls = Calls::new(book, cast, flat_cast(), CallOptions::default());
         let begun = Instant::now();
         for i in 0..=2 * REQUESTS {
-            let vars =
-                ListVars { level: Level::Furniture, room_type: format!("room {i}"), with_boxes: false, placed: vec![] };
-            let question = list(&vars);
-            let request = VlmRequest {
-                name: format!("3_furniture/list_{i}"),
-                prompt: question.prompt,
-                pictures: vec![],
-                schema: question.schema,
-                example: question.example,
-                facts: Value::Null,
+            let question = ListQuestion {
+                level: Level::Furniture,
+                room_type: format!("room {i}"),
+                with_boxes: false,
+                placed: vec![],
+                view: None,
             };
+            let request = VlmRequest::new(format!("3_furniture/list_{i}"), question.into(), vec![]);
             calls.ask(&request, |_| Ok(())).await.unwrap();
         }
         let statuses: Vec<u16> = studio.ledger.entries().iter().map(|entry| entry.status).collect();

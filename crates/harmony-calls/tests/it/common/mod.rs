@@ -266,7 +266,7 @@ pub fn width_question(name: &str) -> VlmRequest {
             "additionalProperties": false
         }),
         example: json!({"width_m": 3.0}),
-        facts: Value::Null,
+        question: None,
     }
 }
 

@@ -9,7 +9,7 @@ mod trim;
 use std::sync::Arc;
 
 use harmony_mesh::Trims;
-use harmony_roles::{EditKind, EditRequest, Role};
+use harmony_roles::{EditKind, EditRequest};
 use harmony_scene::{Level, Mask, Opening, OpeningKind, Support, Surface};
 use image::{DynamicImage, RgbImage};
 use rayon::prelude::*;
@@ -69,7 +69,7 @@ pub async fn bare_room(
     state: &SceneState,
     objects: &Mask,
 ) -> Result<Option<Arc<RgbImage>>, PhaseError> {
-    if !ctx.played_outside(Role::ImageEditor) {
+    if !ctx.can().draws {
         return Ok(None);
     }
     let request = EditRequest {

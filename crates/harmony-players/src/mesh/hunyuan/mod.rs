@@ -124,7 +124,7 @@ impl HunyuanPlayer {
     async fn generate_as_job(&self, body: &Value) -> Result<Vec<u8>, RoleError> {
         let total = self.service.limits().total;
         let since = Instant::now();
-        let sent: Value = self.service.call_json(&HttpRequest::post_json("/send", body)).await?;
+        let sent: Value = self.service.call_json(&HttpRequest::post_json("/send", body)).await?.value;
         let Some(id) = wire::job_id(&sent) else {
             return Err(self.service.unusable("the server gave no job id", &sent.to_string()));
         };
@@ -220,7 +220,7 @@ impl Check for HunyuanPlayer {
             Version::V2 => "/status/harmony-check",
             Version::V2_1 => "/health",
         };
-        let state: Value = self.service.call_json(&HttpRequest::get(path)).await?;
+        let state: Value = self.service.call_json(&HttpRequest::get(path)).await?.value;
         if state.get("status").and_then(Value::as_str).is_none() {
             return Err(self.service.unusable("this does not look like a Hunyuan3D server", &state.to_string()));
         }

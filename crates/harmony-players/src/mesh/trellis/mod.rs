@@ -91,7 +91,7 @@ impl MeshGenerator for TrellisPlayer {
             image.map_err(|reason| RoleError::NotCapable { player: self.service.player().to_owned(), reason })?;
         let host = self.options.host;
         let body = wire::body(&image, &settings, self.options.seed, &self.options.model, host);
-        let answer: Value = self.service.call_json(&HttpRequest::post_json(wire::path(host), &body)).await?;
+        let answer: Value = self.service.call_json(&HttpRequest::post_json(wire::path(host), &body)).await?.value;
         let bytes = wire::read(&answer, host).map_err(|trouble| match trouble {
             Trouble::Refused(reason) => self.service.refused(&reason),
             Trouble::Failed(reason) => self.service.unavailable(reason),

@@ -2,14 +2,11 @@
 
 use harmony_imaging::color::median_color;
 use harmony_prompts::{
-    BackWallSide, FloorTexture, LayoutAnswer, LayoutCamera, LayoutRoom, LayoutTrims, LayoutWall, WallTexture,
+    BackWallSide, FloorTexture, LayoutAnswer, LayoutCamera, LayoutQuestion, LayoutRoom, LayoutTrims, LayoutWall,
+    WallTexture,
 };
-use harmony_roles::VlmRequest;
 use harmony_scene::{ImageSize, Mask, Wall};
 use image::RgbImage;
-use serde_json::Value;
-
-use super::number;
 
 /// Usual room, metres (width, depth, ceiling), where nothing was measured.
 const USUAL_ROOM: [f64; 3] = [4.2, 4.8, 2.6];
@@ -17,19 +14,20 @@ const USUAL_ROOM: [f64; 3] = [4.2, 4.8, 2.6];
 /// Eye height of a photographer, metres.
 const USUAL_CAMERA_HEIGHT: f64 = 1.5;
 
-/// Facts: `extents` (of the room box that the lines give), `camera_height_m`, `tilt_deg`, `yaw_deg`, `dist_to_back_m`.
-/// No pins and no corner are given: what the lines tell is in the facts already, and more is not known.
-pub fn layout(facts: &Value, request: &VlmRequest) -> LayoutAnswer {
-    let extent =
-        |key: &str, usual: f64, low: f64, high: f64| number(&facts["extents"], key, low, high).unwrap_or(usual);
-    let width = extent("width", USUAL_ROOM[0], 1.2, 30.0);
-    let depth = extent("depth", USUAL_ROOM[1], 1.2, 30.0);
-    let height = extent("height", USUAL_ROOM[2], 1.9, 10.0);
-    let camera_height = number(facts, "camera_height_m", 0.3, (height - 0.1).min(5.9)).unwrap_or(USUAL_CAMERA_HEIGHT);
-    let tilt = number(facts, "tilt_deg", -75.0, 75.0).unwrap_or(0.0);
-    let yaw = number(facts, "yaw_deg", -85.0, 85.0).unwrap_or(0.0);
-    let distance = number(facts, "dist_to_back_m", 0.3, 35.0).unwrap_or(depth * 0.85);
-    let photo = request.pictures.first().map(|picture| picture.image.as_ref());
+/// The room box that the lines give, within what a room can be; the usual room where they give none.
+///
+/// No pins and no corner are given: what the lines tell is known already, and more is not.
+pub fn layout(question: &LayoutQuestion, photo: Option<&RgbImage>) -> LayoutAnswer {
+    let known = question.unaided.as_ref();
+    let within = |value: Option<f64>, low: f64, high: f64| value.filter(|v| v.is_finite()).map(|v| v.clamp(low, high));
+    let width = within(known.map(|k| k.extents.width), 1.2, 30.0).unwrap_or(USUAL_ROOM[0]);
+    let depth = within(known.map(|k| k.extents.depth), 1.2, 30.0).unwrap_or(USUAL_ROOM[1]);
+    let height = within(known.map(|k| k.extents.height), 1.9, 10.0).unwrap_or(USUAL_ROOM[2]);
+    let camera_height =
+        within(known.map(|k| k.camera_height_m), 0.3, (height - 0.1).min(5.9)).unwrap_or(USUAL_CAMERA_HEIGHT);
+    let tilt = within(known.map(|k| k.tilt_deg), -75.0, 75.0).unwrap_or(0.0);
+    let yaw = within(known.map(|k| k.yaw_deg), -85.0, 85.0).unwrap_or(0.0);
+    let distance = within(known.map(|k| k.dist_to_back_m), 0.3, 35.0).unwrap_or(depth * 0.85);
     let [floor, wall] = surface_colors(photo);
     let (sin, cos) = yaw.to_radians().sin_cos();
     // A point on the back wall in the direction of view, from the middle of the room.

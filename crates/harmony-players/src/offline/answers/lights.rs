@@ -1,8 +1,8 @@
-//! `lights` and `lighting_review`: by measured brightness.
+//! `lights`: by measured brightness.
 
-use harmony_lighting::{LightingDelta, LightingSpec, LightingVerdict, PointLightSpec, WindowSpec};
-use harmony_scene::{LightKind, Lighting};
-use serde_json::Value;
+use harmony_lighting::{LightingSpec, PointLightSpec, WindowSpec};
+use harmony_prompts::LightsQuestion;
+use harmony_scene::LightKind;
 
 /// Luminance relative to the photo's mean from which a lamp is taken to shine.
 const LAMP_RATIO: f64 = 2.0;
@@ -13,24 +13,20 @@ const LAMP_LUMINANCE: f64 = 0.6;
 /// Luminance relative to the photo's mean from which daylight comes through a window.
 const WINDOW_RATIO: f64 = 1.2;
 
-/// Facts: `lighting` (the sources), `photo_luminance` (linear mean), `seen` (`id`, `luminance` of objects).
-///
 /// A lamp shines when it is much brighter than the photo, a window when it is somewhat brighter. Of what was not seen
 /// nothing is said, so it stays as it is listed. Colours are left to the fit.
-pub fn lights(facts: &Value) -> LightingSpec {
-    let Ok(lighting) = serde_json::from_value::<Lighting>(facts["lighting"].clone()) else {
-        return LightingSpec::default();
-    };
-    let mean = facts["photo_luminance"].as_f64().filter(|v| v.is_finite() && *v > 0.0).unwrap_or(0.2);
-    let luminance = |id: &str| -> Option<f64> {
-        let seen = facts["seen"].as_array()?.iter().find(|entry| entry["id"] == id)?;
-        seen["luminance"].as_f64().filter(|v| v.is_finite())
+pub fn lights(question: &LightsQuestion) -> LightingSpec {
+    // A black photo has no mean to compare with.
+    let mean = Some(question.photo_luminance).filter(|v| v.is_finite() && *v > 0.0).unwrap_or(0.2);
+    let luminance = |id: &str| {
+        let seen = question.seen.iter().find(|seen| seen.id.as_str() == id)?;
+        Some(seen.luminance).filter(|v| v.is_finite())
     };
     let mut spec = LightingSpec {
         summary: "By rule: what is brighter than the photo shines.".to_owned(),
         ..LightingSpec::default()
     };
-    for light in &lighting.lights {
+    for light in &question.lighting.lights {
         let object = light.object.as_ref().map_or(light.id.as_str(), |id| id.as_str());
         let Some(seen) = luminance(object) else { continue };
         match light.kind {
@@ -46,11 +42,4 @@ pub fn lights(facts: &Value) -> LightingSpec {
         }
     }
     spec
-}
-
-/// Facts: `proposed`, the correction that was measured between photo and preview; it is taken as it is. Without one
-/// nothing is changed.
-pub fn lighting_review(facts: &Value) -> LightingDelta {
-    serde_json::from_value(facts["proposed"].clone())
-        .unwrap_or_else(|_| LightingDelta { verdict: LightingVerdict::Converged, ..LightingDelta::default() })
 }

@@ -3,10 +3,9 @@
 use harmony_imaging::color::lab_from_rgb8;
 use harmony_imaging::outline::trace_outline;
 use harmony_imaging::regions::{Region, RegionSettings, propose_regions, surface_labels};
-use harmony_prompts::{ListAnswer, ListedInstance, ListedItem};
-use harmony_roles::VlmRequest;
-use harmony_scene::{Camera, Extents, Level, SceneCamera, Surface};
-use serde_json::Value;
+use harmony_prompts::{ListAnswer, ListQuestion, ListedInstance, ListedItem};
+use harmony_scene::{Camera, Level, Surface};
+use image::RgbImage;
 
 /// Least objectness of a region that is taken for a thing.
 const MIN_OBJECTNESS: f64 = 0.45;
@@ -23,24 +22,18 @@ const RUG_FLATNESS: f64 = 0.3;
 /// Error of outlines, as a fraction of the photo's longer side.
 const OUTLINE_ERROR: f64 = 0.004;
 
-/// Facts: `level`; `camera` and `extents` of the room box (without them no surface is known, and nothing is listed).
+/// Without a camera in the room box no surface is known, and nothing is listed.
 ///
 /// What stands before the floor is "furniture", what is flat on it a "rug"; what is on a wall a "window" when it is very
 /// bright, else a "picture"; what is before the ceiling a "ceiling lamp". Decorations are not listed: telling them from
 /// the furniture they stand on takes more than colours.
-pub fn list(facts: &Value, request: &VlmRequest) -> ListAnswer {
-    let known = (
-        serde_json::from_value::<Level>(facts["level"].clone()),
-        serde_json::from_value::<SceneCamera>(facts["camera"].clone()),
-        serde_json::from_value::<Extents>(facts["extents"].clone()),
-        request.pictures.first(),
-    );
-    let (Ok(level), Ok(camera), Ok(extents), Some(photo)) = known else { return ListAnswer::default() };
-    let (photo, camera) = (&photo.image, Camera::from(&camera));
+pub fn list(question: &ListQuestion, photo: Option<&RgbImage>) -> ListAnswer {
+    let (Some(view), Some(photo)) = (&question.view, photo) else { return ListAnswer::default() };
+    let (level, camera) = (question.level, Camera::from(&view.camera));
     if level == Level::Decoration || (camera.size.width, camera.size.height) != photo.dimensions() {
         return ListAnswer::default();
     }
-    let labels = surface_labels(&camera, &extents);
+    let labels = surface_labels(&camera, &view.extents);
     let regions = propose_regions(photo, &labels, &RegionSettings::default());
     let mut answer = ListAnswer::default();
     for region in regions.iter().filter(|r| r.objectness >= MIN_OBJECTNESS).take(3 * MAX_THINGS) {
@@ -65,7 +58,7 @@ pub fn list(facts: &Value, request: &VlmRequest) -> ListAnswer {
             }),
         }
     }
-    if facts["with_boxes"].as_bool() == Some(false) {
+    if !question.with_boxes {
         answer.items.iter_mut().for_each(|item| item.instances.clear());
     }
     answer

@@ -1,0 +1,177 @@
+//! What the checks accept, and what they complain about.
+
+use harmony_prompts::{
+    CompletedAnswer, CompletedObject, InspectAnswer, InspectedObject, InspectedSize, LayoutAnswer, ListAnswer,
+    ListedItem, Question, ReviewActionAnswer, ReviewActionKind, ReviewAnswer,
+};
+use serde_json::{Value, json};
+
+use crate::samples::questions;
+
+fn ids(ids: &[&str]) -> Vec<String> {
+    ids.iter().map(|id| (*id).to_owned()).collect()
+}
+
+fn complaint(result: Result<(), String>) -> String {
+    result.expect_err("a complaint is due")
+}
+
+/// What nobody looked at is accepted by the question's own check.
+#[test]
+fn answers_without_looking_pass() {
+    let mut answered = 0;
+    for (name, question) in questions() {
+        let Some(answer) = question.without_looking() else {
+            let needs_eyes = matches!(
+                question,
+                Question::Layout(_) | Question::List(_) | Question::Inspect(_) | Question::Lights(_)
+            );
+            assert!(needs_eyes, "{name}");
+            continue;
+        };
+        assert_eq!(question.check(&answer), Ok(()), "{name}");
+        answered += 1;
+    }
+    assert!(answered >= 8);
+}
+
+/// Examples are of another picture: those that name objects are refused for their ids, the others accepted.
+#[test]
+fn an_example_sent_back_is_not_taken_for_an_answer() {
+    for (name, question) in questions() {
+        let example = question.example();
+        let names_objects = !matches!(
+            question,
+            Question::Layout(_) | Question::List(_) | Question::Lights(_) | Question::LightingReview(_)
+        );
+        let outcome = question.check(&example);
+        // The examples of these two happen to speak of ids that the samples have.
+        let known = matches!(question, Question::Programs(_));
+        assert_eq!(outcome.is_err(), names_objects && !known, "{name}: {outcome:?}");
+    }
+}
+
+#[test]
+fn nonsense_of_any_form_is_a_complaint_and_never_a_panic() {
+    let nonsense =
+        [Value::Null, json!([]), json!({}), json!("text"), json!({"objects": [{"id": ""}]}), json!({"items": [1]})];
+    for (name, question) in questions() {
+        for value in &nonsense {
+            if let Err(complaint) = question.check(value) {
+                assert!(!complaint.is_empty(), "{name}");
+            }
+        }
+        assert!(question.check(&json!(7)).is_err(), "{name}");
+    }
+}
+
+#[test]
+fn a_layout_has_plausible_numbers() {
+    type Spoil = fn(&mut LayoutAnswer);
+    let spoils: [(Spoil, &str); 7] = [
+        (|a| a.room.floor_width_m = 0.1, "floor_width_m"),
+        (|a| a.room.floor_depth_m = f64::NAN, "floor_depth_m"),
+        (|a| a.room.ceiling_height_m = 30.0, "ceiling_height_m"),
+        (|a| a.camera.tilt_deg = 88.0, "tilt_deg"),
+        (|a| a.camera.dist_to_back_m = f64::INFINITY, "dist_to_back_m"),
+        (|a| a.pins[0].points.truncate(1), "two or more"),
+        (|a| a.camera.corner_px = Some([500.0, 9000.0]), "corner_px"),
+    ];
+    assert_eq!(LayoutAnswer::example().check(), Ok(()));
+    for (spoil, what) in spoils {
+        let mut answer = LayoutAnswer::example();
+        spoil(&mut answer);
+        assert!(complaint(answer.check()).contains(what), "{what}");
+    }
+}
+
+#[test]
+fn a_list_is_bounded_and_its_boxes_are_boxes() {
+    let (_, question) = questions().into_iter().find(|(name, _)| name == "list with boxes").unwrap();
+    let good: ListAnswer = serde_json::from_value(question.example()).unwrap();
+    assert_eq!(good.check(), Ok(()));
+    let spoilt = |spoil: &dyn Fn(&mut ListedItem)| {
+        let mut answer = good.clone();
+        spoil(&mut answer.items[0]);
+        complaint(answer.check())
+    };
+    assert!(spoilt(&|item| item.kind = " ".into()).contains("1 to 80"));
+    assert!(spoilt(&|item| item.kind = "x".repeat(81)).contains("1 to 80"));
+    assert!(spoilt(&|item| item.count = 201).contains("at most 80 kinds"));
+    assert!(spoilt(&|item| item.instances[0].bounds = [10.0, 10.0, 10.0, 90.0]).contains("is empty"));
+    assert!(spoilt(&|item| item.instances[0].bounds[2] = 4000.0).contains("right of a vase's box"));
+    assert!(spoilt(&|item| item.instances[0].outline.truncate(2)).contains("outline has 2 points"));
+}
+
+#[test]
+fn every_candidate_is_answered_once_with_a_size() {
+    let size = InspectedSize { width: 0.5, height: 0.9, depth: 0.5 };
+    let answer = |names: &[&str]| InspectAnswer {
+        objects: names.iter().map(|id| InspectedObject::plain(id, "chair", size)).collect(),
+        ..InspectAnswer::default()
+    };
+    let asked = ids(&["chair_01", "chair_02"]);
+    assert_eq!(answer(&["chair_02", "chair_01"]).check(&asked), Ok(()));
+    assert!(complaint(answer(&["chair_01"]).check(&asked)).contains("no entry for chair_02"));
+    assert!(complaint(answer(&["chair_01", "chair_01"]).check(&asked)).contains("twice"));
+    assert!(complaint(answer(&["chair_01", "sofa_01"]).check(&asked)).contains("no candidate"));
+    let mut flat = answer(&["chair_01", "chair_02"]);
+    flat.objects[1].size_m.depth = 0.0;
+    assert!(complaint(flat.check(&asked)).contains("size_m.depth of chair_02"));
+    flat.objects[1].size_m.depth = 0.5;
+    flat.objects[1].front_deg = Some(720.0);
+    assert!(complaint(flat.check(&asked)).contains("front_deg of chair_02"));
+}
+
+#[test]
+fn exactly_the_shown_objects_are_judged() {
+    let answer = |names: &[&str]| CompletedAnswer {
+        objects: names
+            .iter()
+            .map(|id| CompletedObject { id: (*id).into(), matches: true, hint: String::new() })
+            .collect(),
+    };
+    let asked = ids(&["chair_01", "sofa_01"]);
+    assert_eq!(answer(&["sofa_01", "chair_01"]).check(&asked), Ok(()));
+    assert!(complaint(answer(&["sofa_01"]).check(&asked)).contains("no entry for chair_01"));
+    assert!(complaint(answer(&["sofa_01", "chair_01", "desk_01"]).check(&asked)).contains("not asked for"));
+}
+
+#[test]
+fn actions_of_a_review_carry_what_they_need() {
+    let action = |kind| ReviewActionAnswer {
+        action: kind,
+        id: "chair_01".into(),
+        other: None,
+        delta_m: None,
+        position_m: None,
+        angle_deg: None,
+        factor: None,
+        reason: String::new(),
+    };
+    let known = ids(&["chair_01", "desk_01"]);
+    let check =
+        |action: ReviewActionAnswer| ReviewAnswer { actions: vec![action], ..ReviewAnswer::default() }.check(&known);
+    for (kind, what) in [
+        (ReviewActionKind::Move, "delta_m"),
+        (ReviewActionKind::Rotate, "angle_deg"),
+        (ReviewActionKind::Rescale, "factor"),
+        (ReviewActionKind::Swap, "other"),
+        (ReviewActionKind::Rehost, "other"),
+        (ReviewActionKind::Add, "position_m"),
+    ] {
+        assert!(complaint(check(action(kind))).contains(what), "{kind:?}");
+    }
+    for kind in [ReviewActionKind::Remove, ReviewActionKind::EqualizeGroup] {
+        assert_eq!(check(action(kind)), Ok(()), "{kind:?}");
+    }
+    let far = ReviewActionAnswer { delta_m: Some([0.0, 0.0, 99.0]), ..action(ReviewActionKind::Move) };
+    assert!(complaint(check(far)).contains("position or delta"));
+    let giant = ReviewActionAnswer { factor: Some([1.0, 50.0, 1.0]), ..action(ReviewActionKind::Rescale) };
+    assert!(complaint(check(giant)).contains("factor"));
+    let onto = |other: &str| ReviewActionAnswer { other: Some(other.into()), ..action(ReviewActionKind::Rehost) };
+    assert_eq!(check(onto("desk_01")), Ok(()));
+    assert!(complaint(check(onto("shelf_09"))).contains("no object"));
+    let many = ReviewAnswer { actions: vec![action(ReviewActionKind::Remove); 61], ..ReviewAnswer::default() };
+    assert!(complaint(many.check(&known)).contains("at most 60"));
+}
