@@ -12,11 +12,6 @@ mod shell;
 mod templates;
 mod upright;
 
-/// Kinds of things as placement names them.
-pub mod catalogue {
-    pub use harmony_catalogue::{default_size, kind as category, size_range, standard_height};
-}
-
 pub use bvh::{Bvh, Hit};
 pub use clean::{CleanReport, canonicalise, clean, simple_form};
 pub use convex::{ConvexPart, MAX_HULL_POINTS, convex_parts, hull_points};

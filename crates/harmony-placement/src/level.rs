@@ -110,7 +110,9 @@ pub fn place_level(
     let mut report = LevelReport::default();
     let mut items: Vec<Item> = items.into_iter().filter(|i| usable(scene, i, &mut report)).collect();
     let Some(level) = items.first().map(|i| i.level) else { return report };
-    items.iter_mut().for_each(|item| drop_strangers(scene, item));
+    for item in &mut items {
+        drop_strangers(scene, item);
+    }
     let items: Vec<Arc<Item>> = items.into_iter().map(Arc::new).collect();
     report.order = crate::placement_order(scene, &items, given_order, settings);
     let mut waiting: Vec<Arc<Item>> = report.order.entries.iter().map(|e| Arc::clone(&items[e.item])).collect();

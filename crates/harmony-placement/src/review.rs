@@ -177,13 +177,12 @@ pub fn apply(
             let i = find(scene, object)?;
             in_range("a rotation", *by_deg, -360.0, 360.0)?;
             let wanted = scene.placed[i].pose.yaw + by_deg.to_radians();
-            match &scene.placed[i].support {
-                Support::Wall { wall } => hang_elsewhere(&mut after, i, *wall, wanted, settings)?,
-                _ => {
-                    // The reviewer's answer takes the place of the one before.
-                    renamed(&mut after, i, |item| item.yaw = YawHint::About(wanted));
-                    carry(&mut after, i, settings, |pose| pose.yaw = wanted);
-                }
+            if let Support::Wall { wall } = &scene.placed[i].support {
+                hang_elsewhere(&mut after, i, *wall, wanted, settings)?;
+            } else {
+                // The reviewer's answer takes the place of the one before.
+                renamed(&mut after, i, |item| item.yaw = YawHint::About(wanted));
+                carry(&mut after, i, settings, |pose| pose.yaw = wanted);
             }
             touched.push(object.clone());
         }
@@ -444,10 +443,13 @@ pub fn judge(before: &PartialScene, after: &ReviewOutcome, settings: &PlacementS
     }
 }
 
+/// The name of a term, and the term.
+type Term = (&'static str, fn(&Energy) -> f64);
+
 /// The terms that rose most, in words.
 fn against(was: &[Energy], is: &[Energy], deeper: f64) -> String {
     let sum = |all: &[Energy], of: fn(&Energy) -> f64| all.iter().map(of).sum::<f64>();
-    let terms: [(&str, fn(&Energy) -> f64); 7] = [
+    let terms: [Term; 7] = [
         ("silhouettes", |e| e.silhouette),
         ("depths", |e| e.depth),
         ("sizes", |e| e.size),

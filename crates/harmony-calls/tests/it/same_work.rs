@@ -45,7 +45,7 @@ impl MeshGenerator for Sculptor {
 
     async fn generate(&self, _request: &MeshRequest) -> Result<GeneratedMesh, RoleError> {
         let before = self.asked.fetch_add(1, Ordering::Relaxed);
-        tokio::time::sleep(Duration::from_secs(60)).await;
+        tokio::time::sleep(Duration::from_mins(1)).await;
         let mut mesh = small_mesh(0.0);
         if before < self.broken {
             mesh.groups.clear();

@@ -1,4 +1,4 @@
-//! Bringing apart what is in one another. Paper Sec. 3.3 "Collision resolution".
+//! Bringing apart what is in one another. Paper Sec. 3.3 (key `collide.least_move`).
 //!
 //! The paper applies the smaller of the two least moves of a pair, then moves the group, and reports what stays. Here all pairs
 //! share their least displacement round after round (position-based dynamics, Müller et al., 2007), the one that is surer of

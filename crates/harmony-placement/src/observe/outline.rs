@@ -82,7 +82,9 @@ impl Outline {
                 && q.z >= NEAR
                 && let Some(ends) = clipped(pixel(p), pixel(q), &self.within)
             {
-                ends.into_iter().for_each(|end| extend(&mut inside, end));
+                for end in ends {
+                    extend(&mut inside, end);
+                }
             }
         }
         if !self.edges.is_empty() {

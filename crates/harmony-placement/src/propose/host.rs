@@ -1,4 +1,4 @@
-//! First poses on furniture: the ray of the mask's base against the host's surfaces. Paper App. C "Decoration Placement".
+//! First poses on furniture: the ray of the mask's base against the host's surfaces. Paper App. C "Decoration Placement". Key `deco.host`.
 
 use harmony_scene::{DepthPosition, Level, PixelBox, PlacementType, SurfacePosition, Vec2, Vec3};
 

@@ -1,7 +1,7 @@
 //! First poses: from relations, prior size and the mask's rays to one or several hypotheses. Paper Sec. 3.3, App. C.
 //!
 //! Where the paper takes one first pose from the VLM, several are made here and measured; what the relations say
-//! comes first and what contradicts them has a price.
+//! comes first and what contradicts them has a price. Key `ceiling.ray`.
 
 mod host;
 mod wall;

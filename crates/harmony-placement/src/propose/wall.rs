@@ -1,5 +1,5 @@
 //! First poses on walls: the mask's centre as a ray against the walls, its extent projected onto the wall plane.
-//! Paper App. C "Wall-Mounted Object Placement".
+//! Paper App. C "Wall-Mounted Object Placement". Key `wall.ray`.
 
 use harmony_scene::{Pose, Ray, Support, Vec2, Vec3, Wall};
 

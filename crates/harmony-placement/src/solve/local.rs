@@ -74,7 +74,7 @@ pub(crate) fn solve<'a>(
     settings: &'a PlacementSettings,
 ) -> Solution<'a> {
     let proposer = Proposer { scene, item, window, settings };
-    let best = best_of(proposer.all(), window, settings);
+    let best = best_of(&proposer.all(), window, settings);
     let expected = 0.5 * crate::noise::surprise(settings.noise.wrong_host);
     // On another host it would have to cost less than this at least.
     let elsewhere = item.level == Level::Decoration || item.relations.on_top_of.is_some();
@@ -82,7 +82,7 @@ pub(crate) fn solve<'a>(
     if others.is_empty() {
         return best;
     }
-    let mut other = best_of(others, window, settings);
+    let mut other = best_of(&others, window, settings);
     other.renders += best.renders;
     if other.total() < best.total() { other } else { Solution { renders: other.renders, ..best } }
 }
@@ -92,7 +92,7 @@ fn objective<'a>(h: &Hypothesis<'a>, window: &'a Window, settings: &'a Placement
 }
 
 /// The best pose to which any of the hypotheses (at least one) leads.
-fn best_of<'a>(hypotheses: Vec<Hypothesis<'a>>, window: &'a Window, settings: &'a PlacementSettings) -> Solution<'a> {
+fn best_of<'a>(hypotheses: &[Hypothesis<'a>], window: &'a Window, settings: &'a PlacementSettings) -> Solution<'a> {
     let starts: Vec<(Objective<'a>, Pose)> = hypotheses
         .par_iter()
         .flat_map_iter(|h| {

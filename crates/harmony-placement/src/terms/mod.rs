@@ -10,7 +10,6 @@
 
 mod kernel;
 mod size;
-mod standard;
 
 use harmony_scene::{Level, PlacementType, PointMapKind, Pose, Support, Vec3};
 
@@ -304,7 +303,7 @@ pub(crate) fn evidence_of(objective: &Objective, pose: &Pose) -> Evidence {
 
 #[cfg(test)]
 mod tests {
-    use harmony_scene::{Mask, Size};
+    use harmony_scene::Size;
 
     use super::*;
     use crate::testing::{boxed, empty_room, of_boxes, seen};

@@ -1,9 +1,9 @@
-//! What is expected of an object's size: the named one, a standard, and that of its set.
+//! What is expected of an object's size: the named one, a standard, and that of its set. Key `group.refine`.
 
+use harmony_catalogue::standard_height;
 use harmony_scene::{Level, Pose, Vec3};
 
 use super::NAMED;
-use super::standard::standard_height;
 use crate::noise::Noise;
 use crate::scene::attachment::prior_scale;
 use crate::{Item, PartialScene, PlacementSettings};

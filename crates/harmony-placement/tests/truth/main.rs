@@ -152,7 +152,6 @@ const EVERYTHING: Noise = Noise { mesh: 0.1, mask_px: 2.0, pitch: 0.014, focal: 
 fn rooms_with_a_depth_map_come_out_where_they_are() {
     let settings = PlacementSettings::default();
     let Some(e) = measure("metric depth", PointMapKind::Metric, &SIZES, &settings, HALF) else {
-        println!("skipped: no rooms with truth found; set HARMONY_SHARED");
         return;
     };
     assert!(median(&e.position) < 0.02, "median position error {}", median(&e.position));
@@ -165,7 +164,6 @@ fn rooms_with_a_depth_map_come_out_where_they_are() {
 fn rooms_without_depth_come_out_near_where_they_are() {
     let settings = PlacementSettings::default();
     let Some(e) = measure("room box, no depth", PointMapKind::RoomBox, &SIZES, &settings, HALF) else {
-        println!("skipped: no rooms with truth found; set HARMONY_SHARED");
         return;
     };
     assert!(median(&e.position) < 0.03, "median position error {}", median(&e.position));
@@ -184,7 +182,6 @@ const HALF: Option<&[&str]> = Some(&["dining_room_01", "living_room_01", "study_
 fn with_everything_a_little_off_objects_are_a_little_off() {
     let settings = PlacementSettings::default();
     let Some(e) = measure("all noisy, depth", PointMapKind::Relative, &EVERYTHING, &settings, FEW) else {
-        println!("skipped: no rooms with truth found; set HARMONY_SHARED");
         return;
     };
     assert!(median(&e.position) < 0.15, "median position error {}", median(&e.position));

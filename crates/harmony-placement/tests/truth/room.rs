@@ -75,15 +75,9 @@ pub struct GtRoom {
     depth: Vec<f32>,
 }
 
-fn root() -> PathBuf {
-    std::env::var_os("HARMONY_SHARED")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), PathBuf::from)
-        .join("gt")
-}
-
 /// Names of all rooms, sorted; `None` when there are none here.
 pub fn names() -> Option<Vec<String>> {
-    let mut names: Vec<String> = std::fs::read_dir(root())
+    let mut names: Vec<String> = std::fs::read_dir(harmony_testing::shared("gt")?)
         .ok()?
         .filter_map(Result::ok)
         .filter(|e| e.path().is_dir())
@@ -134,10 +128,7 @@ fn noise(seed: u64, name: &str, salt: u64) -> f64 {
 impl GtRoom {
     /// Loads a room by its folder's name; `None` when it isn't there.
     pub fn load(name: &str) -> Option<Self> {
-        let dir = root().join(name);
-        if !dir.is_dir() {
-            return None;
-        }
+        let dir = harmony_testing::shared(&format!("gt/{name}"))?;
         let c = json(dir.join("camera.json"));
         let size = ImageSize::new(c["width"].as_u64()? as u32, c["height"].as_u64()? as u32);
         let k = mat3(&c["K"]);

@@ -8,7 +8,7 @@ use harmony_calls::schema_complaints;
 use harmony_players::vlm::schema::{Dialect, from_wire, size_of, strict, to_wire};
 use serde_json::{Value, json};
 
-#[path = "../../harmony-prompts/tests/it/samples.rs"]
+#[path = "../../../harmony-prompts/tests/it/samples.rs"]
 mod samples;
 use samples::questions;
 
