@@ -178,7 +178,7 @@ mod tests {
     fn a_value_out_of_range_is_refused_with_the_range() {
         let error = parse("[settings]\nworking_px = 9\n").unwrap_err();
         assert!(error.contains("256") && error.contains('9'), "{error}");
-        for (name, value) in [("window_px", "4000000000"), ("window_px", "nan"), ("max_rounds", "1000000000000")] {
+        for (name, value) in [("window_px", "4000000000"), ("noise.size", "nan"), ("max_rounds", "1000000000000")] {
             let error = parse(&format!("[settings.placement]\n{name} = {value}\n")).unwrap_err();
             assert!(error.contains(name), "{error}");
         }

@@ -86,6 +86,8 @@ pub struct Noise {
     pub rotation: f64,
     /// Focal length, relative: what objects say of it has errors in common (meshes whose fronts are off, depths that bend).
     pub focal: f64,
+    /// Height of the room as it was told, relative.
+    pub height: f64,
     /// Scale of a scene of which no map was calibrated, relative.
     pub scale_unknown: f64,
 
@@ -134,6 +136,7 @@ impl Default for Noise {
             wrong_review: 0.12,
             rotation: 0.001,
             focal: 0.01,
+            height: 0.04,
             scale_unknown: 0.1,
             contact: 0.002,
             contact_soft: 0.06,

@@ -54,6 +54,9 @@ const FOCAL_SIGMA: f64 = 0.025;
 const SENSOR_FOCAL_SIGMA: f64 = 0.004;
 const UNSEEN_SIGMA: f64 = 0.15;
 const METRIC_HEIGHT_SIGMA: f64 = 0.08;
+/// One sigma of the told height (logarithm): the map has no other metres, so that calibration takes it as it is;
+/// [`RoomPosterior::with_height_known_to`] says how far it is believed.
+const TOLD_HEIGHT_SIGMA: f64 = 0.001;
 /// Sigmas of the prior's camera height, distance to the back wall and width (logarithms): they matter where no face is
 /// seen.
 const CAMERA_HEIGHT_SIGMA: f64 = 0.12;
@@ -127,6 +130,18 @@ pub struct RoomPosterior {
 }
 
 impl RoomPosterior {
+    /// The same where the height that gave the map its metres is known to `sigma` (logarithm) and not exactly.
+    #[must_use]
+    pub fn with_height_known_to(mut self, sigma: f64) -> Self {
+        let k = LN_HEIGHT * self.mean.len() + LN_HEIGHT;
+        let told = TOLD_HEIGHT_SIGMA.powi(-2);
+        // Where it was not told, a metric map or a sensor knows better.
+        if self.information[k] >= told {
+            self.information[k] += sigma.powi(-2) - told;
+        }
+        self
+    }
+
     /// The same with the hints `factor` times less sure; unchanged where nothing would be left to hold the room.
     #[must_use]
     pub fn with_hints_doubted(&self, factor: f64) -> Self {

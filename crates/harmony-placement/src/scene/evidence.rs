@@ -31,6 +31,12 @@ impl Energy {
         self.observed() + self.size + self.yaw + self.place + self.support + self.prior
     }
 
+    /// The total where the photo's sigmas are `misfit` times (in variance) what they were taken to be: beside an answer it says
+    /// less by that factor. A misfit below 1 is luck.
+    pub(crate) fn tempered(&self, misfit: f64) -> f64 {
+        self.total() - self.observed() + self.observed() / misfit.max(1.0)
+    }
+
     /// What the photo and its map say.
     pub fn observed(&self) -> f64 {
         self.silhouette + self.depth

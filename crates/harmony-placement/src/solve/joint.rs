@@ -110,7 +110,7 @@ struct Problem<'a> {
 ///
 /// `None` where calibration left no posterior (no point map) or nothing is placed.
 pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<GlobalReport> {
-    let posterior = scene.posterior.as_ref()?.clone();
+    let posterior = scene.posterior.as_ref()?.clone().with_height_known_to(settings.noise.height);
     let before_each = scene_energy(scene, settings);
     let before = total(&before_each) + room_energy(scene, &posterior)?;
     let (camera, positions): (Camera, Vec<Vec3>) =
@@ -254,7 +254,7 @@ impl<'a> Problem<'a> {
         let loose = [Wall::Left, Wall::Right].map(|wall| scene.is_loose(wall));
         let (information, mut mean) = match &scene.posterior {
             Some(posterior) => {
-                let posterior = posterior.with_hints_doubted(size_inflation);
+                let posterior = posterior.with_hints_doubted(size_inflation).with_height_known_to(noise.height);
                 (posterior.information, posterior.mean)
             }
             None => (unknown_room(noise), now),

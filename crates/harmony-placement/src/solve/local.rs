@@ -84,7 +84,13 @@ pub(crate) fn solve<'a>(
     }
     let mut other = best_of(&others, window, settings);
     other.renders += best.renders;
-    if other.total() < best.total() { other } else { Solution { renders: other.renders, ..best } }
+    let misfit = [&best, &other].map(|s| s.objective.misfit(&s.energy, &s.seen));
+    let misfit = misfit[0].min(misfit[1]);
+    if other.energy.tempered(misfit) < best.energy.tempered(misfit) {
+        other
+    } else {
+        Solution { renders: other.renders, ..best }
+    }
 }
 
 fn objective<'a>(h: &Hypothesis<'a>, window: &'a Window, settings: &'a PlacementSettings) -> Objective<'a> {
@@ -143,13 +149,21 @@ fn best_of<'a>(hypotheses: &[Hypothesis<'a>], window: &'a Window, settings: &'a 
     best
 }
 
+/// The best first. Where none agrees within the sigmas, they are too small here, and what the photo says is worth less
+/// beside what was answered.
 fn by_energy(mut all: Vec<Solution>) -> Vec<Solution> {
-    all.sort_by(|a, b| a.total().total_cmp(&b.total()));
+    let misfit = least_misfit(&all);
+    all.sort_by(|a, b| a.energy.tempered(misfit).total_cmp(&b.energy.tempered(misfit)));
     all
+}
+
+fn least_misfit(all: &[Solution]) -> f64 {
+    all.iter().map(|s| s.objective.misfit(&s.energy, &s.seen)).fold(f64::INFINITY, f64::min)
 }
 
 /// The first of all, with the probability of its turn and support beside the others that were tried.
 fn with_probability(mut all: Vec<Solution>) -> Solution {
+    let misfit = least_misfit(&all);
     let mut best = all.swap_remove(0);
     let differs = |s: &Solution| {
         // What has no front looks the same after a quarter turn.
@@ -163,8 +177,9 @@ fn with_probability(mut all: Vec<Solution>) -> Solution {
         };
         turned || elsewhere
     };
-    let other = all.iter().filter(|s| differs(s)).map(Solution::total).fold(f64::INFINITY, f64::min);
-    best.hypothesis = 1.0 / (1.0 + (best.total() - other).min(0.0).exp());
+    let tempered = |s: &Solution| s.energy.tempered(misfit);
+    let other = all.iter().filter(|s| differs(s)).map(tempered).fold(f64::INFINITY, f64::min);
+    best.hypothesis = 1.0 / (1.0 + (tempered(&best) - other).min(0.0).exp());
     best
 }
 

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 
 use super::{
     BACK_SIGMA, CAMERA_HEIGHT_SIGMA, LINES_WEIGHT, LN_HEIGHT, LN_SCALE, METRIC_HEIGHT_SIGMA, Problem, STEPS,
-    UNSEEN_SIGMA, USUAL_HEIGHT_SIGMA, Unknowns, WIDTH_SIGMA, distance_to, index, outward, towards,
+    TOLD_HEIGHT_SIGMA, UNSEEN_SIGMA, USUAL_HEIGHT_SIGMA, Unknowns, WIDTH_SIGMA, distance_to, index, outward, towards,
 };
 use crate::least_squares::{Solution, differences, minimise_with, robust, robust_slope};
 use crate::room_box::USUAL_CAMERA_HEIGHT;
@@ -53,7 +53,7 @@ impl Problem<'_> {
             out.push((height.ln() - wanted) / METRIC_HEIGHT_SIGMA);
             out.push(keep(LN_SCALE, 0.002));
         } else {
-            out.push((height.ln() - wanted) / 0.001);
+            out.push((height.ln() - wanted) / TOLD_HEIGHT_SIGMA);
             out.push(keep(LN_SCALE, 2.0));
         }
     }
