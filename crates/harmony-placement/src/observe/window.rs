@@ -78,6 +78,8 @@ pub(crate) struct Match {
     pub(crate) iou: f64,
     /// IoU of mask and what would be visible in the partial scene, nothing excused but unplaced neighbours.
     pub(crate) strict_iou: f64,
+    /// Share of the mask that the silhouette covers and nothing placed hides.
+    pub(crate) covered: f64,
     /// Area between mask and silhouette over the length of the mask's edge, image pixels.
     pub(crate) beside_px: f64,
     /// Area of the silhouette that something placed should hide, in the same measure.
@@ -247,6 +249,7 @@ impl Window {
         Match {
             iou: both / union,
             strict_iou: strict_both / union,
+            covered: strict_both / self.mask_count,
             beside_px: (union - both) / edge,
             hidden_px: (both - strict_both) / edge,
             depth: (self.depth_count >= MIN_DEPTHS).then(|| {

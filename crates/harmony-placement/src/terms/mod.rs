@@ -108,6 +108,8 @@ impl<'a> Objective<'a> {
         let m = self.window.compare(&self.constraint.item.shape, pose, self.depth.pixel);
         let mut energy = self.undrawn(pose);
         energy.silhouette += self.area(m.beside_px + self.noise.order_trust * m.hidden_px);
+        // An object is seen where its mask is: to be out of sight explains nothing.
+        energy.silhouette += NAMED.loss((ENOUGH_COVERED - m.covered).max(0.0) / self.noise.support);
         energy.depth = m.depth.map_or(0.0, |r| {
             self.depth.patches.min(MAX_PATCHES) * Kernel::GemanMcClure(self.noise.outline_limit).loss(r)
         });
@@ -198,7 +200,9 @@ impl<'a> Objective<'a> {
 
     /// Observed energy if nothing were there: the mask is not explained.
     pub(crate) fn absent(&self) -> f64 {
-        self.area(self.window.whole_px()) + 0.5 * PIECES * self.noise.outline_limit.powi(2)
+        self.area(self.window.whole_px())
+            + 0.5 * PIECES * self.noise.outline_limit.powi(2)
+            + NAMED.loss(ENOUGH_COVERED / self.noise.support)
     }
 
     /// Observed energy of a pose over the expected one.
@@ -206,6 +210,9 @@ impl<'a> Objective<'a> {
         energy.observed() / self.expected(m)
     }
 }
+
+/// Share of its mask that an object covers if it is there.
+const ENOUGH_COVERED: f64 = 0.5;
 
 /// Share of a footprint on its host from which on it stands.
 const ENOUGH_SUPPORT: f64 = 0.8;
