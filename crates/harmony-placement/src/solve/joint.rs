@@ -635,7 +635,9 @@ mod tests {
         assert!(report.kept, "{report:?}");
         // Six sizes that may share an error of 3 % against an open scale: nearly all of it comes back.
         assert!((report.scale * 1.12 - 1.0).abs() < 0.03, "{report:?}");
-        assert!((scene.room.extents.height - truth.room.extents.height).abs() < 0.01);
+        // The told height is known to 4 %, and nothing seen speaks against it.
+        let height = (scene.room.extents.height / truth.room.extents.height).ln();
+        assert!(height.abs() < PlacementSettings::default().noise.height, "{height}");
         assert!(report.energy[1] < report.energy[0] + 3.0, "{report:?}");
         for (p, q) in scene.placed.iter().zip(&truth.placed) {
             assert!(p.pose.position.distance(q.pose.position) < 0.12, "{:?} {:?}", p.pose, q.pose);
