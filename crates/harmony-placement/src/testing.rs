@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use harmony_mesh::{Group, Material, Mesh};
 use harmony_scene::{
-    Camera, Extents, ImageSize, Intrinsics, Level, Mask, ObjectId, Placement, Pose, Relations, Room, Size, Vec3,
+    Camera, Extents, ImageSize, Intrinsics, Level, Mask, ObjectId, Placement, Pose, Relations, Room, Size, Support,
+    Vec3,
 };
 
-use crate::{Item, PartialScene, Shape, Traits, YawHint};
+use crate::{Evidence, Item, PartialScene, Placed, Shape, Traits, YawHint};
 
 /// A closed box: bottom at y = 0, centred in x and z.
 pub(crate) fn box_mesh(size: Vec3) -> Mesh {
@@ -90,4 +91,14 @@ pub(crate) fn seen(scene: &PartialScene, shape: &Shape, pose: &Pose) -> Mask {
     crate::observe::raster::rasterise(&scene.camera, shape.proxy(), pose, &mut depth);
     let width = scene.camera.size.width;
     Mask::from_fn(scene.camera.size, |x, y| depth[(y * width + x) as usize] > 0.0)
+}
+
+/// Adds a box to a scene, on the floor unless `change` says otherwise, with the mask that it has there alone.
+pub(crate) fn add(scene: &mut PartialScene, name: &str, size: Vec3, at: Vec3, change: impl FnOnce(&mut Placed)) {
+    let mut item = boxed(scene, size, at, 0.0);
+    item.id = ObjectId::new(name).unwrap();
+    let (pose, evidence) = (Pose::new(at, 0.0, 1.0), Evidence::default());
+    let mut placed = Placed { item: Arc::new(item), pose, support: Support::Floor, evidence };
+    change(&mut placed);
+    scene.placed.push(placed);
 }

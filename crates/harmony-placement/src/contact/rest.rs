@@ -195,21 +195,7 @@ mod tests {
     use harmony_scene::ObjectId;
 
     use super::*;
-    use crate::Evidence;
-    use crate::testing::{boxed, empty_room, of_boxes};
-
-    fn add(scene: &mut PartialScene, name: &str, size: Vec3, at: Vec3, change: impl FnOnce(&mut Placed)) {
-        let mut item = boxed(scene, size, at, 0.0);
-        item.id = ObjectId::new(name).unwrap();
-        let mut placed = Placed {
-            item: Arc::new(item),
-            pose: Pose::new(at, 0.0, 1.0),
-            support: Support::Floor,
-            evidence: Evidence::default(),
-        };
-        change(&mut placed);
-        scene.placed.push(placed);
-    }
+    use crate::testing::{add, empty_room, of_boxes};
 
     fn on(name: &str) -> Support {
         Support::Object { id: ObjectId::new(name).unwrap() }

@@ -62,24 +62,8 @@ pub(crate) fn along(scene: &PartialScene, object: usize, wall: Wall) -> [f64; 2]
 mod tests {
     use std::sync::Arc;
 
-    use harmony_scene::{Pose, Support};
-
     use super::*;
-    use crate::testing::{boxed, empty_room};
-    use crate::{Evidence, Placed};
-
-    fn add(scene: &mut PartialScene, name: &str, size: Vec3, at: Vec3, change: impl FnOnce(&mut Placed)) {
-        let mut item = boxed(scene, size, at, 0.0);
-        item.id = ObjectId::new(name).unwrap();
-        let mut placed = Placed {
-            item: Arc::new(item),
-            pose: Pose::new(at, 0.0, 1.0),
-            support: Support::Floor,
-            evidence: Evidence::default(),
-        };
-        change(&mut placed);
-        scene.placed.push(placed);
-    }
+    use crate::testing::{add, empty_room};
 
     #[test]
     fn a_row_of_cupboards_that_is_longer_than_its_place_is_made_narrower() {

@@ -3,8 +3,7 @@
 use harmony_scene::{ImageSize, Mask, PixelBox, Vec2};
 
 use super::{Neighbour, border_px};
-use crate::PartialScene;
-use crate::noise::Noise;
+use crate::{PartialScene, PlacementSettings};
 
 /// Directions in which the reach of outlines is compared; every fourth is a side of the image.
 pub(crate) const DIRECTIONS: usize = 16;
@@ -52,8 +51,9 @@ pub(crate) fn direction(k: usize) -> Vec2 {
 
 impl Contour {
     /// Walks the outline of a mask; `others` are the masks of other objects.
-    pub(crate) fn new(scene: &PartialScene, mask: &Mask, others: &[Neighbour], noise: &Noise) -> Self {
-        let size = mask.size();
+    pub(crate) fn new(scene: &PartialScene, mask: &Mask, others: &[Neighbour], settings: &PlacementSettings) -> Self {
+        let (size, nearer) = (mask.size(), settings.noise.nearer);
+        let depth_at = |(x, y): (i64, i64)| if settings.point_map { scene.depth_at(x, y) } else { None };
         let edge = edge_pixels(mask);
         let step = edge.len().div_ceil(MAX_SAMPLES).max(1);
         let bounds = mask.bounds().map(|b| b.padded(0.1, size));
@@ -67,14 +67,14 @@ impl Contour {
             if u < 0 || v < 0 || u >= i64::from(size.width) || v >= i64::from(size.height) {
                 return End::Border;
             }
-            let here = scene.depth_at(x, y);
+            let here = depth_at((x, y));
             let hidden = [2.0, 4.0, 6.0].into_iter().map(beyond).any(|(u, v)| {
                 // What it stands on comes nearer below it, and hides nothing.
                 let stands = normal.y > TOWARDS && near.iter().any(|n| n.may_carry && n.mask.get(u, v));
-                match (scene.depth_at(u, v), here) {
+                match (depth_at((u, v)), here) {
                     _ if stands => false,
-                    (Some(there), Some(here)) if there < noise.nearer * here => true,
-                    (Some(there), Some(here)) if there * noise.nearer > here => false,
+                    (Some(there), Some(here)) if there < nearer * here => true,
+                    (Some(there), Some(here)) if there * nearer > here => false,
                     // No depth, or as good as the same: a curtain hangs a hand's breadth before its window.
                     _ => !mask.get(u, v) && near.iter().any(|n| n.may_hide && n.mask.get(u, v)),
                 }
@@ -170,7 +170,7 @@ mod tests {
     fn a_mask_reaches_as_far_as_its_box_and_ends_by_itself() {
         let scene = empty_room();
         let mask = rectangle(scene.camera.size, 100..180, 90..150);
-        let contour = Contour::new(&scene, &mask, &[], &Noise::default());
+        let contour = Contour::new(&scene, &mask, &[], &PlacementSettings::default());
         assert_eq!(contour.free_sides(), [true; 4]);
         assert_eq!(contour.reach(Vec2::X), (180.0, true));
         assert_eq!(contour.reach(Vec2::NEG_Y), (-90.0, true));
@@ -184,12 +184,12 @@ mod tests {
         let before = rectangle(size, 20..60, 150..170);
         let cut = |may_hide: bool| {
             let other = Neighbour { mask: &before, may_hide, may_carry: false, placed: false };
-            Contour::new(&scene, &mask, &[other], &Noise::default()).free_sides()
+            Contour::new(&scene, &mask, &[other], &PlacementSettings::default()).free_sides()
         };
         assert_eq!(cut(true), [false, true, true, true], "half of the lower side is free");
         let wide = rectangle(size, 0..80, 150..170);
         let other = Neighbour { mask: &wide, may_hide: true, may_carry: false, placed: false };
-        let contour = Contour::new(&scene, &mask, &[other], &Noise::default());
+        let contour = Contour::new(&scene, &mask, &[other], &PlacementSettings::default());
         assert_eq!(contour.free_sides(), [false, true, true, false]);
         assert_eq!(cut(false), [false, true, true, true]);
     }
@@ -218,7 +218,7 @@ mod tests {
             Some(RoomPoints { kind: PointMapKind::Relative, size, xyz, confidence: vec![1.0; size.pixels()] });
         let below = rectangle(size, 90..190, 150..170);
         let other = Neighbour { mask: &below, may_hide: true, may_carry: false, placed: false };
-        let contour = Contour::new(&scene, &mask, &[other], &Noise::default());
+        let contour = Contour::new(&scene, &mask, &[other], &PlacementSettings::default());
         assert_eq!(contour.free_sides(), [true, true, false, true]);
     }
 }

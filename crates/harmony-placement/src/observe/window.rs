@@ -119,7 +119,7 @@ impl Window {
             },
             ..scene.camera
         };
-        let contour = Contour::new(scene, mask, &neighbours, noise);
+        let contour = Contour::new(scene, mask, &neighbours, settings);
         let n = size.pixels();
         let mut window = Self {
             camera,

@@ -193,24 +193,10 @@ pub(crate) fn between_curtains(scene: &PartialScene, object: usize, settings: &P
 mod tests {
     use std::sync::Arc;
 
-    use harmony_scene::{Level, Mask, ObjectId};
+    use harmony_scene::{Level, Mask};
 
     use super::*;
-    use crate::testing::{boxed, empty_room};
-    use crate::{Evidence, Placed};
-
-    fn add(scene: &mut PartialScene, name: &str, size: Vec3, at: Vec3, change: impl FnOnce(&mut Placed)) {
-        let mut item = boxed(scene, size, at, 0.0);
-        item.id = ObjectId::new(name).unwrap();
-        let mut placed = Placed {
-            item: Arc::new(item),
-            pose: Pose::new(at, 0.0, 1.0),
-            support: Support::Floor,
-            evidence: Evidence::default(),
-        };
-        change(&mut placed);
-        scene.placed.push(placed);
-    }
+    use crate::testing::{add, empty_room};
 
     #[test]
     fn a_window_with_hidden_ends_is_in_the_middle_of_its_curtains() {
