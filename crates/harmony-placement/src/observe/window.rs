@@ -80,8 +80,10 @@ pub(crate) struct Match {
     pub(crate) strict_iou: f64,
     /// Share of the mask that the silhouette covers and nothing placed hides.
     pub(crate) covered: f64,
-    /// Area between mask and silhouette over the length of the mask's edge, image pixels.
+    /// Area of the silhouette beyond the mask over the length of the mask's edge, image pixels.
     pub(crate) beside_px: f64,
+    /// Area of the mask that the silhouette leaves uncovered, in the same measure.
+    pub(crate) missed_px: f64,
     /// Area of the silhouette that something placed should hide, in the same measure.
     pub(crate) hidden_px: f64,
     /// Mean of `ln(depth / map's depth)` over the mask, absolute, in units of one sigma at a pixel and soft beyond a few of them;
@@ -250,7 +252,8 @@ impl Window {
             iou: both / union,
             strict_iou: strict_both / union,
             covered: strict_both / self.mask_count,
-            beside_px: (union - both) / edge,
+            beside_px: f64::from(beside) / edge,
+            missed_px: (self.mask_count - both) / edge,
             hidden_px: (both - strict_both) / edge,
             depth: (self.depth_count >= MIN_DEPTHS).then(|| {
                 // Foliage and slats cover half of what they seem to.

@@ -161,7 +161,7 @@ impl<'a> Proposer<'a, '_> {
                 out.push(self.settled(constraint, position, against));
             }
             out.extend(self.elsewhere(wall, against));
-            out.extend(self.turned_at_wall(wall, against));
+            out.extend(self.turned_at_wall(wall, price));
             return out;
         }
         let rough = self.constraint(Attachment::Floor, YawRule::Fixed(0.0));
@@ -197,8 +197,8 @@ impl<'a> Proposer<'a, '_> {
         let mut out = Vec::new();
         for (rule, turn_price) in self.quarter_turns(about).into_iter().skip(1).take(turns) {
             let constraint = self.constraint(Attachment::Floor, rule);
-            // A quarter turn is what `price` is for.
-            let price = price + turn_price - surprise(self.settings.noise.wrong_turn);
+            // The wall was named rightly: only the turn was not.
+            let price = price + turn_price;
             out.extend(self.floor_positions(&constraint).into_iter().map(|p| self.settled(constraint, p, price)));
         }
         out

@@ -107,7 +107,7 @@ impl<'a> Objective<'a> {
     pub(crate) fn energy(&self, pose: &Pose) -> (Energy, Match) {
         let m = self.window.compare(&self.constraint.item.shape, pose, self.depth.pixel);
         let mut energy = self.undrawn(pose);
-        energy.silhouette += self.area(m.beside_px + self.noise.order_trust * m.hidden_px);
+        energy.silhouette += self.area(m.missed_px + self.noise.order_trust * m.hidden_px, m.beside_px);
         // An object is seen where its mask is: to be out of sight explains nothing.
         energy.silhouette += NAMED.loss((ENOUGH_COVERED - m.covered).max(0.0) / self.noise.support);
         energy.depth = m.depth.map_or(0.0, |r| {
@@ -117,11 +117,14 @@ impl<'a> Objective<'a> {
         (energy, m)
     }
 
-    /// Loss of an area over the length of the mask's edge, image pixels. Of what is small or shows a strip of itself an outline's
-    /// error is not as wide as all that is seen.
-    fn area(&self, px: f64) -> f64 {
-        let sigma = self.window.outline.sigma.min(self.noise.area_share * self.window.whole_px());
-        self.noise.area_pieces * AREA.loss(px / sigma)
+    /// Loss of two areas over the length of the mask's edge, image pixels: what of the mask is missed, and what of the
+    /// silhouette is beside it. Of a mask that is small, or a strip, an outline's error is not as wide as all that is seen; but beside
+    /// one that is cut there may be more that hides it than is known.
+    fn area(&self, missed_px: f64, beside_px: f64) -> f64 {
+        let sigma = self.window.outline.sigma;
+        let of_mask = sigma.min(self.noise.area_share * self.window.whole_px());
+        let beside = if self.window.free == [true; 4] { of_mask } else { sigma };
+        self.noise.area_pieces * AREA.loss(missed_px / of_mask + beside_px / beside)
     }
 
     /// The part of the energy that needs no drawing: the outline's reach, sizes, turn and place.
@@ -200,7 +203,7 @@ impl<'a> Objective<'a> {
 
     /// Observed energy if nothing were there: the mask is not explained.
     pub(crate) fn absent(&self) -> f64 {
-        self.area(self.window.whole_px())
+        self.area(self.window.whole_px(), 0.0)
             + 0.5 * PIECES * self.noise.outline_limit.powi(2)
             + NAMED.loss(ENOUGH_COVERED / self.noise.support)
     }
