@@ -46,6 +46,11 @@ cargo clippy --quiet --workspace --all-targets --features "$NETS" -- -D warnings
 step "maps of paper and crates"
 cargo xtask paper
 cargo xtask deps
+# The outside judges come first: tests that start them are not skipped then.
+if [ "${1:-}" != "--quick" ]; then
+  step "outside judges"
+  tools/setup.sh
+fi
 step "Rust tests"
 if cargo nextest --version >/dev/null 2>&1; then
   cargo nextest run --workspace --features "$NETS" --no-fail-fast
@@ -58,7 +63,6 @@ step "the program"
 cargo build --release --quiet -p harmony-cli
 export HARMONY_BIN="$CARGO_TARGET_DIR/release/harmony"
 step "acceptance"
-tools/setup.sh
 tools/acceptance.sh
 step "licences"
 "$HARMONY_CACHE/bpy/bin/python" tools/check_licences.py

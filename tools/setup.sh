@@ -1,12 +1,14 @@
 #!/usr/bin/env bash
-# Installs what the outside judges need: npm packages, Chromium, Blender as a Python module.
-# Safe to run again; does nothing when all is there. Parts may be named: setup.sh [node] [chromium] [bpy]
+# Installs what the outside judges need: npm packages, Chromium, Blender as a Python module, checkers of other formats.
+# Safe to run again; does nothing when all is there. Parts may be named: setup.sh [node] [chromium] [bpy] [checkers]
 set -euo pipefail
 here="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"
 cache="${HARMONY_CACHE:-$HOME/.cache/harmony}"
 parts=("$@")
-[ ${#parts[@]} -gt 0 ] || parts=(node chromium bpy)
+[ ${#parts[@]} -gt 0 ] || parts=(node chromium bpy checkers)
 bpy_version=5.0.1
+# Readers of what `harmony export`, `simulate` and `dataset` write; versions are pinned.
+checkers=(usd-core==26.11 mujoco==4.0.0 ezdxf==1.4.2 trimesh==5.2.0 pyarrow==21.0.0 numpy)
 
 say() { echo "setup: $*"; }
 fail() { echo "setup: $*" >&2; exit 1; }
@@ -59,9 +61,28 @@ setup_bpy() {
   "$venv/bin/python" -c 'import sys' || fail "the new environment does not start"
 }
 
+setup_checkers() {
+  local venv="$cache/checkers" wanted="${checkers[*]}"
+  if [ -x "$venv/bin/python" ] && [ "$(cat "$venv/wanted" 2>/dev/null)" = "$wanted" ]; then return; fi
+  local python=""
+  for candidate in python3.11 python3.12 python3; do
+    if command -v "$candidate" >/dev/null; then python="$candidate"; break; fi
+  done
+  [ -n "$python" ] || fail "Python 3.11 or newer is needed"
+  say "checkers (${checkers[*]}) into $venv"
+  mkdir -p "$cache"
+  local fresh="$cache/checkers.new.$$"
+  rm -rf "$fresh"
+  "$python" -m venv "$fresh"
+  "$fresh/bin/python" -m pip install --quiet --disable-pip-version-check "${checkers[@]}"
+  echo "$wanted" > "$fresh/wanted"
+  rm -rf "$venv"
+  mv "$fresh" "$venv"
+}
+
 for part in "${parts[@]}"; do
   case "$part" in
-    node|chromium|bpy) "setup_$part" ;;
+    node|chromium|bpy|checkers) "setup_$part" ;;
     *) fail "unknown part $part" ;;
   esac
 done
