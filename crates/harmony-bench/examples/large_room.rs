@@ -16,7 +16,7 @@ use harmony_bench::oracle::{NoiseLevel, Oracle};
 use harmony_bench::run::Play;
 use harmony_bench::spent::{peak_mib, processor_seconds};
 use harmony_bench::truth::TruthRoom;
-use harmony_pipeline::{PHASES, ProgressEvent, ProgressSink, Settings};
+use harmony_pipeline::{Phase, ProgressEvent, ProgressSink, Settings};
 
 /// Objects of the generated room, and the first seed that shows them all.
 const OBJECTS: usize = 25;
@@ -37,7 +37,7 @@ fn main() {
         truth: &truth,
         oracle: Arc::clone(&oracle),
         settings: Settings::default(),
-        until: PHASES.len() - 1,
+        until: Phase::Lighting,
         profile: format!("oracle, {faces} faces"),
         further_inputs: faces.to_string(),
     };
@@ -60,8 +60,8 @@ fn main() {
     let outcome = runtime.block_on(Box::pin(play.run(&out.join("run"), &harmony_players::flat_cast(), &progress)));
     let outcome = outcome.unwrap();
     let (end, after) = (clock(), oracle.spent());
-    if let Some((phase, reason, _)) = &outcome.failure {
-        println!("FAILED in {phase}: {reason}");
+    if let Some(failure) = &outcome.failure {
+        println!("FAILED in {failure}");
     }
 
     println!("    wall  processor, seconds since the start");

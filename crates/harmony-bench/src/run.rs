@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, Cast};
-use harmony_pipeline::{ProgressSink, RunOutcome, RunRequest, Settings, Warnings};
+use harmony_pipeline::{Phase, ProgressSink, RunOutcome, RunRequest, Settings, Warnings};
 use serde::{Deserialize, Serialize};
 
 use crate::metrics::similarity::Looking;
@@ -14,10 +14,8 @@ use crate::score::{Prediction, RoomScore, ScoreOptions, pictures, score};
 use crate::truth::{TruthError, TruthRoom};
 use crate::views::{Lit, LitOptions, judge_case};
 
-/// Index of the last phase that the geometry needs: decorations.
-const LAST_PHASE: usize = 4;
-/// Index of the phase of materials and light.
-const LIGHT_PHASE: usize = 5;
+/// The last phase that the geometry needs.
+const LAST_PHASE: Phase = Phase::Objects(Level::Decoration);
 
 /// What to run.
 #[derive(Debug, Clone)]
@@ -401,14 +399,14 @@ async fn one(
         truth,
         oracle,
         settings: request.settings.clone(),
-        until: if request.lit.is_some() { LIGHT_PHASE } else { LAST_PHASE },
+        until: if request.lit.is_some() { Phase::Lighting } else { LAST_PHASE },
         path_tracer: request.lit.is_some(),
         profile: format!("oracle, noise {level}"),
         further_inputs: format!("{level} {seed} {}", request.meshes.name()),
     };
     let silent: ProgressSink = Arc::new(|_| {});
     let outcome = Box::pin(play.run(out, offline, &silent)).await?;
-    Ok(outcome.failure.map(|(phase, reason, _)| format!("{phase}: {reason}")))
+    Ok(outcome.failure.map(|failure| failure.to_string()))
 }
 
 /// One run of one room.
@@ -419,8 +417,8 @@ pub struct Play<'a> {
     pub oracle: Arc<Oracle>,
     /// Settings of the pipeline.
     pub settings: Settings,
-    /// Index of the last phase; what the oracle has no answer to is answered by this program's own rules.
-    pub until: usize,
+    /// The last phase; what the oracle has no answer to is answered by this program's own rules.
+    pub until: Phase,
     /// The last phase may render with the path tracer.
     pub path_tracer: bool,
     /// Who plays, in words.

@@ -13,7 +13,7 @@ use std::time::Duration;
 use async_trait::async_trait;
 use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, Cast};
 use harmony_mesh::Mesh;
-use harmony_pipeline::{RunRequest, Settings, Warnings};
+use harmony_pipeline::{Phase, RunRequest, Settings, Warnings};
 use harmony_prompts::{
     CompletedAnswer, CompletedObject, CompletedQuestion, InspectAnswer, InspectQuestion, InspectedObject,
     InspectedSize, ListAnswer, ListQuestion, ListedItem, NamedObject, Occlusion, Question,
@@ -152,7 +152,7 @@ pub async fn play(counts: [usize; 4], pace: Pace, offline: &Cast, out: &Path) ->
         run,
         profile: "simulated".into(),
         settings,
-        until: 5,
+        until: Phase::Lighting,
         path_tracer: false,
         further_inputs: String::new(),
     };
@@ -163,7 +163,7 @@ pub async fn play(counts: [usize; 4], pace: Pace, offline: &Cast, out: &Path) ->
     let outcome = outcome.map_err(|e| failed(e.to_string()))?;
     let work = studio.work.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let objects = outcome.scene.map_or(0, |scene| scene.objects.len());
-    Ok(Played { elapsed, work, objects, failure: outcome.failure.map(|(phase, why, _)| format!("{phase}: {why}")) })
+    Ok(Played { elapsed, work, objects, failure: outcome.failure.map(|failure| failure.to_string()) })
 }
 
 /// Walls, floor and a shade of each, so that there are pixels to look at.

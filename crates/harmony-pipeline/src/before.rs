@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use harmony_prompts::{FoundObject, InspectedObject, KnownObject};
-use harmony_scene::{Level, ObjectId, Size};
+use harmony_prompts::{FoundObject, KnownObject};
+use harmony_scene::{Level, ObjectId};
 
-use crate::state::{Candidate, SceneState};
+use crate::state::{Object, SceneState};
 use crate::views;
 
 /// The kept objects of a level that is inspected, but not placed yet.
@@ -15,7 +15,7 @@ pub struct Known {
     /// Level.
     pub level: Level,
     /// Its objects, in order of their ids.
-    pub objects: Vec<(Candidate, InspectedObject)>,
+    pub objects: Vec<Object>,
 }
 
 /// What a level's questions can tell about the levels before it.
@@ -31,7 +31,7 @@ impl Before {
     /// The objects: where they stand, or where they are seen when they are not placed yet.
     pub fn objects(&self) -> Vec<KnownObject> {
         let placed = self.state.partial.placed.iter().map(|p| KnownObject::Placed(views::placed_object(p)));
-        placed.chain(self.waiting().map(|(c, o)| KnownObject::Found(self.found(c, o)))).collect()
+        placed.chain(self.waiting().map(|o| KnownObject::Found(self.found(o)))).collect()
     }
 
     /// How many objects of each kind of id there are: `chair` -> 4.
@@ -45,22 +45,22 @@ impl Before {
 
     /// Ids that are taken.
     pub fn ids(&self) -> impl Iterator<Item = &ObjectId> {
-        self.state.prepared.keys().chain(self.waiting().map(|(c, _)| &c.id))
+        self.state.objects.keys().chain(self.waiting().map(|o| &o.id))
     }
 
-    fn waiting(&self) -> impl Iterator<Item = &(Candidate, InspectedObject)> {
+    fn waiting(&self) -> impl Iterator<Item = &Object> {
         self.found.iter().flat_map(|known| &known.objects)
     }
 
-    fn found(&self, c: &Candidate, o: &InspectedObject) -> FoundObject {
+    fn found(&self, o: &Object) -> FoundObject {
         FoundObject {
-            id: c.id.clone(),
-            label: o.kind.clone(),
-            level: c.level,
-            seen: c.mask.bounds(),
-            bounds: c.detection.bounds,
+            id: o.id.clone(),
+            label: o.said.kind.clone(),
+            level: o.level,
+            seen: o.mask.bounds(),
+            bounds: o.detection.bounds,
             image: self.state.partial.camera.size,
-            size: Size { width: o.size_m.width, height: o.size_m.height, depth: o.size_m.depth },
+            size: o.size(),
         }
     }
 }

@@ -11,6 +11,7 @@ use harmony_scene::{ObjectId, Warning, WarningKind};
 use image::{RgbImage, RgbaImage};
 use serde::Serialize;
 
+use crate::Phase;
 use crate::progress::{ProgressEvent, ProgressSink};
 use crate::settings::Settings;
 
@@ -51,13 +52,13 @@ pub enum PhaseError {
     #[error("{phase} was not begun, for a phase before it failed")]
     Abandoned {
         /// Phase.
-        phase: String,
+        phase: Phase,
     },
     /// A bug of ours.
     #[error("{phase} failed inside: {reason}")]
     Internal {
         /// Phase.
-        phase: String,
+        phase: Phase,
         /// Why.
         reason: String,
     },
@@ -65,13 +66,13 @@ pub enum PhaseError {
 
 impl PhaseError {
     /// Something that should not happen.
-    pub fn internal(phase: &str, reason: &dyn std::fmt::Display) -> Self {
-        Self::Internal { phase: phase.to_owned(), reason: reason.to_string() }
+    pub fn internal(phase: Phase, reason: &dyn std::fmt::Display) -> Self {
+        Self::Internal { phase, reason: reason.to_string() }
     }
 
     /// See [`PhaseError::Abandoned`].
-    pub fn abandoned(phase: &str) -> Self {
-        Self::Abandoned { phase: phase.to_owned() }
+    pub fn abandoned(phase: Phase) -> Self {
+        Self::Abandoned { phase }
     }
 
     /// What a person can do about it.
@@ -129,8 +130,8 @@ impl Warnings {
 pub struct PhaseCtx<'a> {
     /// Run folder.
     pub run: &'a Path,
-    /// Folder name of the phase, such as `3_furniture`.
-    pub phase: &'static str,
+    /// The phase.
+    pub phase: Phase,
     /// Calls to roles.
     pub calls: &'a Calls,
     /// Lit pictures are wanted, and there is a path tracer.
@@ -161,13 +162,13 @@ impl PhaseCtx<'_> {
 
     /// Tells that a step begins.
     pub fn step(&self, text: &str) {
-        tracing::info!(phase = self.phase, "{text}");
-        (self.progress)(ProgressEvent::Step { phase: self.phase.to_owned(), text: text.to_owned() });
+        tracing::info!(phase = %self.phase, "{text}");
+        (self.progress)(ProgressEvent::Step { phase: self.phase.to_string(), text: text.to_owned() });
     }
 
     /// Collects a warning.
     pub fn warn(&self, kind: WarningKind, object: Option<ObjectId>, message: String) {
-        let warning = Warning { phase: self.phase.to_owned(), object, kind, message };
+        let warning = Warning { phase: self.phase.to_string(), object, kind, message };
         (self.progress)(ProgressEvent::Warned(warning.clone()));
         self.warnings.push(warning);
     }
@@ -214,8 +215,8 @@ impl PhaseCtx<'_> {
         self.file_in(self.phase, relative)
     }
 
-    fn file_in(&self, phase: &str, relative: &str) -> Result<PathBuf, PhaseError> {
-        let path = self.run.join(phase).join(relative);
+    fn file_in(&self, phase: Phase, relative: &str) -> Result<PathBuf, PhaseError> {
+        let path = self.run.join(phase.folder()).join(relative);
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).map_err(|source| PhaseError::Folder { path: folder.to_owned(), source })?;
         }
@@ -244,7 +245,7 @@ impl PhaseCtx<'_> {
     /// Unwritable files.
     pub fn write_json_in<T: Serialize + ?Sized>(
         &self,
-        phase: &str,
+        phase: Phase,
         relative: &str,
         value: &T,
     ) -> Result<(), PhaseError> {
@@ -263,7 +264,7 @@ impl PhaseCtx<'_> {
     ///
     /// # Errors
     /// Unwritable files.
-    pub fn write_picture_in(&self, phase: &str, relative: &str, image: &RgbImage) -> Result<(), PhaseError> {
+    pub fn write_picture_in(&self, phase: Phase, relative: &str, image: &RgbImage) -> Result<(), PhaseError> {
         Ok(picture::write_rgb_png(&self.file_in(phase, relative)?, image)?)
     }
 
@@ -271,7 +272,7 @@ impl PhaseCtx<'_> {
     ///
     /// # Errors
     /// Unwritable files.
-    pub fn write_picture_rgba_in(&self, phase: &str, relative: &str, image: &RgbaImage) -> Result<(), PhaseError> {
+    pub fn write_picture_rgba_in(&self, phase: Phase, relative: &str, image: &RgbaImage) -> Result<(), PhaseError> {
         Ok(picture::write_rgba_png(&self.file_in(phase, relative)?, image)?)
     }
 

@@ -15,7 +15,50 @@ pub struct Dropped {
     #[serde(rename = "box")]
     pub bounds: PixelBox,
     /// Why.
-    pub reason: String,
+    #[serde(serialize_with = "in_words")]
+    pub reason: Filtered,
+}
+
+fn in_words<S: serde::Serializer>(reason: &Filtered, to: S) -> Result<S::Ok, S::Error> {
+    to.collect_str(reason)
+}
+
+/// Why a filter takes a detection out.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Filtered {
+    /// Its box goes around several that were found singly.
+    #[error("a group box around {members} {label}s found singly")]
+    Group {
+        /// How many.
+        members: usize,
+        /// Of what.
+        label: String,
+    },
+    /// Another box of its label covers it.
+    #[error("covered by another {0}")]
+    Covered(String),
+    /// There are more than a level can have.
+    #[error("more than {0} candidates")]
+    TooMany(usize),
+    /// Its mask is nearly empty.
+    #[error("the mask of {label} has {pixels} pixels, at least {least:.0} are needed")]
+    TooSmall {
+        /// Its label.
+        label: String,
+        /// Pixels of its mask.
+        pixels: usize,
+        /// Pixels that a mask must have.
+        least: f64,
+    },
+    /// Another detection has its pixels, by another name.
+    #[error("the {0} by another name")]
+    OtherName(String),
+    /// Another detection of its label has its pixels.
+    #[error("the same {0} twice")]
+    Twice(String),
+    /// Its pixels are a part of another one of its label.
+    #[error("a fragment of another {0}")]
+    Fragment(String),
 }
 
 /// The order of belief: score first (a missing score counts as middling), larger area first among equals.
@@ -44,7 +87,7 @@ pub fn filter_boxes(detections: Vec<Detection>, settings: &FilterSettings) -> (V
             .any(|a| members.iter().any(|b| a < b && detections[*a].bounds.iou(&detections[*b].bounds) < 0.3));
         if apart {
             keep[i] = false;
-            dropped.push(drop(group, format!("a group box around {} {}s found singly", members.len(), group.label)));
+            dropped.push(drop(group, Filtered::Group { members: members.len(), label: group.label.clone() }));
         }
     }
     for i in 0..detections.len() {
@@ -57,7 +100,7 @@ pub fn filter_boxes(detections: Vec<Detection>, settings: &FilterSettings) -> (V
             let enough = b.score.unwrap_or(0.5) >= a.score.unwrap_or(0.5);
             if stronger && enough && a.bounds.covered_by(&b.bounds) >= settings.box_containment {
                 keep[i] = false;
-                dropped.push(drop(a, format!("covered by another {}", b.label)));
+                dropped.push(drop(a, Filtered::Covered(b.label.clone())));
             }
         }
     }
@@ -65,13 +108,13 @@ pub fn filter_boxes(detections: Vec<Detection>, settings: &FilterSettings) -> (V
     if kept.len() > settings.max_candidates {
         kept.sort_by(|a, b| belief(b).partial_cmp(&belief(a)).unwrap_or(std::cmp::Ordering::Equal));
         for extra in kept.split_off(settings.max_candidates) {
-            dropped.push(drop(&extra, format!("more than {} candidates", settings.max_candidates)));
+            dropped.push(drop(&extra, Filtered::TooMany(settings.max_candidates)));
         }
     }
     (kept, dropped)
 }
 
-fn drop(d: &Detection, reason: String) -> Dropped {
+fn drop(d: &Detection, reason: Filtered) -> Dropped {
     Dropped { label: d.label.clone(), bounds: d.bounds, reason }
 }
 
@@ -143,16 +186,13 @@ pub fn part_merged(found: &mut [(Detection, Mask)]) -> Vec<[String; 2]> {
 /// Which masks to keep: `None` = kept, `Some(reason)` = dropped.
 ///
 /// Masks of one type with high IoU or near-full containment collapse onto the one of higher confidence.
-pub fn filter_masks(found: &[(Detection, Mask)], settings: &FilterSettings) -> Vec<Option<String>> {
-    let mut verdict: Vec<Option<String>> = vec![None; found.len()];
+pub fn filter_masks(found: &[(Detection, Mask)], settings: &FilterSettings) -> Vec<Option<Filtered>> {
+    let mut verdict: Vec<Option<Filtered>> = vec![None; found.len()];
     let areas: Vec<usize> = found.iter().map(|(_, m)| m.count()).collect();
     for (i, (detection, mask)) in found.iter().enumerate() {
         let least = (settings.min_area * mask.size().pixels() as f64).max(4.0);
         if (areas[i] as f64) < least {
-            verdict[i] = Some(format!(
-                "the mask of {} has {} pixels, at least {least:.0} are needed",
-                detection.label, areas[i]
-            ));
+            verdict[i] = Some(Filtered::TooSmall { label: detection.label.clone(), pixels: areas[i], least });
         }
     }
     for i in 0..found.len() {
@@ -170,14 +210,14 @@ pub fn filter_masks(found: &[(Detection, Mask)], settings: &FilterSettings) -> V
             if !one_kind {
                 // Two names for one thing: nothing else on one level covers the same pixels.
                 if shared / union >= settings.same_object_iou {
-                    verdict[i] = Some(format!("the {} by another name", found[j].0.label));
+                    verdict[i] = Some(Filtered::OtherName(found[j].0.label.clone()));
                 }
                 continue;
             }
             if shared / union >= settings.mask_iou {
-                verdict[i] = Some(format!("the same {} twice", found[i].0.label));
+                verdict[i] = Some(Filtered::Twice(found[i].0.label.clone()));
             } else if shared / areas[i] as f64 >= settings.mask_containment {
-                verdict[i] = Some(format!("a fragment of another {}", found[i].0.label));
+                verdict[i] = Some(Filtered::Fragment(found[i].0.label.clone()));
             }
         }
     }

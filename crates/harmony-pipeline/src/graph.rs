@@ -28,6 +28,7 @@ use harmony_scene::{Level, Mask};
 use image::RgbImage;
 use tokio::sync::{oneshot, watch};
 
+use crate::Phase;
 use crate::before::{Before, Known};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::phases::objects::{self, PreparedLevel};
@@ -116,9 +117,9 @@ impl<'a> Graph<'a> {
         }
     }
 
-    /// Context of a level.
-    pub fn ctx(&self, level: usize) -> &PhaseCtx<'a> {
-        &self.ctxs[level]
+    /// The levels' phases, in order.
+    pub fn phases(&self) -> impl Iterator<Item = Phase> + use<> {
+        self.ctxs.iter().map(|ctx| ctx.phase).collect::<Vec<_>>().into_iter()
     }
 
     /// Prepares all levels; ends when every chain has ended, well or not.
@@ -184,8 +185,8 @@ impl<'a> Graph<'a> {
         let mut objects = Mask::empty(state.partial.camera.size);
         for known in &self.known {
             let known = known.get().await.ok_or_else(|| PhaseError::abandoned(ctx.phase))?;
-            for (candidate, _) in &known.objects {
-                objects = objects.or(&candidate.mask);
+            for object in &known.objects {
+                objects = objects.or(&object.mask);
             }
         }
         surfaces::bare_room(ctx, state, &objects).await

@@ -34,24 +34,25 @@ pub fn scene_objects(state: &SceneState) -> Vec<SceneObject> {
         .placed
         .iter()
         .filter_map(|placed| {
-            let prepared = state.prepared.get(&placed.item.id)?;
+            let object = state.objects.get(&placed.item.id)?;
+            let model = object.model.as_ref()?;
             let level = placed.item.level;
             Some(SceneObject {
                 id: placed.item.id.clone(),
                 index: placed.item.index,
                 level,
                 label: placed.item.label.clone(),
-                description: prepared.inspected.description.clone(),
-                source_phrase: prepared.candidate.detection.phrase.clone(),
+                description: object.said.description.clone(),
+                source_phrase: object.detection.phrase.clone(),
                 pose: placed.pose,
                 size: placed.size(),
                 support: placed.support.clone(),
                 relations: placed.item.relations.clone(),
-                material: prepared.material,
+                material: model.material,
                 mesh: format!("{}/meshes/{}.glb", level.folder(), placed.item.id),
                 mask: Some(format!("{}/masks/{}.png", level.folder(), placed.item.id)),
-                seen_box: prepared.candidate.mask.bounds(),
-                mesh_source: prepared.mesh_source.clone(),
+                seen_box: object.mask.bounds(),
+                mesh_source: model.source.clone(),
                 confidence: placed.confidence(),
             })
         })
@@ -350,12 +351,12 @@ pub fn report_data(state: &SceneState, scene: &Scene, log: &[CallSummary], run: 
         objects,
         calls: log.iter().map(call_row).collect(),
         dropped: state
-            .dropped
+            .left
             .iter()
-            .map(|(label, phase, reason)| DroppedObject {
-                label: label.clone(),
-                phase: phase.clone(),
-                reason: reason.clone(),
+            .map(|left| DroppedObject {
+                label: left.name.clone(),
+                phase: left.phase.to_string(),
+                reason: left.reason.to_string(),
             })
             .collect(),
         room: Evidence {

@@ -242,8 +242,8 @@ impl Stage<'_, '_> {
             .nodes
             .iter()
             .map(|node| {
-                let prepared = self.state.prepared.iter().find(|(id, _)| id.as_str() == node.name);
-                prepared.map(|(_, p)| p.candidate.mask.resized(size))
+                let object = self.state.objects.values().find(|object| object.id.as_str() == node.name);
+                object.map(|object| object.mask.resized(size))
             })
             .collect();
         let weight = |(i, id): (usize, &u32)| {

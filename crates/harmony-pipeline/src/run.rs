@@ -8,10 +8,11 @@ use std::time::Instant;
 use harmony_calls::{Bill, Calls};
 use harmony_io::Photo;
 use harmony_roles::Role;
-use harmony_scene::{ImageSize, Level, Scene};
+use harmony_scene::{ImageSize, Scene};
 use image::{RgbImage, imageops};
 use serde_json::json;
 
+use crate::Phase;
 use crate::ctx::{PhaseCtx, PhaseError, Warnings};
 use crate::graph::Graph;
 use crate::outputs::{self, GENERATOR};
@@ -21,9 +22,6 @@ use crate::relight::LitPictures;
 use crate::run_file::{PhaseEntry, PhaseState, RunFile, hash_files};
 use crate::settings::Settings;
 use crate::state::SceneState;
-
-/// The phases' folder names, in order.
-pub const PHASES: [&str; 6] = ["1_layout", "2_wall", "3_furniture", "4_ceiling", "5_decoration", "6_lighting"];
 
 /// Files that a complete run must have.
 const REQUIRED: [&str; 9] = [
@@ -50,8 +48,8 @@ pub struct RunRequest {
     pub profile: String,
     /// Settings.
     pub settings: Settings,
-    /// Index into [`PHASES`] of the last phase to run.
-    pub until: usize,
+    /// The last phase to run.
+    pub until: Phase,
     /// Lit pictures are wanted, if there is a path tracer.
     pub path_tracer: bool,
     /// What else the result depends on (hash of mask and point-map files, recording).
@@ -67,8 +65,31 @@ pub struct RunOutcome {
     pub nothing_to_do: bool,
     /// The scene, when there is one.
     pub scene: Option<Scene>,
-    /// The first failure: phase and reason.
-    pub failure: Option<(String, String, Option<String>)>,
+    /// The first failure.
+    pub failure: Option<Failure>,
+}
+
+/// Why a run is not complete.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Failure {
+    /// Where; `None` = the files of the whole scene.
+    pub phase: Option<Phase>,
+    /// Why.
+    pub reason: String,
+    /// What a person can do about it.
+    pub hint: Option<String>,
+}
+
+impl Failure {
+    fn of(phase: Option<Phase>, error: &PhaseError) -> Self {
+        Self { phase, reason: error.to_string(), hint: error.hint() }
+    }
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: {}", self.phase.map_or("files", Phase::folder), self.reason)
+    }
 }
 
 /// A run cannot even begin, or its folder cannot be written.
@@ -122,7 +143,7 @@ pub async fn run(
         profile: request.profile.clone(),
         inputs,
         answers: String::new(),
-        phases: PHASES.iter().map(|p| ((*p).to_owned(), PhaseEntry::default())).collect(),
+        phases: Phase::ALL.iter().map(|p| (p.to_string(), PhaseEntry::default())).collect(),
         cast: calls.cast().cards(),
         settings: request.settings.clone(),
         objects: 0,
@@ -149,7 +170,7 @@ struct Stage<'a> {
     warnings: &'a Warnings,
     progress: &'a ProgressSink,
     file: &'a mut RunFile,
-    failure: Option<(String, String, Option<String>)>,
+    failure: Option<Failure>,
     lit: Option<LitPictures>,
 }
 
@@ -158,21 +179,21 @@ impl Stage<'_> {
     async fn all(&mut self) -> Result<Option<SceneState>, RunError> {
         let request = self.request;
         let working = Arc::new(working_photo(&request.photo, request.settings.working_px));
-        let ctx = self.ctx(0);
-        let Some(start) = self.phase(0, phases::layout::run(&ctx, &request.photo, working)).await? else {
+        let ctx = self.ctx(Phase::Layout);
+        let Some(start) = self.phase(Phase::Layout, phases::layout::run(&ctx, &request.photo, working)).await? else {
             return Ok(None);
         };
-        let levels = request.until.min(Level::ALL.len());
-        let graph = Graph::new((1..=levels).map(|index| self.ctx(index)).collect(), Arc::new(start.clone()));
-        let ((), placed) = futures::join!(graph.prepare(), self.levels(&graph, start, levels));
+        let levels = request.until.levels_until();
+        let graph = Graph::new(levels.map(|level| self.ctx(Phase::Objects(level))).collect(), Arc::new(start.clone()));
+        let ((), placed) = futures::join!(graph.prepare(), self.levels(&graph, start));
         let (mut state, complete) = placed?;
         if !complete {
             return Ok(Some(state));
         }
-        if request.until >= 5 {
-            let ctx = self.ctx(5);
+        if request.until == Phase::Lighting {
+            let ctx = self.ctx(Phase::Lighting);
             let lighting = Box::pin(phases::lighting::run(&ctx, state.clone()));
-            if let Some((next, lit)) = self.phase(5, lighting).await? {
+            if let Some((next, lit)) = self.phase(Phase::Lighting, lighting).await? {
                 state = next;
                 self.lit = lit;
             }
@@ -185,15 +206,14 @@ impl Stage<'_> {
         &mut self,
         graph: &Graph<'_>,
         mut state: SceneState,
-        levels: usize,
     ) -> Result<(SceneState, bool), RunError> {
-        for level in 0..levels {
-            let placed = Box::pin(self.phase(level + 1, graph.place(level, state.clone()))).await;
+        for (level, phase) in graph.phases().enumerate() {
+            let placed = Box::pin(self.phase(phase, graph.place(level, state.clone()))).await;
             match placed {
                 Ok(Some(next)) => state = next,
                 // Whoever waits in the graph must hear of it before the run can end.
                 Ok(None) => {
-                    graph.end(Some(&format!("{} failed", graph.ctx(level).phase)));
+                    graph.end(Some(&format!("{phase} failed")));
                     return Ok((state, false));
                 }
                 Err(error) => {
@@ -209,10 +229,10 @@ impl Stage<'_> {
     /// Runs one phase and marks how it ended.
     async fn phase<T>(
         &mut self,
-        index: usize,
+        phase: Phase,
         work: impl Future<Output = Result<T, PhaseError>>,
     ) -> Result<Option<T>, RunError> {
-        let name = PHASES[index];
+        let name = phase.folder();
         let started = Instant::now();
         self.mark(name, PhaseState::Running, String::new(), None)?;
         (self.progress)(ProgressEvent::PhaseStarted { phase: name.to_owned() });
@@ -232,7 +252,7 @@ impl Stage<'_> {
                 tracing::error!(phase = name, "{reason}");
                 (self.progress)(ProgressEvent::PhaseFailed { phase: name.to_owned(), reason: reason.clone() });
                 self.mark(name, PhaseState::Failed, reason.clone(), error.hint())?;
-                self.failure = Some((name.to_owned(), reason, error.hint()));
+                self.failure = Some(Failure::of(Some(phase), &error));
                 Ok(None)
             }
         }
@@ -243,13 +263,13 @@ impl Stage<'_> {
         Ok(self.file.write(&self.request.run)?)
     }
 
-    fn ctx<'b>(&self, index: usize) -> PhaseCtx<'b>
+    fn ctx<'b>(&self, phase: Phase) -> PhaseCtx<'b>
     where
         Self: 'b,
     {
         PhaseCtx {
             run: &self.request.run,
-            phase: PHASES[index],
+            phase,
             calls: self.calls,
             path_tracer: self.request.path_tracer && self.calls.can().traces,
             settings: &self.request.settings,
@@ -295,13 +315,13 @@ fn finish(
     match written {
         Ok(scene) => outcome.scene = Some(scene),
         Err(error) => {
-            let failure = ("files".to_owned(), error.to_string(), error.hint());
-            outcome.failure.get_or_insert(failure);
+            outcome.failure.get_or_insert(Failure::of(None, &error));
         }
     }
     let missing: Vec<&str> = REQUIRED.iter().copied().filter(|path| !request.run.join(path).is_file()).collect();
     if !missing.is_empty() && outcome.failure.is_none() {
-        outcome.failure = Some(("files".to_owned(), format!("not written: {}", missing.join(", ")), None));
+        let reason = format!("not written: {}", missing.join(", "));
+        outcome.failure = Some(Failure { phase: None, reason, hint: None });
     }
     outcome.file.files = hash_files(&request.run);
     Ok(())
@@ -319,33 +339,31 @@ fn report_phases(file: &RunFile, state: &SceneState) -> Vec<harmony_viewer::Phas
                 PhaseState::Running => harmony_viewer::PhaseStatus::Pending,
             },
             seconds: file.bill.by_phase.get(name).map_or(0.0, |line| line.latency_ms as f64 / 1000.0),
-            outcome: if entry.state == PhaseState::Done { brought(name, state) } else { entry.outcome.clone() },
+            outcome: if entry.state == PhaseState::Done { brought(Phase::of_folder(name), state) } else { entry.outcome.clone() },
         })
         .collect()
 }
 
 /// What a phase has added to the scene, in words.
-fn brought(phase: &str, state: &SceneState) -> String {
-    if phase == PHASES[0] {
-        return state.layout.method.clone();
-    }
-    let Some(level) = Level::ALL.into_iter().find(|level| level.folder() == phase) else {
-        return format!("{} lights", state.lighting.as_ref().map_or(0, |l| l.lights.len()));
+fn brought(phase: Option<Phase>, state: &SceneState) -> String {
+    let level = match phase {
+        Some(Phase::Layout) => return state.layout.method.clone(),
+        Some(Phase::Lighting) => return format!("{} lights", state.lighting.as_ref().map_or(0, |l| l.lights.len())),
+        Some(Phase::Objects(level)) => level,
+        None => return String::new(),
     };
     let placed = state.partial.placed.iter().filter(|p| p.item.level == level).count();
-    let dropped = state.dropped.iter().filter(|(_, of, _)| of == phase).count();
+    let dropped = state.left.iter().filter(|left| Some(left.phase) == phase).count();
     format!("{placed} placed{}", if dropped > 0 { format!(", {dropped} left out") } else { String::new() })
 }
 
 /// An earlier run's outcome, when nothing it depends on has changed and all its files are as it left them.
 fn finished_before(request: &RunRequest, calls: &Calls, inputs: &str) -> Result<Option<RunOutcome>, RunError> {
     let Some(file) = RunFile::read(&request.run) else { return Ok(None) };
-    let wanted = PHASES.iter().take(request.until + 1);
-    let done = wanted.clone().all(|p| file.phases.get(*p).is_some_and(|e| e.state == PhaseState::Done));
-    let no_more = PHASES
-        .iter()
-        .skip(request.until + 1)
-        .all(|p| file.phases.get(*p).is_none_or(|e| e.state == PhaseState::Pending));
+    let state_of = |phase: Phase| file.phases.get(phase.folder()).map(|entry| entry.state);
+    let (wanted, beyond): (Vec<Phase>, Vec<Phase>) = Phase::ALL.into_iter().partition(|p| *p <= request.until);
+    let done = wanted.into_iter().all(|p| state_of(p) == Some(PhaseState::Done));
+    let no_more = beyond.into_iter().all(|p| state_of(p).is_none_or(|state| state == PhaseState::Pending));
     let same = file.inputs == *inputs && file.answers == calls.book().answers_digest("")?;
     if !(done && no_more && same && file.files_hold(&request.run)) {
         return Ok(None);

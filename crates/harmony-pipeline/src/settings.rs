@@ -15,7 +15,9 @@ pub struct Settings {
     pub camera_calibration: bool,
     /// Generated meshes are set upright by their level and plumb faces; off: by principal axes, as in the paper.
     pub upright_by_faces: bool,
-    /// Review after each level ("w/o feedback loop" when 0): rounds at most.
+    /// How often the language model is asked.
+    pub questions: Questions,
+    /// Review after each level ("w/o feedback loop" when 0): rounds at most; `questions = "paper"` makes it three.
     pub review_rounds: usize,
     /// Detection filters.
     pub filters: FilterSettings,
@@ -31,12 +33,38 @@ pub struct Settings {
     pub surface_px_per_m: f64,
 }
 
+/// How often the language model is asked beside what every run needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Questions {
+    /// One question a step and level: fronts, reviews and second looks once.
+    #[default]
+    Few,
+    /// As often as the paper asks: decorations of each piece of furniture, hosts, fine turns, counts, reviews until
+    /// nothing is kept.
+    Paper,
+}
+
+/// Rounds of review as the paper's loop goes.
+const PAPER_ROUNDS: usize = 3;
+
+impl Settings {
+    /// Rounds of review at most; none where reviews are switched off.
+    pub fn rounds_of_review(&self) -> usize {
+        match self.questions {
+            Questions::Paper if self.review_rounds > 0 => self.review_rounds.max(PAPER_ROUNDS),
+            Questions::Few | Questions::Paper => self.review_rounds,
+        }
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Self {
             working_px: 1024,
             camera_calibration: true,
             upright_by_faces: true,
+            questions: Questions::default(),
             review_rounds: 1,
             filters: FilterSettings::default(),
             mesh: MeshSettings::default(),

@@ -5,40 +5,86 @@ use std::sync::Arc;
 
 use harmony_catalogue::Trait;
 use harmony_mesh::{Mesh, PartModel, Trims};
-use harmony_placement::{PartialScene, Shape};
-use harmony_prompts::{InspectedObject, LayoutAnswer};
+use harmony_placement::{PartialScene, PlacementError, Shape};
+use harmony_prompts::{InspectedObject, InspectedSize, LayoutAnswer};
 use harmony_roles::Detection;
-use harmony_scene::{Camera, Level, Lighting, Mask, ObjectId, PointMap, Similarity, Surface, SurfaceMaterial};
+use harmony_scene::{Level, Lighting, Mask, ObjectId, Size, Surface, SurfaceMaterial};
 use image::{RgbImage, RgbaImage};
 use serde_json::Value;
 
+use crate::Phase;
+use crate::filter::Filtered;
 use crate::steps::programs::Program;
 use crate::views::Gallery;
 
-/// An object that was found, before it has a mesh.
+/// One thing in the room. It gains fields as it goes: found and masked, inspected, modelled, placed (then
+/// [`SceneState::partial`] knows where), textured and lit.
 #[derive(Debug, Clone)]
-pub struct Candidate {
+pub struct Object {
     /// Id, given by label and position in the photo.
     pub id: ObjectId,
     /// Level it was looked for on.
     pub level: Level,
+    /// Value in the id image and in `segmentation.png`; 0 until it goes to placement.
+    pub index: u32,
     /// Detection it comes from.
     pub detection: Detection,
-    /// Visible pixels at working size.
-    pub mask: Mask,
+    /// Visible pixels at working size: the same as placement's, which may take stray pieces away.
+    pub mask: Arc<Mask>,
     /// Segmenter's own score.
     pub mask_score: Option<f64>,
     /// Host that the list named, for decorations.
     pub host_hint: Option<ObjectId>,
+    /// What was said about it; until it is inspected, what its label alone says.
+    pub said: InspectedObject,
+    /// Its geometry, once there is some; always there for objects of [`SceneState::objects`].
+    pub model: Option<Model>,
+    /// How it looks where it is placed.
+    pub look: Look,
 }
 
-/// A candidate with everything placement needs.
+impl Object {
+    /// What is known of a thing that nobody has looked at closely.
+    pub fn found(id: ObjectId, level: Level, detection: Detection, mask: Mask) -> Self {
+        let (low, high) = harmony_catalogue::size_range(&detection.label);
+        let size = (low.as_vec() + high.as_vec()) / 2.0;
+        let size = InspectedSize { width: size.x, height: size.y, depth: size.z };
+        let said = InspectedObject::plain(id.as_str(), &detection.label, size);
+        Self {
+            id,
+            level,
+            index: 0,
+            detection,
+            mask: Arc::new(mask),
+            mask_score: None,
+            host_hint: None,
+            said,
+            model: None,
+            look: Look::default(),
+        }
+    }
+
+    /// Its size as said, metres.
+    pub fn size(&self) -> Size {
+        let InspectedSize { width, height, depth } = self.said.size_m;
+        Size { width, height, depth }
+    }
+
+    /// Whether its mesh was modelled here, by a template, a part model or a program: it may be given other proportions,
+    /// and the photo's pixels are its paint.
+    pub fn is_modelled(&self) -> bool {
+        self.model.as_ref().is_some_and(|model| model.part_model.is_some() || model.program.is_some())
+    }
+
+    /// Its program, when it was built by one.
+    pub fn program(&self) -> Option<&Arc<Program>> {
+        self.model.as_ref()?.program.as_ref()
+    }
+}
+
+/// Geometry of an object, canonical frame.
 #[derive(Debug, Clone)]
-pub struct Prepared {
-    /// The candidate.
-    pub candidate: Candidate,
-    /// What was said about it.
-    pub inspected: InspectedObject,
+pub struct Model {
     /// Canonical mesh; part models in metres of their expected size.
     pub mesh: Arc<Mesh>,
     /// The same with its convex parts, for placement.
@@ -52,30 +98,61 @@ pub struct Prepared {
     /// Those of them whose colour was said, not cut from the photo: they are lit as the photo has it.
     pub said_slots: Vec<String>,
     /// Who made the mesh, in words.
-    pub mesh_source: String,
+    pub source: String,
     /// Material.
     pub material: SurfaceMaterial,
-    /// Value in the id image and in `segmentation.png`.
-    pub index: u32,
 }
 
-impl Prepared {
-    /// Whether its mesh was modelled here, by a template, a part model or a program: it may be given other proportions,
-    /// and the photo's pixels are its paint.
-    pub fn is_modelled(&self) -> bool {
-        self.part_model.is_some() || self.program.is_some()
-    }
+/// Meshes of a placed object, canonical frame: drawn in place of its model's.
+#[derive(Debug, Clone, Default)]
+pub struct Look {
+    /// With the photo's pixels.
+    pub textured: Option<Arc<Mesh>>,
+    /// In the photo's light, for what has colours that were said ([`crate::steps::shading`]); always made from the mesh
+    /// without that light, never from itself.
+    pub lit: Option<Arc<Mesh>>,
 }
 
-/// Room, camera and what they were found by.
+/// Why something that was looked for is not in the scene.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DropReason {
+    /// A filter of detections took it out.
+    #[error(transparent)]
+    Filtered(#[from] Filtered),
+    /// Who inspected it refused it, in these words.
+    #[error("{}", if .0.is_empty() { "rejected" } else { .0 })]
+    Refused(String),
+    /// Who inspected the level left it out of the answer.
+    #[error("nothing was said about it")]
+    NothingSaid,
+    /// Its mask shows nothing.
+    #[error("no pixel of it is left")]
+    NoPixels,
+    /// Nobody could make a mesh.
+    #[error("no mesh could be made of it")]
+    NoMesh,
+    /// It cannot be placed.
+    #[error(transparent)]
+    Unplaceable(#[from] PlacementError),
+}
+
+/// Something that was looked for and is not in the scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Left {
+    /// Its id, or its label when it had none yet.
+    pub name: String,
+    /// When it was left out.
+    pub phase: Phase,
+    /// Why.
+    pub reason: DropReason,
+}
+
+/// How room and camera were found.
 #[derive(Debug, Clone)]
 pub struct Layout {
     /// Layout answer (the offline player's when the VLM had none).
     pub answer: LayoutAnswer,
-    /// Camera at working size.
-    pub camera: Camera,
-    /// Dense point map and its way into the room, when there is one.
-    pub points: Option<(Arc<PointMap>, Similarity)>,
     /// How room and camera were found: method, residuals, fallbacks, for `camera.json` and the report.
     pub evidence: Value,
     /// Method in words.
@@ -93,25 +170,20 @@ pub struct SceneState {
     pub photo: Arc<RgbImage>,
     /// The white or black frame that undistorted pictures have: nobody's pixels.
     pub photo_frame: Arc<Mask>,
-    /// Layout and camera.
+    /// How room and camera were found.
     pub layout: Layout,
-    /// Room, camera, points and placed objects.
+    /// Room, camera, points, and which objects stand where: the only place that knows.
     pub partial: PartialScene,
-    /// All prepared objects by id, placed or not.
-    pub prepared: BTreeMap<ObjectId, Prepared>,
-    /// Textured meshes of placed objects, canonical frame.
-    pub textured: BTreeMap<ObjectId, Arc<Mesh>>,
-    /// The same in the photo's light, for what has colours that were said ([`crate::steps::shading`]); always made from
-    /// [`Self::unlit`], never from itself.
-    pub lit: BTreeMap<ObjectId, Arc<Mesh>>,
+    /// All modelled objects by id, placed or not.
+    pub objects: BTreeMap<ObjectId, Object>,
     /// Textures of the room's faces.
     pub surfaces: BTreeMap<Surface, Arc<RgbaImage>>,
     /// Boards along the walls.
     pub trims: Trims,
     /// Pixels of what was found and then left out, by label: not in the scene, and no bare room either.
     pub rejected: Vec<(String, Arc<Mask>)>,
-    /// Candidates that are not in the scene: label, phase, reason.
-    pub dropped: Vec<(String, String, String)>,
+    /// What was looked for and is not in the scene.
+    pub left: Vec<Left>,
     /// Sentences about the scene, one a level.
     pub summaries: Vec<String>,
     /// Light, after phase 6.
@@ -129,29 +201,29 @@ impl SceneState {
     /// Where two overlap, the one that the scene shows there is the nearer one (`shown`: [`crate::views::ids`]);
     /// where it shows neither, the smaller one. A rug is never the nearer one. The photo's empty frame is nobody's.
     pub fn visible_mask(&self, id: &ObjectId, shown: &[u32]) -> Option<Mask> {
-        let own = self.prepared.get(id)?;
-        let mut mask = own.candidate.mask.minus(&self.photo_frame);
+        let own = self.objects.get(id)?;
+        let mut mask = own.mask.minus(&self.photo_frame);
         let area = mask.count();
-        let lies_flat = is_flat(&own.inspected.kind);
+        let lies_flat = is_flat(&own.said.kind);
         let width = mask.size().width as usize;
         let rows = mask.bounds().map_or(0..0, |b| b.y0 as usize * width..b.y1 as usize * width);
-        for (other, prepared) in &self.prepared {
-            if other == id || self.partial.find(other).is_none() {
+        for (id, other) in &self.objects {
+            if *id == own.id || self.partial.find(id).is_none() {
                 continue;
             }
             // What is placed has a mask of the camera's size.
-            let claimed = &prepared.candidate.mask.bits()[rows.clone()];
+            let claimed = &other.mask.bits()[rows.clone()];
             if !claimed.contains(&true) {
                 continue;
             }
-            let later = prepared.candidate.level > own.candidate.level;
-            let smaller = prepared.candidate.mask.count() < area;
+            let later = other.level > own.level;
+            let smaller = other.mask.count() < area;
             // A rug lies under everything, however small its visible part is.
-            let nearer = (later || smaller) && !is_flat(&prepared.inspected.kind);
+            let nearer = (later || smaller) && !is_flat(&other.said.kind);
             let seen = &mut mask.bits_mut()[rows.clone()];
             for ((bit, claimed), shown) in seen.iter_mut().zip(claimed).zip(&shown[rows.clone()]) {
                 let shows_own = *shown == own.index && !lies_flat;
-                *bit &= !(*claimed && !shows_own && (nearer || *shown == prepared.index));
+                *bit &= !(*claimed && !shows_own && (nearer || *shown == other.index));
             }
         }
         Some(mask)
@@ -159,44 +231,58 @@ impl SceneState {
 
     /// The mesh to draw for a placed object.
     pub fn mesh_of(&self, id: &ObjectId) -> Option<&Arc<Mesh>> {
-        self.lit.get(id).or_else(|| self.unlit(id))
+        self.objects.get(id)?.look.lit.as_ref().or_else(|| self.unlit(id))
     }
 
     /// An object's mesh without the photo's light on it.
     pub fn unlit(&self, id: &ObjectId) -> Option<&Arc<Mesh>> {
-        self.textured.get(id).or_else(|| self.prepared.get(id).map(|p| &p.mesh))
+        let object = self.objects.get(id)?;
+        object.look.textured.as_ref().or(object.model.as_ref().map(|model| &model.mesh))
     }
 
     /// Gives an object a textured mesh.
-    pub fn set_textured(&mut self, id: ObjectId, mesh: Arc<Mesh>) {
-        self.lit.remove(&id);
-        self.textured.insert(id, mesh);
+    pub fn set_textured(&mut self, id: &ObjectId, mesh: Arc<Mesh>) {
+        if let Some(object) = self.objects.get_mut(id) {
+            object.look = Look { textured: Some(mesh), lit: None };
+        }
+    }
+
+    /// Takes over what placement made of the scene. There is one mask of an object, everywhere: placement may take stray
+    /// pieces away, and objects may exchange theirs.
+    pub fn take(&mut self, partial: PartialScene) {
+        self.partial = partial;
+        for placed in &self.partial.placed {
+            if let Some(object) = self.objects.get_mut(&placed.item.id) {
+                object.mask = Arc::clone(&placed.item.mask);
+            }
+        }
     }
 
     /// Forgets how an object looks, for its shape or place is another one now.
     pub fn forget_look(&mut self, id: &ObjectId) {
-        self.lit.remove(id);
-        self.textured.remove(id);
+        if let Some(object) = self.objects.get_mut(id) {
+            object.look = Look::default();
+        }
     }
 
-    /// Union of all masks of what was found, prepared or left out: everything that is not bare room.
+    /// Union of all masks of what was found, modelled or left out: everything that is not bare room.
     ///
     /// What was left out because it *is* the room (a wall, a skirting board) stays bare.
     pub fn all_objects(&self) -> Mask {
         let size = self.partial.camera.size;
-        let prepared = self.prepared.values().map(|p| &p.candidate.mask);
+        let objects = self.objects.values().map(|object| &*object.mask);
         let rejected = self
             .rejected
             .iter()
             .filter(|(label, _)| !harmony_catalogue::is_of_the_room(label))
             .map(|(_, mask)| &**mask);
-        prepared.chain(rejected).filter(|m| m.size() == size).fold(Mask::empty(size), |all, mask| all.or(mask))
+        objects.chain(rejected).filter(|m| m.size() == size).fold(Mask::empty(size), |all, mask| all.or(mask))
     }
 
-    /// A crop of a candidate for sheets and files: transparent where it is not the object.
+    /// A crop of an object for sheets and files: transparent where it is not the object.
     pub fn crop(&self, id: &ObjectId) -> Option<RgbaImage> {
-        let prepared = self.prepared.get(id)?;
-        harmony_imaging::sheet::crop_rgba(&self.photo, &prepared.candidate.mask, 0.08).map(|(image, _)| image)
+        let object = self.objects.get(id)?;
+        harmony_imaging::sheet::crop_rgba(&self.photo, &object.mask, 0.08).map(|(image, _)| image)
     }
 }
 

@@ -14,7 +14,7 @@ use harmony_render::{
 use harmony_scene::{Camera, ImageSize, Intrinsics, PixelBox, Pose, Room, Size, Surface};
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 
-use crate::state::{Candidate, SceneState};
+use crate::state::{Object, SceneState};
 
 /// Colour of what is outside the room.
 pub const OUTSIDE_RGB: [u8; 3] = [235, 238, 242];
@@ -392,16 +392,21 @@ pub fn placed_object(p: &Placed) -> PlacedObject {
         level: p.item.level,
         seen: p.item.mask.bounds(),
         position: p.pose.position.to_array(),
-        yaw_deg: p.pose.yaw.to_degrees(),
+        yaw_deg: half_turn(p.pose.yaw.to_degrees()),
         size: p.size(),
         support: p.support.clone(),
         outline_agreement: p.evidence.silhouette_iou,
     }
 }
 
-/// Size that a candidate would have where its mask's bottom meets the floor (or its ray a wall), metres: width and
+/// An angle as people write it, degrees: above -180, at most 180.
+fn half_turn(degrees: f64) -> f64 {
+    if degrees > -180.0 && degrees <= 180.0 { degrees } else { 180.0 - (180.0 - degrees).rem_euclid(360.0) }
+}
+
+/// Size that an object would have where its mask's bottom meets the floor (or its ray a wall), metres: width and
 /// height only. `None` when the ray meets nothing.
-pub fn apparent_size(state: &SceneState, c: &Candidate) -> Option<Size> {
+pub fn apparent_size(state: &SceneState, c: &Object) -> Option<Size> {
     let camera = &state.partial.camera;
     let b = c.mask.bounds()?;
     let foot = glam::DVec2::new(b.centre().x, b.y1);

@@ -74,7 +74,7 @@ pub(crate) fn boxed(scene: &PartialScene, size: Vec3, position: Vec3, yaw: f64) 
         label: "box".to_owned(),
         shape,
         size: Size::from_vec(size),
-        mask,
+        mask: mask.into(),
         relations: Relations::default(),
         placement: Placement::default(),
         host_candidates: Vec::new(),

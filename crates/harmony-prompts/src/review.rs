@@ -25,6 +25,9 @@ pub struct ReviewQuestion {
     pub unplaced: Vec<String>,
     /// What the geometry itself complains about (collisions, floating, poor overlap), one line each.
     pub findings: Vec<String>,
+    /// What was asked for in the round before and what came of it, one line each.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tried: Vec<String>,
 }
 
 /// The ids beside the rows, as in the content keys of all records there are.
@@ -112,6 +115,7 @@ impl Ask for ReviewQuestion {
                 ("objects", lines(&self.placed)),
                 ("unplaced", lines(&self.unplaced)),
                 ("findings", lines(&self.findings)),
+                ("tried", self.told()),
             ],
         )
     }
@@ -143,6 +147,16 @@ impl Ask for ReviewQuestion {
     }
 }
 
+impl ReviewQuestion {
+    /// The round before, for the prompt; empty when there was none.
+    fn told(&self) -> String {
+        if self.tried.is_empty() {
+            return String::new();
+        }
+        format!("\nTried in the round before, with what came of it:\n{}\n", lines(&self.tried))
+    }
+}
+
 impl ReviewAnswer {
     /// Whether the actions speak of known objects and carry what they need.
     ///
@@ -153,12 +167,13 @@ impl ReviewAnswer {
         if self.actions.len() > 60 {
             return Err(format!("{} actions; at most 60", self.actions.len()));
         }
+        // One wrong name does not cost the other actions: what names nobody is not tried, and the record says so.
+        let nobody = |a: &&ReviewActionAnswer| std::iter::once(&a.id).chain(&a.other).any(|id| !known.contains(id.as_str()));
+        let lost = self.actions.iter().filter(nobody).count();
+        if 2 * lost > self.actions.len() {
+            return Err(format!("{lost} actions name objects that are not there; the ids are {}", ids.join(", ")));
+        }
         for a in &self.actions {
-            for id in std::iter::once(&a.id).chain(&a.other) {
-                if !known.contains(id.as_str()) {
-                    return Err(format!("there is no object {id:?}; the ids are {}", ids.join(", ")));
-                }
-            }
             let need = |present: bool, field: &str| {
                 if present { Ok(()) } else { Err(format!("{:?} of {} needs {field}", a.action, a.id)) }
             };

@@ -79,6 +79,7 @@ const KINDS: [(&str, Read); 12] = [
                 placed: section(prompt, "Objects in the scene").filter_map(placed).collect(),
                 unplaced: Vec::new(),
                 findings: Vec::new(),
+                tried: Vec::new(),
             }
             .into(),
         )
@@ -360,7 +361,7 @@ mod tests {
                 let wanted = InspectQuestion { with_models: false, ..inspect.clone() };
                 assert_eq!(read_of(&inspect.into()), wanted.into());
             }
-            let review = ReviewQuestion { level, room: study(), placed: rows(), unplaced: vec![], findings: vec![] };
+            let review = ReviewQuestion { level, room: study(), placed: rows(), unplaced: vec![], findings: vec![], tried: vec![] };
             assert_eq!(read_of(&review.clone().into()), review.into());
         }
     }

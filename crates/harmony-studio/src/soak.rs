@@ -13,7 +13,7 @@ use anyhow::Context as _;
 use harmony_bench::oracle::NoiseLevel;
 use harmony_bench::truth::TruthRoom;
 use harmony_calls::{BookOptions, Budget, CallBook, CallOptions, Calls, Cast, Limits, Source};
-use harmony_pipeline::{RunRequest, Settings, Warnings};
+use harmony_pipeline::{Phase, RunRequest, Settings, Warnings};
 use harmony_players::detector::asked::VlmBoxes;
 use harmony_players::detector::boxes::BoxStyle;
 use harmony_players::detector::grounding::{GroundingOptions, GroundingPlayer};
@@ -359,7 +359,7 @@ pub async fn one(room: &TruthRoom, seed: u64, faults: FaultPlan, out: &Path) -> 
         run: out.to_owned(),
         profile: "studio".to_owned(),
         settings: quick_settings(),
-        until: 5,
+        until: Phase::Lighting,
         path_tracer: false,
         further_inputs: String::new(),
     };
@@ -397,16 +397,16 @@ pub async fn one(room: &TruthRoom, seed: u64, faults: FaultPlan, out: &Path) -> 
                 ended.objects = scene.objects.len();
             }
             match (&outcome.failure, &outcome.scene) {
-                (Some((phase, reason, hint)), _) => {
+                (Some(failure), _) => {
                     let stopped =
                         calls.stop().reason().is_some_and(|r| matches!(r, harmony_calls::StopReason::Budget(_)));
                     ended.end = if stopped { "stopped at its deadline" } else { "error" }.to_owned();
-                    ended.reason = Some(format!("{phase}: {reason}"));
-                    if reason.trim().is_empty() || (stopped && hint.is_none()) {
+                    ended.reason = Some(failure.to_string());
+                    if failure.reason.trim().is_empty() || (stopped && failure.hint.is_none()) {
                         ended.wrong.push("the failure says nothing, or not what to do".to_owned());
                     }
-                    if reason.contains("failed inside") {
-                        ended.wrong.push(format!("a fault of the program: {reason}"));
+                    if failure.reason.contains("failed inside") {
+                        ended.wrong.push(format!("a fault of the program: {}", failure.reason));
                     }
                 }
                 (None, Some(scene)) => {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, StopReason};
 use harmony_io::load_photo;
-use harmony_pipeline::{PHASES, RunError, RunFolder, RunOutcome, RunRequest, Warnings};
+use harmony_pipeline::{Phase, RunError, RunFolder, RunOutcome, RunRequest, Warnings};
 use harmony_roles::Role;
 
 use crate::cast::{self, CastRequest, Casting};
@@ -56,11 +56,11 @@ pub struct Args {
     #[arg(long)]
     masks: Option<PathBuf>,
     /// Last phase to run: layout, wall, furniture, ceiling, decoration, lighting.
-    #[arg(long, value_parser = phase_index)]
-    until: Option<usize>,
+    #[arg(long)]
+    until: Option<Phase>,
     /// Ask anew from this phase on (records of earlier phases are kept).
-    #[arg(long, value_parser = phase_index)]
-    from: Option<usize>,
+    #[arg(long)]
+    from: Option<Phase>,
     /// Only this program: overrides the profile, and nothing outside is asked.
     #[arg(long)]
     offline_only: bool,
@@ -79,13 +79,6 @@ pub struct Args {
     /// Stop after so many minutes; overrides budget.minutes.
     #[arg(long)]
     max_minutes: Option<f64>,
-}
-
-fn phase_index(text: &str) -> Result<usize, String> {
-    PHASES
-        .iter()
-        .position(|p| *p == text || p[2..] == *text || p[..1] == *text)
-        .ok_or_else(|| format!("phases are {}", PHASES.map(|p| &p[2..]).join(", ")))
 }
 
 /// Runs the command.
@@ -172,7 +165,7 @@ async fn reconstruct(args: Args) -> Result<u8> {
         run: args.out.clone(),
         profile: if replaying { format!("{} (replayed)", profile.name()) } else { profile.name().to_owned() },
         settings: config.settings,
-        until: args.until.unwrap_or(PHASES.len() - 1),
+        until: args.until.unwrap_or(Phase::Lighting),
         path_tracer: !args.no_lit,
         further_inputs: casting.inputs,
     };
@@ -223,10 +216,10 @@ async fn look_around(casting: &Casting, run: &std::path::Path, tell: &Arc<dyn Fn
 }
 
 /// Removes the records of a phase and all after it.
-fn forget(run: &std::path::Path, from: usize) -> Result<()> {
+fn forget(run: &std::path::Path, from: Phase) -> Result<()> {
     for role in Role::ALL {
-        for phase in &PHASES[from..] {
-            let folder = run.join("calls").join(role.folder()).join(phase);
+        for phase in Phase::ALL.into_iter().filter(|phase| *phase >= from) {
+            let folder = run.join("calls").join(role.folder()).join(phase.folder());
             if folder.is_dir() {
                 std::fs::remove_dir_all(&folder).with_context(|| format!("removing {}", folder.display()))?;
             }
@@ -265,9 +258,9 @@ fn report(args: &Args, outcome: &RunOutcome) -> Result<u8> {
     if bill.calls > bill.offline + bill.recorded {
         super::bill::print(&outcome.file.bill, false)?;
     }
-    if let Some((phase, reason, hint)) = &outcome.failure {
-        tell!("error: {phase}: {reason}");
-        if let Some(hint) = hint {
+    if let Some(failure) = &outcome.failure {
+        tell!("error: {failure}");
+        if let Some(hint) = &failure.hint {
             tell!("hint: {hint}");
         }
         tell!("what was obtained is kept in {out}; run.json tells more");

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use harmony_pipeline::PHASES;
+use harmony_pipeline::Phase;
 use harmony_players::detector::boxes::BoxStyle;
 use harmony_players::http::check_variable;
 use harmony_players::mesh::hunyuan::Route;
@@ -496,8 +496,8 @@ impl PlayersConfig {
             return Err(format!("players.detector.threshold is {threshold}; allowed is 0 to 1"));
         }
         for (phase, config) in &v.phases {
-            if !PHASES.iter().any(|p| &p[2..] == phase) {
-                let known = PHASES.map(|p| &p[2..]).join(", ");
+            if Phase::ALL.into_iter().all(|p| p.name() != phase) {
+                let known = Phase::names();
                 return Err(format!("players.vision_language.phases.{phase}: phases are {known}"));
             }
             in_range(

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use harmony_geometry::{
-    CalibrationSettings, CameraHints, FocalPrior, GrayImage, LayoutPins, LayoutPrior, PinnedEdge, RoomEdge, WallSide,
-    calibrate_with_photo, estimate_room_box, estimate_view,
+    Calibration, CalibrationSettings, CameraHints, FocalPrior, GrayImage, LayoutPins, LayoutPrior, PinnedEdge, RoomBox,
+    RoomEdge, RoomPosterior, WallSide, calibrate_with_photo, estimate_room_box, estimate_view,
 };
 use harmony_imaging::border::Border;
 use harmony_imaging::sheet::grid_overlay;
@@ -13,7 +13,7 @@ use harmony_io::Photo;
 use harmony_placement::{PartialScene, RoomPoints};
 use harmony_prompts::{BackWallSide, KnownDepth, LayoutAnswer, LayoutQuestion, PinKind, UnaidedRoom};
 use harmony_roles::{GeometryAnswer, GeometryRequest, Picture};
-use harmony_scene::{Camera, Extents, ImageSize, Room, Surface, SurfaceTexture, WarningKind};
+use harmony_scene::{Camera, Extents, ImageSize, PointMap, Room, Similarity, Surface, SurfaceTexture, WarningKind};
 use image::RgbImage;
 use serde_json::{Value, json};
 
@@ -52,51 +52,23 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     ctx.step("asking about room and camera");
     let answer = ask(ctx, &working, &geometry, &unaided).await?;
     let prior = layout_prior(&answer, size);
-    let by_box = || estimate_room_box(&gray, &view, &prior);
-    let mut posterior = None;
-    let (camera, extents, seen, anchor, points, evidence, method, confidence, because) = match geometry {
+    let by_box = || from_box(ctx, estimate_room_box(&gray, &view, &prior));
+    let found = match &geometry {
         GeometryAnswer::Points(map) if ctx.settings.camera_calibration => {
-            match calibrate_with_photo(&map, &prior, &view, &CalibrationSettings::default()) {
-                Ok((c, map)) => {
-                    for fallback in &c.evidence.fallbacks {
-                        ctx.warn(WarningKind::Fallback, None, fallback.clone());
-                    }
-                    let because = format!(
-                        "{:.0} % of the surface normals agree with the Manhattan frame, axis agreement {:.2} deg, anchor: {}",
-                        c.evidence.axis_support * 100.0,
-                        c.evidence.axis_agreement_deg,
-                        words(&json!(c.evidence.anchor_kind)),
-                    );
-                    let method = format!("closed form from the point map ({})", words(&json!(c.evidence.method)));
-                    let confidence = c.evidence.confidence;
-                    posterior.clone_from(&c.posterior);
-                    let points = Some((Arc::new(map), c.room_from_points));
-                    (
-                        c.camera.resized(size),
-                        c.extents,
-                        c.seen,
-                        c.anchor,
-                        points,
-                        json!(c.evidence),
-                        method,
-                        confidence,
-                        because,
-                    )
-                }
+            match calibrate_with_photo(map, &prior, &view, &CalibrationSettings::default()) {
+                Ok((calibration, map)) => from_points(ctx, calibration, map, size),
                 Err(error) => {
-                    ctx.warn(
-                        WarningKind::Fallback,
-                        None,
-                        format!(
-                            "the point map could not be calibrated ({error}); the room comes from the photo's lines"
-                        ),
+                    let message = format!(
+                        "the point map could not be calibrated ({error}); the room comes from the photo's lines"
                     );
-                    from_box(ctx, by_box())
+                    ctx.warn(WarningKind::Fallback, None, message);
+                    by_box()
                 }
             }
         }
-        GeometryAnswer::Points(_) | GeometryAnswer::NoDepth { .. } => from_box(ctx, by_box()),
+        GeometryAnswer::Points(_) | GeometryAnswer::NoDepth { .. } => by_box(),
     };
+    let Found { camera, extents, seen, anchor, points, posterior, evidence, method, confidence, because } = found;
     let room = Room {
         room_type: tidy(&answer.room.room_type),
         extents,
@@ -116,21 +88,22 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         }),
     };
     let room_points = points.as_ref().map(|(map, similarity)| RoomPoints::new(map, similarity));
+    if let Some((map, _)) = &points {
+        harmony_io::save_point_map(&ctx.file("points.npz")?, map)?;
+    }
     let mut partial = PartialScene::new(room, camera, room_points, Some(anchor));
     partial.posterior = posterior;
-    let layout = Layout { answer, camera, points, evidence, method, confidence, because };
+    let layout = Layout { answer, evidence, method, confidence, because };
     let state = SceneState {
         photo_frame: Arc::new(Border::of(&working).mask(camera.size)),
         photo: working,
         layout,
         partial,
-        prepared: BTreeMap::new(),
-        textured: BTreeMap::new(),
-        lit: BTreeMap::new(),
+        objects: BTreeMap::new(),
         surfaces: BTreeMap::new(),
         trims: harmony_mesh::Trims::default(),
         rejected: Vec::new(),
-        dropped: Vec::new(),
+        left: Vec::new(),
         summaries: Vec::new(),
         lighting: None,
         next_index: 10,
@@ -140,28 +113,55 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     Ok(state)
 }
 
-type Found = (
-    Camera,
-    Extents,
-    Vec<Surface>,
-    glam::DVec3,
-    Option<(Arc<harmony_scene::PointMap>, harmony_scene::Similarity)>,
-    Value,
-    String,
-    f64,
-    String,
-);
+/// Room and camera, and what speaks for them.
+struct Found {
+    /// Working size.
+    camera: Camera,
+    extents: Extents,
+    seen: Vec<Surface>,
+    /// Deepest floor corner.
+    anchor: glam::DVec3,
+    /// The point map with its way into the room.
+    points: Option<(PointMap, Similarity)>,
+    posterior: Option<RoomPosterior>,
+    evidence: Value,
+    method: String,
+    confidence: f64,
+    because: String,
+}
 
-fn from_box(ctx: &PhaseCtx<'_>, found: harmony_geometry::RoomBox) -> Found {
+fn from_points(ctx: &PhaseCtx<'_>, c: Calibration, map: PointMap, size: ImageSize) -> Found {
+    for fallback in &c.evidence.fallbacks {
+        ctx.warn(WarningKind::Fallback, None, fallback.clone());
+    }
+    let because = format!(
+        "{:.0} % of the surface normals agree with the Manhattan frame, axis agreement {:.2} deg, anchor: {}",
+        c.evidence.axis_support * 100.0,
+        c.evidence.axis_agreement_deg,
+        words(&json!(c.evidence.anchor_kind)),
+    );
+    Found {
+        camera: c.camera.resized(size),
+        extents: c.extents,
+        seen: c.seen,
+        anchor: c.anchor,
+        points: Some((map, c.room_from_points)),
+        posterior: c.posterior,
+        evidence: json!(c.evidence),
+        method: format!("closed form from the point map ({})", words(&json!(c.evidence.method))),
+        confidence: c.evidence.confidence,
+        because,
+    }
+}
+
+fn from_box(ctx: &PhaseCtx<'_>, found: RoomBox) -> Found {
     for fallback in &found.evidence.fallbacks {
         ctx.warn(WarningKind::Fallback, None, fallback.clone());
     }
     if found.confidence < 0.35 {
-        ctx.warn(
-            WarningKind::LowConfidence,
-            None,
-            format!("room and camera are a guess (confidence {:.2}): little in the photo fixes them", found.confidence),
-        );
+        let confidence = found.confidence;
+        let message = format!("room and camera are a guess (confidence {confidence:.2}): little in the photo fixes them");
+        ctx.warn(WarningKind::LowConfidence, None, message);
     }
     let e = &found.evidence;
     let because = if e.pins_used > 0 {
@@ -176,16 +176,25 @@ fn from_box(ctx: &PhaseCtx<'_>, found: harmony_geometry::RoomBox) -> Found {
             e.view_confidence
         )
     };
-    let method = format!("room box from {}", words(&json!(e.method)));
-    let evidence = json!(found.evidence);
-    (found.camera, found.extents, found.seen, found.anchor, None, evidence, method, found.confidence, because)
+    Found {
+        camera: found.camera,
+        extents: found.extents,
+        seen: found.seen,
+        anchor: found.anchor,
+        points: None,
+        posterior: None,
+        method: format!("room box from {}", words(&json!(e.method))),
+        evidence: json!(found.evidence),
+        confidence: found.confidence,
+        because,
+    }
 }
 
 async fn ask(
     ctx: &PhaseCtx<'_>,
     photo: &Arc<RgbImage>,
     geometry: &GeometryAnswer,
-    unaided: &harmony_geometry::RoomBox,
+    unaided: &RoomBox,
 ) -> Result<LayoutAnswer, PhaseError> {
     let depth = match geometry {
         GeometryAnswer::Points(map) if map.kind == harmony_scene::PointMapKind::Metric => KnownDepth::Metric,
@@ -275,15 +284,12 @@ fn write_files(ctx: &PhaseCtx<'_>, state: &SceneState) -> Result<(), PhaseError>
     ctx.write_json(
         "camera.json",
         &json!({
-            "camera": harmony_scene::SceneCamera::from(&state.layout.camera),
+            "camera": harmony_scene::SceneCamera::from(&state.partial.camera),
             "method": state.layout.method,
             "confidence": state.layout.confidence,
             "because": state.layout.because,
         }),
     )?;
     ctx.write_json("manhattan.json", &state.layout.evidence)?;
-    if let Some((map, _)) = &state.layout.points {
-        harmony_io::save_point_map(&ctx.file("points.npz")?, map)?;
-    }
     ctx.write_picture("layout_overlay.png", &crate::views::layout_overlay(state))
 }

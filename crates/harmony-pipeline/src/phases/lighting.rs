@@ -46,7 +46,7 @@ fn write_materials(ctx: &PhaseCtx<'_>, state: &SceneState) -> Result<(), PhaseEr
         .partial
         .placed
         .iter()
-        .filter_map(|p| Some((p.item.id.to_string(), json!(state.prepared.get(&p.item.id)?.material))))
+        .filter_map(|p| Some((p.item.id.to_string(), json!(state.objects.get(&p.item.id)?.model.as_ref()?.material))))
         .collect();
     ctx.write_json("materials.json", &rows)
 }

@@ -5,13 +5,13 @@
 
 use std::sync::Arc;
 
-use harmony_scene::{Level, Mask};
+use harmony_scene::{Level, Mask, ObjectId};
 use image::RgbImage;
 use serde_json::json;
 
 use crate::before::{Before, Known};
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::{Prepared, SceneState};
+use crate::state::{Left, Object, SceneState};
 use crate::steps::inspect::Inspection;
 use crate::steps::{detect, inspect, place, prepare, programs, review, second_look, shading, surfaces, texture};
 
@@ -21,19 +21,21 @@ pub struct PreparedLevel {
     /// Candidates there were.
     candidates: usize,
     /// Objects, in order of their ids.
-    ready: Vec<Prepared>,
-    /// Left out: label or id, and reason, in the order in which it was found out.
-    dropped: Vec<(String, String)>,
+    ready: Vec<Object>,
+    /// Left out, in the order in which it was found out.
+    left: Vec<Left>,
     /// Labels and pixels of what was found and is not made ready.
     rejected: Vec<(String, Arc<Mask>)>,
-    /// What was said about the level.
-    inspection: Inspection,
+    /// Placement order as reasoned.
+    order: Vec<ObjectId>,
+    /// The level in words.
+    summary: String,
 }
 
 /// A level whose objects are named and inspected: what [`prepare`] goes on from, and what later levels may know of it.
 pub struct Inspected {
-    candidates: Vec<crate::state::Candidate>,
-    dropped: Vec<(String, String)>,
+    candidates: usize,
+    left: Vec<Left>,
     rejected: Vec<(String, Arc<Mask>)>,
     inspection: Inspection,
 }
@@ -41,12 +43,8 @@ pub struct Inspected {
 impl Inspected {
     /// The kept objects.
     pub fn known(&self, level: Level) -> Known {
-        let kept = self.candidates.iter().filter_map(|candidate| {
-            let object = self.inspection.objects.get(&candidate.id).filter(|o| o.keep)?;
-            Some((candidate.clone(), object.clone()))
-        });
-        let mut objects: Vec<_> = kept.collect();
-        objects.sort_by(|a, b| a.0.id.cmp(&b.0.id));
+        let mut objects = self.inspection.objects.clone();
+        objects.sort_by(|a, b| a.id.cmp(&b.id));
         Known { level, objects }
     }
 }
@@ -61,15 +59,17 @@ pub async fn inspect(
     found: detect::Found,
     before: &Before,
 ) -> Result<Inspected, PhaseError> {
-    let dropped = found.dropped.iter().map(|d| (d.label.clone(), d.reason.clone())).collect();
+    let filtered = found.dropped.iter();
+    let left = filtered.map(|d| Left { name: d.label.clone(), phase: ctx.phase, reason: d.reason.clone().into() }).collect();
     let rejected = found.rejected.clone();
-    let candidates = detect::name(ctx, level, found, before)?;
+    let named = detect::name(ctx, level, found, before)?;
+    let candidates = named.len();
     let mut inspection = Inspection::default();
-    if !candidates.is_empty() {
-        ctx.step(&format!("inspecting {} candidates", candidates.len()));
-        inspection = inspect::all(ctx, level, before, &candidates).await?;
+    if candidates > 0 {
+        ctx.step(&format!("inspecting {candidates} candidates"));
+        inspection = inspect::all(ctx, level, before, named).await?;
     }
-    Ok(Inspected { candidates, dropped, rejected, inspection })
+    Ok(Inspected { candidates, left, rejected, inspection })
 }
 
 /// Completes and meshes the kept objects.
@@ -82,19 +82,24 @@ pub async fn prepare(
     state: &Arc<SceneState>,
     inspected: Inspected,
 ) -> Result<PreparedLevel, PhaseError> {
-    let Inspected { candidates, mut dropped, mut rejected, inspection } = inspected;
-    let count = candidates.len();
-    let masks: Vec<_> = candidates.iter().map(|c| (c.id.clone(), c.detection.label.clone(), c.mask.clone())).collect();
+    let Inspected { candidates, mut left, mut rejected, inspection } = inspected;
+    let Inspection { objects, left: refused, rejected: unwanted, order, summary } = inspection;
+    left.extend(refused);
+    rejected.extend(unwanted);
     let mut ready = Vec::new();
-    if count > 0 {
+    if candidates > 0 {
         ctx.step("completing and meshing");
-        let objects = prepare::all(ctx, level, state, candidates, &inspection).await?;
-        dropped.extend(objects.dropped.into_iter().map(|(id, reason)| (id.to_string(), reason)));
-        ready = objects.ready;
-        let left_out = masks.into_iter().filter(|(id, _, _)| ready.iter().all(|r| r.candidate.id != *id));
-        rejected.extend(left_out.map(|(_, label, mask)| (label, Arc::new(mask))));
+        for outcome in prepare::all(ctx, level, state, objects).await? {
+            match outcome {
+                Ok(object) => ready.push(object),
+                Err((object, reason)) => {
+                    left.push(Left { name: object.id.to_string(), phase: ctx.phase, reason });
+                    rejected.push((object.detection.label, object.mask));
+                }
+            }
+        }
     }
-    Ok(PreparedLevel { candidates: count, ready, dropped, rejected, inspection })
+    Ok(PreparedLevel { candidates, ready, left, rejected, order, summary })
 }
 
 /// Places a prepared level and reviews it. `bare` is the picture of the empty room that an image editor drew, for the
@@ -110,20 +115,18 @@ pub async fn place(
     bare: Option<Arc<RgbImage>>,
 ) -> Result<SceneState, PhaseError> {
     let mut outcome = json!({ "candidates": prepared.candidates });
-    for (label, reason) in prepared.dropped {
-        state.dropped.push((label, ctx.phase.to_owned(), reason));
-    }
+    state.left.extend(prepared.left);
     state.rejected.extend(prepared.rejected);
     if prepared.candidates > 0 {
         let mut ids = Vec::new();
         for mut object in prepared.ready {
             object.index = state.next_index;
             state.next_index += 1;
-            ids.push(object.candidate.id.clone());
-            state.prepared.insert(object.candidate.id.clone(), object);
+            ids.push(object.id.clone());
+            state.objects.insert(object.id.clone(), object);
         }
         ctx.step(&format!("placing {} objects", ids.len()));
-        let report = place::in_order(ctx, level, &mut state, ids.clone(), &prepared.inspection.order).await?;
+        let report = place::in_order(ctx, level, &mut state, ids.clone(), &prepared.order).await?;
         programs::refit(ctx, &mut state, &ids).await?;
         texture::level(ctx, &mut state, level).await?;
         if level == Level::Decoration {
@@ -132,8 +135,8 @@ pub async fn place(
         review::until_settled(ctx, level, &mut state).await?;
         second_look::until_settled(ctx, level, &mut state).await?;
         texture::level(ctx, &mut state, level).await?;
-        if !prepared.inspection.summary.is_empty() {
-            state.summaries.push(prepared.inspection.summary);
+        if !prepared.summary.is_empty() {
+            state.summaries.push(prepared.summary);
         }
         outcome = json!({ "placed": report.objects.len(), "unresolved": report.unresolved.len() });
     }

@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 
 use super::prepare::Completed;
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::Prepared;
+use crate::state::{Model, Object};
 use crate::views;
 
 /// Side of the pictures of a mesh, pixels.
@@ -49,14 +49,13 @@ pub async fn canonicalise(
         let record = json!({ "frame": "canonical as made", "front_local_axis": "+z" });
         return Ok(Canonical { mesh: generated, record, view });
     }
-    let id = c.candidate.id.to_string();
+    let id = c.object.id.to_string();
     let (raw, faces, by_faces) =
         (generated.mesh.clone(), ctx.settings.mesh.faces as usize, ctx.settings.upright_by_faces);
     let (crop, labelled) = (Arc::clone(&c.image), id.clone());
-    let back = harmony_catalogue::back(&c.inspected.kind);
-    let on_wall = c.candidate.level == Level::Wall;
-    let named = c.inspected.size_m;
-    let named = Size { width: named.width, height: named.height, depth: named.depth };
+    let back = harmony_catalogue::back(&c.object.said.kind);
+    let on_wall = c.object.level == Level::Wall;
+    let named = c.object.size();
     let (mesh, turn, sheet, panels, by_form, among) = ctx
         .computed(move || {
             let (mut mesh, _) = harmony_mesh::clean(&raw, faces);
@@ -80,7 +79,7 @@ pub async fn canonicalise(
             (mesh, turn, sheet, panels, by_form, among)
         })
         .await?;
-    let shown = NamedObject { id: id.clone(), about: c.inspected.kind.clone() };
+    let shown = NamedObject { id: id.clone(), about: c.object.said.kind.clone() };
     let question = FrontsQuestion { objects: vec![shown] };
     let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
     let answer = ctx.ask(&format!("{id}/front"), question, vec![sheet]).await?;
@@ -89,7 +88,7 @@ pub async fn canonicalise(
     let panel_of = |quarters: u8| FrontPanel::ALL[(4 - usize::from(quarters)) % 4];
     let front = chosen(answered, by_form.map(panel_of), among.map(|sides| sides.map(panel_of)), on_wall);
     if let Some(message) = front.repaired {
-        ctx.warn(WarningKind::AnswerRepaired, Some(c.candidate.id.clone()), message);
+        ctx.warn(WarningKind::AnswerRepaired, Some(c.object.id.clone()), message);
     }
     let panel = front.panel;
     let yaw = panel.map_or(0.0, FrontPanel::yaw);
@@ -159,9 +158,9 @@ const LEAN: f64 = 0.3;
 /// Lets a cushion that stands against a back lean: its mesh turns about its lower edge, its size follows. Tells whether
 /// it does.
 fn lean(c: &mut Completed, g: &mut GeneratedMesh) -> bool {
-    let leans = c.inspected.placement_type == PlacementType::AgainstBack
-        && harmony_catalogue::has(&c.inspected.kind, Trait::Leans);
-    let size = &mut c.inspected.size_m;
+    let leans = c.object.said.placement_type == PlacementType::AgainstBack
+        && harmony_catalogue::has(&c.object.said.kind, Trait::Leans);
+    let size = &mut c.object.said.size_m;
     if !leans || size.depth > 0.7 * size.height {
         return false;
     }
@@ -180,7 +179,7 @@ pub fn shape_of(g: &GeneratedMesh, size: &InspectedSize) -> Arc<Shape> {
     Arc::new(Shape::from_parts(Arc::clone(&g.mesh), g.convex.as_deref(), longest_m))
 }
 
-/// The object as placement and report need it; it has no index yet. `shape` and `view` are those of the mesh.
+/// The object with its model, as placement and report need it. `shape` and `view` are those of the mesh.
 ///
 /// # Errors
 /// Unwritable files.
@@ -190,13 +189,13 @@ pub async fn assemble(
     mut g: GeneratedMesh,
     shape: Arc<Shape>,
     view: Arc<RgbaImage>,
-) -> Result<Prepared, PhaseError> {
-    let id = c.candidate.id.clone();
+) -> Result<Object, PhaseError> {
+    let id = c.object.id.clone();
     let (c, g, shape, view) = ctx
         .computed(move || {
             if lean(&mut c, &mut g) {
                 let view = Arc::new(views::mesh_view(&g.mesh, 0, VIEW));
-                let shape = shape_of(&g, &c.inspected.size_m);
+                let shape = shape_of(&g, &c.object.said.size_m);
                 return (c, g, shape, view);
             }
             (c, g, shape, view)
@@ -210,19 +209,17 @@ pub async fn assemble(
         let kept = model.slots.iter().filter(|s| s.texture == TextureMode::Plain);
         kept.map(|s| s.name.clone()).collect()
     };
-    Ok(Prepared {
+    let model = Model {
         plain_slots: g.part_model.as_ref().map_or(c.plain_slots, plain),
         said_slots: c.said_slots,
-        material: material_of(ctx, &id, &c.inspected),
-        candidate: c.candidate,
-        inspected: c.inspected,
+        material: material_of(ctx, &id, &c.object.said),
         mesh: g.mesh.clone(),
         shape,
         part_model: g.part_model.clone(),
         program: c.program,
-        mesh_source: g.source.clone(),
-        index: 0,
-    })
+        source: g.source.clone(),
+    };
+    Ok(Object { model: Some(model), ..c.object })
 }
 
 /// The answer's material, completed and clamped by the defaults of its kind (key `material.estimate`); what was out of range

@@ -13,7 +13,7 @@ use serde_json::json;
 use crate::before::{Before, stem};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::filter::{Dropped, cut_to_boxes, filter_boxes, filter_masks, part_merged};
-use crate::state::{Candidate, SceneState};
+use crate::state::{Object, SceneState};
 
 /// Overlap from which two boxes show one object.
 const SAME_BOX: f64 = 0.5;
@@ -118,7 +118,7 @@ pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> 
 ///
 /// # Errors
 /// Unwritable files.
-pub fn name(ctx: &PhaseCtx<'_>, level: Level, found: Found, before: &Before) -> Result<Vec<Candidate>, PhaseError> {
+pub fn name(ctx: &PhaseCtx<'_>, level: Level, found: Found, before: &Before) -> Result<Vec<Object>, PhaseError> {
     let mut counters = before.counts();
     let mut taken: BTreeSet<ObjectId> = before.ids().cloned().collect();
     let mut candidates = Vec::new();
@@ -134,7 +134,7 @@ pub fn name(ctx: &PhaseCtx<'_>, level: Level, found: Found, before: &Before) -> 
             }
         };
         let host_hint = found.hosts.get(&host_key(&detection)).cloned().and_then(|h: String| ObjectId::new(&h).ok());
-        candidates.push(Candidate { id, level, detection, mask, mask_score, host_hint });
+        candidates.push(Object { mask_score, host_hint, ..Object::found(id, level, detection, mask) });
     }
     write_files(ctx, &candidates, &found.dropped)?;
     Ok(candidates)
@@ -320,7 +320,7 @@ async fn detect(
     Ok(found)
 }
 
-fn write_files(ctx: &PhaseCtx<'_>, candidates: &[Candidate], dropped: &[Dropped]) -> Result<(), PhaseError> {
+fn write_files(ctx: &PhaseCtx<'_>, candidates: &[Object], dropped: &[Dropped]) -> Result<(), PhaseError> {
     let rows: Vec<_> = candidates
         .iter()
         .map(|c| {
@@ -339,7 +339,7 @@ fn write_files(ctx: &PhaseCtx<'_>, candidates: &[Candidate], dropped: &[Dropped]
 }
 
 /// The photo with boxes and ids of candidates, for the inspect question.
-pub fn boxed(photo: &RgbImage, candidates: &[Candidate]) -> RgbImage {
+pub fn boxed(photo: &RgbImage, candidates: &[Object]) -> RgbImage {
     let boxes: Vec<LabelledBox> = candidates
         .iter()
         .enumerate()

@@ -7,12 +7,12 @@ use futures::future::join_all;
 use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
 use harmony_prompts::{InspectAnswer, InspectCandidate, InspectQuestion, InspectedObject, InspectedSize};
 use harmony_roles::Picture;
-use harmony_scene::{Level, ObjectId, Size, WarningKind};
+use harmony_scene::{Level, Mask, ObjectId, Size, WarningKind};
 use image::RgbaImage;
 
 use crate::before::Before;
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::{Candidate, SceneState};
+use crate::state::{DropReason, Left, Object, SceneState};
 use crate::views;
 
 /// Candidates on one question at most; more make several questions.
@@ -23,8 +23,12 @@ const CROPS_PER_SHEET: usize = 12;
 /// What was said about a level.
 #[derive(Debug, Clone, Default)]
 pub struct Inspection {
-    /// By candidate.
-    pub objects: BTreeMap<ObjectId, InspectedObject>,
+    /// The objects that are wanted, with what was said about them, in the order in which they were found.
+    pub objects: Vec<Object>,
+    /// Those that are not.
+    pub left: Vec<Left>,
+    /// Labels and pixels of those.
+    pub rejected: Vec<(String, Arc<Mask>)>,
     /// Placement order as reasoned.
     pub order: Vec<ObjectId>,
     /// In words.
@@ -39,7 +43,7 @@ pub async fn all(
     ctx: &PhaseCtx<'_>,
     level: Level,
     before: &Before,
-    candidates: &[Candidate],
+    candidates: Vec<Object>,
 ) -> Result<Inspection, PhaseError> {
     let answers = join_all(candidates.chunks(CANDIDATES_PER_QUESTION).enumerate().map(|(part, chunk)| async move {
         let name = if part == 0 { "inspect".to_owned() } else { format!("inspect_{}", part + 1) };
@@ -47,17 +51,30 @@ pub async fn all(
     }))
     .await;
     let mut inspection = Inspection::default();
+    let mut said = BTreeMap::new();
     for answer in answers {
         let answer = answer?;
-        for object in answer.objects {
-            if let Ok(id) = ObjectId::new(&object.id) {
-                inspection.objects.insert(id, sensible(ctx, object));
-            }
-        }
+        said.extend(answer.objects.into_iter().map(|object| (object.id.clone(), sensible(ctx, object))));
         inspection.order.extend(answer.placement_order.iter().filter_map(|id| ObjectId::new(id).ok()));
         if !answer.scene_summary.is_empty() {
             inspection.summary = answer.scene_summary;
         }
+    }
+    for mut object in candidates {
+        let reason = match said.remove(object.id.as_str()) {
+            Some(said) if said.keep => {
+                object.said = said;
+                inspection.objects.push(object);
+                continue;
+            }
+            Some(said) => DropReason::Refused(said.reason),
+            None => {
+                ctx.warn(WarningKind::ObjectDropped, Some(object.id.clone()), DropReason::NothingSaid.to_string());
+                DropReason::NothingSaid
+            }
+        };
+        inspection.left.push(Left { name: object.id.to_string(), phase: ctx.phase, reason });
+        inspection.rejected.push((object.detection.label, object.mask));
     }
     Ok(inspection)
 }
@@ -66,7 +83,7 @@ async fn ask(
     ctx: &PhaseCtx<'_>,
     level: Level,
     before: &Before,
-    candidates: &[Candidate],
+    candidates: &[Object],
     name: &str,
 ) -> Result<InspectAnswer, PhaseError> {
     let state = &before.state;
@@ -96,7 +113,7 @@ async fn ask(
 }
 
 /// The photo with the candidates, the empty room, and sheets of crops.
-fn pictures(state: &SceneState, candidates: &[Candidate]) -> Vec<Picture> {
+fn pictures(state: &SceneState, candidates: &[Object]) -> Vec<Picture> {
     let crops: Vec<(String, RgbaImage)> = candidates
         .iter()
         .filter_map(|c| crop_rgba(&state.photo, &c.mask, 0.1).map(|(image, _)| (c.id.to_string(), image)))

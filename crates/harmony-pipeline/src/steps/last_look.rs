@@ -19,7 +19,7 @@ use super::programs::Program;
 use super::{review, second_look};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::relight::{LitPictures, relight, retouch};
-use crate::state::SceneState;
+use crate::state::{Look, SceneState};
 use crate::views;
 
 /// Size of the views that are no photo's.
@@ -199,7 +199,7 @@ async fn try_action(
     let pose = |object: ObjectId| match action.action {
         LastActionKind::Move => Some(ReviewAction::Move { object, by_m: action.delta_m? }),
         LastActionKind::Rotate => Some(ReviewAction::Rotate { object, by_deg: action.angle_deg? }),
-        LastActionKind::Rescale => Some(ReviewAction::Rescale { object, factor: action.factor? }),
+        LastActionKind::Rescale => Some(ReviewAction::Rescale { object, factor: [action.factor?; 3] }),
         LastActionKind::Remove => Some(ReviewAction::Remove { object }),
         _ => None,
     };
@@ -229,7 +229,7 @@ async fn try_action(
         }
         (kind, Some(id)) => {
             let Some(wanted) = pose(id.clone()) else { return Ok(told(false, "it says too little".into())) };
-            match review::try_on(ctx, state, wanted, Some(id.clone()), &format!("{kind:?}")).await? {
+            match review::try_on(ctx, state, vec![wanted], Some(id.clone()), &format!("{kind:?}")).await? {
                 Ok(verdict) => {
                     let gone = state.partial.find(&id).is_none();
                     if verdict.kept && !gone {
@@ -257,11 +257,10 @@ fn recolor_object(state: &mut SceneState, id: &ObjectId, action: &LastAction) ->
     let before = difference(state, |own| own == index);
     let mut tried = state.clone();
     // As it is shown, and below the photo's light, which is laid on anew afterwards.
-    if let Some(mesh) = state.lit.get(id) {
-        tried.lit.insert(id.clone(), Arc::new(recolored(mesh, slot, factor)));
-    }
-    if let Some(mesh) = state.unlit(id) {
-        tried.textured.insert(id.clone(), Arc::new(recolored(mesh, slot, factor)));
+    let textured = state.unlit(id).map(|mesh| Arc::new(recolored(mesh, slot, factor)));
+    if let Some(object) = tried.objects.get_mut(id) {
+        let lit = object.look.lit.as_ref().map(|mesh| Arc::new(recolored(mesh, slot, factor)));
+        object.look = Look { textured, lit };
     }
     let (kept, reason) = weighed(before, difference(&tried, |own| own == index));
     if kept {

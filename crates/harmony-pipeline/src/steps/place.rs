@@ -8,17 +8,17 @@ use harmony_placement::{Item, LevelReport, ReviewAction, Traits, YawHint, place_
 use harmony_prompts::{FrontPanel, NamedObject, Occlusion, OrientQuestion};
 use harmony_roles::Picture;
 use harmony_scene::{
-    Camera, Level, ObjectId, OpeningKind, Placement, Relations, Similarity, Size, Support, WallAffinity, WarningKind,
+    Level, ObjectId, OpeningKind, Placement, Relations, Support, WallAffinity, WarningKind,
 };
 use image::{RgbImage, RgbaImage};
 use serde_json::{Value, json};
 
 use super::review;
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::{Prepared, SceneState, is_flat};
+use crate::state::{Left, Object, SceneState, is_flat};
 use crate::views;
 
-/// Places the prepared objects of a level.
+/// Places the modelled objects of a level.
 ///
 /// # Errors
 /// None of its own; the type is that of the steps.
@@ -26,11 +26,11 @@ pub async fn in_order(
     ctx: &PhaseCtx<'_>,
     level: Level,
     state: &mut SceneState,
-    prepared: Vec<ObjectId>,
+    objects: Vec<ObjectId>,
     order: &[ObjectId],
 ) -> Result<LevelReport, PhaseError> {
     let items: Vec<Item> =
-        prepared.iter().filter_map(|id| state.prepared.get(id)).map(|p| item(level, state, p)).collect();
+        objects.iter().filter_map(|id| state.objects.get(id)).filter_map(|object| item(level, state, object)).collect();
     let mut partial = state.partial.clone();
     let settings = ctx.settings.placement.clone();
     let order = order.to_vec();
@@ -40,18 +40,13 @@ pub async fn in_order(
     })
     .await
     .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
-    let scale = report.global.filter(|g| g.kept).map_or(1.0, |g| g.scale);
-    if let Some((_, room_from_points)) = &mut state.layout.points {
-        *room_from_points = carried(room_from_points, &state.partial.camera, &partial.camera, scale);
-    }
-    state.partial = partial;
-    state.layout.camera = state.partial.camera;
+    state.take(partial);
     for warning in &report.warnings {
         ctx.warn(warning.kind, warning.object.clone(), warning.message.clone());
     }
     for (id, error) in &report.dropped {
         ctx.warn(WarningKind::ObjectDropped, Some(id.clone()), error.to_string());
-        state.dropped.push((id.to_string(), ctx.phase.to_owned(), error.to_string()));
+        state.left.push(Left { name: id.to_string(), phase: ctx.phase, reason: error.clone().into() });
     }
     for u in &report.unresolved {
         ctx.warn(
@@ -63,16 +58,9 @@ pub async fn in_order(
     Ok(report)
 }
 
-/// The way of the map's points into the room after the camera moved there and the scale changed.
-fn carried(room_from_points: &Similarity, old: &Camera, new: &Camera, scale: f64) -> Similarity {
-    let camera_from_room = Similarity { scale, rotation: old.rotation, translation: old.translation * scale };
-    let room_from_camera = Similarity { scale: 1.0, rotation: new.rotation.transpose(), translation: new.centre() };
-    room_from_camera * camera_from_room * *room_from_points
-}
-
-/// What placement needs to know about a prepared object.
-fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
-    let o = &p.inspected;
+/// What placement needs to know about a modelled object.
+fn item(level: Level, state: &SceneState, object: &Object) -> Option<Item> {
+    let (o, model) = (&object.said, object.model.as_ref()?);
     let label = o.kind.clone();
     let is = |wanted: Trait| harmony_catalogue::has(&label, wanted);
     let opening = harmony_catalogue::opening(&label).filter(|_| level == Level::Wall);
@@ -81,7 +69,7 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
         (Level::Wall, Some(wall)) => WallAffinity::from(wall),
         _ => o.wall_affinity,
     };
-    let on_top_of = known(&o.on_top_of).or_else(|| p.candidate.host_hint.clone());
+    let on_top_of = known(&o.on_top_of).or_else(|| object.host_hint.clone());
     let relations = Relations {
         wall_affinity,
         on_top_of: (level == Level::Decoration || o.on_top_of.is_some()).then_some(on_top_of).flatten(),
@@ -96,7 +84,7 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
         Some(deg) => YawHint::About(deg.to_radians()),
         None => YawHint::Unknown,
     };
-    let mean = harmony_imaging::color::median_color(&state.photo, &p.candidate.mask)
+    let mean = harmony_imaging::color::median_color(&state.photo, &object.mask)
         .map(harmony_imaging::color::linear_from_rgb8);
     let hosts = if level == Level::Decoration {
         state
@@ -109,13 +97,13 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
     } else {
         Vec::new()
     };
-    Item {
-        id: p.candidate.id.clone(),
-        index: p.index,
+    Some(Item {
+        id: object.id.clone(),
+        index: object.index,
         level,
-        shape: Arc::clone(&p.shape),
-        size: Size { width: o.size_m.width, height: o.size_m.height, depth: o.size_m.depth },
-        mask: p.candidate.mask.clone(),
+        shape: Arc::clone(&model.shape),
+        size: object.size(),
+        mask: Arc::clone(&object.mask),
         relations,
         placement: Placement {
             placement_type: o.placement_type,
@@ -128,20 +116,20 @@ fn item(level: Level, state: &SceneState, p: &Prepared) -> Item {
             flat: is(Trait::Flat),
             soft: is(Trait::Soft),
             // A generated mesh has its own proportions; a slab of ours may be given others.
-            planar: is(Trait::Planar) && p.is_modelled(),
+            planar: is(Trait::Planar) && object.is_modelled(),
             opening: opening.is_some(),
             to_floor: opening == Some(OpeningKind::Door),
             hangs: level == Level::Ceiling || is(Trait::Hangs),
-            may_stretch: p.is_modelled(),
+            may_stretch: object.is_modelled(),
             as_wide_as_deep: !is(Trait::Planar) && (o.size_m.width / o.size_m.depth - 1.0).abs() < 0.02,
             heavily_occluded: o.occlusion == Occlusion::Heavily,
             has_front,
         },
         yaw,
         mean_color: mean,
-        detection: p.candidate.detection.score,
+        detection: object.detection.score,
         label,
-    }
+    })
 }
 
 /// Orientation correction of decorations (paper App. C; key `deco.orient`): four yaws of each on one sheet, one question. A turn that mask
@@ -172,7 +160,7 @@ pub async fn orient_decorations(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> R
         let Some(panel) = answered.filter(|panel| *panel != FrontPanel::A) else { continue };
         let action = ReviewAction::Rotate { object: object.clone(), by_deg: panel.yaw().to_degrees() };
         let name = format!("A turn to panel {panel:?}");
-        if let Err(error) = review::try_on(ctx, state, action, Some(object.clone()), &name).await? {
+        if let Err(error) = review::try_on(ctx, state, vec![action], Some(object.clone()), &name).await? {
             ctx.warn(WarningKind::ActionRefused, Some(object), format!("{name} cannot be tried: {error}"));
         }
     }

@@ -8,28 +8,25 @@ use std::sync::Arc;
 
 use futures::future::join_all;
 use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
-use harmony_prompts::{CompletedQuestion, InspectedObject, NamedObject, Occlusion};
+use harmony_prompts::{CompletedQuestion, NamedObject, Occlusion};
 use harmony_roles::{EditKind, EditRequest, GeneratedMesh, MeshRequest, Picture};
-use harmony_scene::{Level, ObjectId, Size, WarningKind};
+use harmony_scene::{Level, ObjectId, WarningKind};
 use image::RgbaImage;
 use serde_json::{Value, json};
 
 use super::canonical::{Canonical, assemble, canonicalise, shape_of};
-use super::inspect::Inspection;
 use super::programs::{self, Program};
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::{Candidate, Prepared, SceneState};
+use crate::state::{DropReason, Object, SceneState};
 
 /// Largest ratio of the sizes, side by side, of objects that are taken for identical.
 const SAME_SIZE: f64 = 1.25;
 
-/// A candidate with its completed picture.
+/// An object on its way to a mesh.
 #[derive(Clone)]
 pub struct Completed {
-    /// The candidate.
-    pub candidate: Candidate,
-    /// What was said about it.
-    pub inspected: InspectedObject,
+    /// The object; it has no model yet.
+    pub object: Object,
     /// The object alone; alpha = object.
     pub image: Arc<RgbaImage>,
     /// The program that models it.
@@ -40,22 +37,10 @@ pub struct Completed {
     pub said_slots: Vec<String>,
 }
 
-/// What comes out of the chains of a level.
-#[derive(Debug, Default)]
-pub struct Objects {
-    /// Ready to be placed, in order of their ids; without indices.
-    pub ready: Vec<Prepared>,
-    /// Left out: id and reason.
-    pub dropped: Vec<(ObjectId, String)>,
-}
+/// How one object came out of its chain: with a model, or without one and why.
+pub type Outcome = Result<Object, (Object, DropReason)>;
 
-/// How one object came out of its chain.
-enum Outcome {
-    Ready(Box<Prepared>, Value),
-    Dropped(ObjectId, String),
-}
-
-/// Prepares every kept candidate; those that are not kept, or fail, are dropped with the reason.
+/// Completes and models every object; in order of their ids.
 ///
 /// # Errors
 /// Fatal role errors only. All chains have come to their end by then: what is in flight is not dropped.
@@ -63,108 +48,96 @@ pub async fn all(
     ctx: &PhaseCtx<'_>,
     level: Level,
     state: &Arc<SceneState>,
-    candidates: Vec<Candidate>,
-    inspection: &Inspection,
-) -> Result<Objects, PhaseError> {
-    let programs = programs::ask(ctx, state, &candidates, inspection).await?;
-    let mut objects = Objects::default();
-    let mut wanted = Vec::new();
-    for candidate in candidates {
-        match inspection.objects.get(&candidate.id) {
-            Some(object) if object.keep => wanted.push((candidate, object.clone())),
-            Some(object) => {
-                let reason = if object.reason.is_empty() { "rejected".to_owned() } else { object.reason.clone() };
-                objects.dropped.push((candidate.id, reason));
-            }
-            None => {
-                let reason = "nothing was said about it".to_owned();
-                ctx.warn(WarningKind::ObjectDropped, Some(candidate.id.clone()), reason.clone());
-                objects.dropped.push((candidate.id, reason));
-            }
-        }
-    }
+    objects: Vec<Object>,
+) -> Result<Vec<Outcome>, PhaseError> {
+    let programs = programs::ask(ctx, state, &objects).await?;
     // What this program makes itself costs nothing, and a part model is made for each object's own mask.
     let groups =
-        if ctx.can().makes_shapes { identical(wanted) } else { wanted.into_iter().map(|one| vec![one]).collect() };
-    let outcomes = join_all(groups.into_iter().map(|group| chain(ctx, level, state, group, &programs))).await;
-    let mut ready = Vec::new();
-    for outcome in outcomes.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().flatten() {
-        match outcome {
-            Outcome::Ready(prepared, detilt) => ready.push((*prepared, detilt)),
-            Outcome::Dropped(id, reason) => objects.dropped.push((id, reason)),
+        if ctx.can().makes_shapes { identical(objects) } else { objects.into_iter().map(|one| vec![one]).collect() };
+    let chains = join_all(groups.into_iter().map(|group| chain(ctx, level, state, group, &programs))).await;
+    let mut outcomes = Vec::new();
+    let mut detilt = BTreeMap::new();
+    for ended in chains {
+        for (outcome, record) in ended? {
+            if let (Ok(object), Some(record)) = (&outcome, record) {
+                detilt.insert(object.id.clone(), record);
+            }
+            outcomes.push(outcome);
         }
     }
-    ready.sort_by(|a, b| a.0.candidate.id.cmp(&b.0.candidate.id));
-    let detilt: serde_json::Map<String, Value> =
-        ready.iter().map(|(p, d)| (p.candidate.id.to_string(), d.clone())).collect();
+    outcomes.sort_by(|a, b| id_of(a).cmp(id_of(b)));
     ctx.write_json("detilt_results.json", &detilt)?;
-    objects.ready = ready.into_iter().map(|(prepared, _)| prepared).collect();
-    Ok(objects)
+    Ok(outcomes)
+}
+
+fn id_of(outcome: &Outcome) -> &ObjectId {
+    match outcome {
+        Ok(object) | Err((object, _)) => &object.id,
+    }
 }
 
 /// Puts identical objects together: one named set, one kind, one size. The one seen best comes first.
-fn identical(wanted: Vec<(Candidate, InspectedObject)>) -> Vec<Vec<(Candidate, InspectedObject)>> {
-    let mut groups: Vec<Vec<(Candidate, InspectedObject)>> = Vec::new();
+fn identical(wanted: Vec<Object>) -> Vec<Vec<Object>> {
+    let mut groups: Vec<Vec<Object>> = Vec::new();
     let mut sets: BTreeMap<(String, String), Vec<usize>> = BTreeMap::new();
-    for (candidate, object) in wanted {
-        let Some(set) = object.matched_set.clone().filter(|s| !s.trim().is_empty()) else {
-            groups.push(vec![(candidate, object)]);
+    for object in wanted {
+        let Some(set) = object.said.matched_set.clone().filter(|s| !s.trim().is_empty()) else {
+            groups.push(vec![object]);
             continue;
         };
-        let known = sets.entry((set, object.kind.clone())).or_default();
-        if let Some(i) = known.iter().find(|i| same_size(&groups[**i][0].1, &object)) {
-            groups[*i].push((candidate, object));
+        let known = sets.entry((set, object.said.kind.clone())).or_default();
+        if let Some(i) = known.iter().find(|i| same_size(&groups[**i][0], &object)) {
+            groups[*i].push(object);
         } else {
             known.push(groups.len());
-            groups.push(vec![(candidate, object)]);
+            groups.push(vec![object]);
         }
     }
     for group in &mut groups {
-        let hidden = |o: &InspectedObject| match o.occlusion {
+        let hidden = |o: &Object| match o.said.occlusion {
             Occlusion::None => 0,
             Occlusion::Partly => 1,
             Occlusion::Heavily => 2,
         };
-        group.sort_by_cached_key(|(c, o)| (hidden(o), std::cmp::Reverse(c.mask.count()), c.id.clone()));
+        group.sort_by_cached_key(|o| (hidden(o), std::cmp::Reverse(o.mask.count()), o.id.clone()));
     }
     groups
 }
 
-fn same_size(a: &InspectedObject, b: &InspectedObject) -> bool {
-    let (a, b) = (a.size_m, b.size_m);
-    [(a.width, b.width), (a.height, b.height), (a.depth, b.depth)]
-        .into_iter()
-        .all(|(a, b)| a.max(b) <= SAME_SIZE * a.min(b))
+fn same_size(a: &Object, b: &Object) -> bool {
+    let (a, b) = (a.size().as_vec(), b.size().as_vec());
+    a.max(b).cmple(a.min(b) * SAME_SIZE).all()
 }
 
-/// The chain of one object, or of several identical ones.
+/// The chain of one object, or of several identical ones; with each, how it was set upright.
 async fn chain(
     ctx: &PhaseCtx<'_>,
     level: Level,
     state: &Arc<SceneState>,
-    group: Vec<(Candidate, InspectedObject)>,
+    group: Vec<Object>,
     programs: &BTreeMap<ObjectId, Program>,
-) -> Result<Vec<Outcome>, PhaseError> {
+) -> Result<Vec<(Outcome, Option<Value>)>, PhaseError> {
     let mut outcomes = Vec::new();
     let mut members = Vec::new();
-    for (candidate, inspected) in group {
-        let (shown, mask) = (Arc::clone(state), candidate.mask.clone());
+    for object in group {
+        let (shown, mask) = (Arc::clone(state), Arc::clone(&object.mask));
         let crop = ctx.computed(move || crop_rgba(&shown.photo, &mask, 0.08)).await?;
         let Some((crop, _)) = crop else {
-            outcomes.push(Outcome::Dropped(candidate.id, "no pixel of it is left".into()));
+            outcomes.push((Err((object, DropReason::NoPixels)), None));
             continue;
         };
-        ctx.write_picture_rgba(&format!("crops/{}.png", candidate.id), &crop)?;
-        let program = programs.get(&candidate.id).cloned().map(Arc::new);
+        ctx.write_picture_rgba(&format!("crops/{}.png", object.id), &crop)?;
+        let program = programs.get(&object.id).cloned().map(Arc::new);
         let (plain_slots, said_slots) = (Vec::new(), Vec::new());
-        members.push(Completed { candidate, inspected, image: Arc::new(crop), program, plain_slots, said_slots });
+        members.push(Completed { object, image: Arc::new(crop), program, plain_slots, said_slots });
     }
     let mut made = None;
     for member in &mut members {
         complete(ctx, state, member).await?;
-        ctx.write_picture_rgba(&format!("completed/{}.png", member.candidate.id), &member.image)?;
+        let id = member.object.id.clone();
+        ctx.write_picture_rgba(&format!("completed/{id}.png"), &member.image)?;
         let programmed = match &member.program {
-            Some(program) => programs::mesh(ctx, &member.candidate.id, program, size_of(member), state).await?,
+            Some(program) => programs::mesh(ctx, &id, program, member.object.size(), state).await?,
             None => None,
         };
         let mesh = if let Some(modelled) = programmed {
@@ -176,29 +149,27 @@ async fn chain(
             generate(ctx, level, member).await?
         };
         if let Some(mesh) = mesh {
-            made = Some((member.candidate.id.clone(), canonicalise(ctx, member, mesh).await?, member.inspected.size_m));
+            made = Some((id, canonicalise(ctx, member, mesh).await?, member.object.said.size_m));
             break;
         }
         // Of identical objects the next one is tried.
     }
     let Some((maker, canonical, size)) = made else {
         for member in members {
-            let (id, reason) = (member.candidate.id, "no mesh could be made of it".to_owned());
-            ctx.warn(WarningKind::ObjectDropped, Some(id.clone()), reason.clone());
-            outcomes.push(Outcome::Dropped(id, reason));
+            ctx.warn(WarningKind::ObjectDropped, Some(member.object.id.clone()), DropReason::NoMesh.to_string());
+            outcomes.push((Err((member.object, DropReason::NoMesh)), None));
         }
         return Ok(outcomes);
     };
     let made = canonical.mesh.clone();
     let shape = ctx.computed(move || shape_of(&made, &size)).await?;
     for member in members {
-        let Canonical { mut mesh, record: mut detilt, view } = canonical.clone();
-        if member.candidate.id != maker {
+        let Canonical { mut mesh, mut record, view } = canonical.clone();
+        if member.object.id != maker {
             mesh.source = format!("{}, the mesh of {maker}", mesh.source);
-            detilt["mesh_of"] = json!(maker);
+            record["mesh_of"] = json!(maker);
         }
-        let ready = assemble(ctx, member, mesh, Arc::clone(&shape), view).await?;
-        outcomes.push(Outcome::Ready(Box::new(ready), detilt));
+        outcomes.push((Ok(assemble(ctx, member, mesh, Arc::clone(&shape), view).await?), Some(record)));
     }
     Ok(outcomes)
 }
@@ -206,7 +177,7 @@ async fn chain(
 /// Amodal completion of what is hidden, inspected, with one more try.
 async fn complete(ctx: &PhaseCtx<'_>, state: &Arc<SceneState>, c: &mut Completed) -> Result<(), PhaseError> {
     // This program's own fill can't invent what is hidden, so for part models the masked crop is enough.
-    if !ctx.can().draws || c.inspected.occlusion == Occlusion::None {
+    if !ctx.can().draws || c.object.said.occlusion == Occlusion::None {
         return Ok(());
     }
     c.image = edit(ctx, state, c, "complete", "").await?;
@@ -224,15 +195,15 @@ async fn edit(
     hint: &str,
 ) -> Result<Arc<RgbaImage>, PhaseError> {
     let request = EditRequest {
-        name: ctx.call(&format!("{}/{step}", c.candidate.id)),
+        name: ctx.call(&format!("{}/{step}", c.object.id)),
         kind: EditKind::Amodal,
         image: state.photo.clone(),
         mask: None,
-        object: Some(Arc::new(c.candidate.mask.clone())),
+        object: Some(Arc::clone(&c.object.mask)),
         instruction: format!(
             "Draw the complete {} alone on a plain grey background, as seen from this camera: {}. \
              Keep the visible parts as they are and complete what other objects hide.{hint}",
-            c.inspected.kind, c.inspected.description
+            c.object.said.kind, c.object.said.description
         ),
     };
     Ok(Arc::new(ctx.calls.edit(&request).await?.image))
@@ -244,8 +215,8 @@ async fn inspect_completed(
     state: &Arc<SceneState>,
     c: &Completed,
 ) -> Result<Option<String>, PhaseError> {
-    let id = c.candidate.id.to_string();
-    let (shown, mask, done, label) = (Arc::clone(state), c.candidate.mask.clone(), Arc::clone(&c.image), id.clone());
+    let id = c.object.id.to_string();
+    let (shown, mask, done, label) = (Arc::clone(state), Arc::clone(&c.object.mask), Arc::clone(&c.image), id.clone());
     let sheet = ctx
         .computed(move || {
             let (crop, _) = crop_rgba(&shown.photo, &mask, 0.1)?;
@@ -257,41 +228,36 @@ async fn inspect_completed(
         })
         .await?;
     let Some(sheet) = sheet else { return Ok(None) };
-    let shown = NamedObject { id: id.clone(), about: c.inspected.description.clone() };
+    let shown = NamedObject { id: id.clone(), about: c.object.said.description.clone() };
     let question = CompletedQuestion { objects: vec![shown] };
     let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
     let answer = ctx.ask(&format!("{id}/completed"), question, vec![sheet]).await?;
     Ok(answer.objects.into_iter().find(|o| o.id == id).filter(|o| !o.matches).map(|o| o.hint))
 }
 
-fn size_of(c: &Completed) -> Size {
-    let size = c.inspected.size_m;
-    Size { width: size.width, height: size.height, depth: size.depth }
-}
-
 async fn generate(ctx: &PhaseCtx<'_>, level: Level, c: &Completed) -> Result<Option<GeneratedMesh>, PhaseError> {
     let request = MeshRequest {
-        name: ctx.call(&format!("{}/mesh", c.candidate.id)),
+        name: ctx.call(&format!("{}/mesh", c.object.id)),
         crop: c.image.clone(),
-        label: c.inspected.kind.clone(),
-        description: c.inspected.description.clone(),
+        label: c.object.said.kind.clone(),
+        description: c.object.said.description.clone(),
         level,
-        size: size_of(c),
-        template: c.inspected.template.clone(),
-        params: c.inspected.params.clone().unwrap_or_default(),
-        part_model: c.inspected.part_model.clone(),
+        size: c.object.size(),
+        template: c.object.said.template.clone(),
+        params: c.object.said.params.clone().unwrap_or_default(),
+        part_model: c.object.said.part_model.clone(),
         settings: ctx.settings.mesh,
     };
     match ctx.calls.generate_mesh(&request).await {
         Ok(mesh) => {
             for note in &mesh.notes {
-                ctx.warn(WarningKind::AnswerRepaired, Some(c.candidate.id.clone()), note.clone());
+                ctx.warn(WarningKind::AnswerRepaired, Some(c.object.id.clone()), note.clone());
             }
             Ok(Some(mesh))
         }
         Err(error) if error.is_fatal() => Err(error.into()),
         Err(error) => {
-            ctx.warn(WarningKind::PlayerReplaced, Some(c.candidate.id.clone()), error.to_string());
+            ctx.warn(WarningKind::PlayerReplaced, Some(c.object.id.clone()), error.to_string());
             Ok(None)
         }
     }
@@ -305,15 +271,16 @@ mod tests {
 
     use super::*;
 
-    fn one(id: &str, pixels: u32, occlusion: Occlusion, set: Option<&str>, width: f64) -> (Candidate, InspectedObject) {
+    fn one(id: &str, pixels: u32, occlusion: Occlusion, set: Option<&str>, width: f64) -> Object {
         let bounds = PixelBox { x0: 0.0, y0: 0.0, x1: 9.0, y1: 9.0 };
         let detection = Detection { label: "chair".into(), phrase: "chair".into(), bounds, score: None, outline: None };
         let mask = Mask::from_fn(ImageSize::new(16, 16), |x, y| y * 16 + x < pixels);
         let id = ObjectId::new(id).unwrap();
-        let mut object = InspectedObject::plain(id.as_str(), "chair", InspectedSize { width, height: 0.9, depth: 0.5 });
-        object.occlusion = occlusion;
-        object.matched_set = set.map(str::to_owned);
-        (Candidate { id, level: Level::Furniture, detection, mask, mask_score: None, host_hint: None }, object)
+        let mut object = Object::found(id, Level::Furniture, detection, mask);
+        object.said.size_m = InspectedSize { width, height: 0.9, depth: 0.5 };
+        object.said.occlusion = occlusion;
+        object.said.matched_set = set.map(str::to_owned);
+        object
     }
 
     #[test]
@@ -327,7 +294,7 @@ mod tests {
             one("chair_05", 60, Occlusion::None, None, 0.45),
             one("chair_06", 60, Occlusion::None, Some(" "), 0.45),
         ]);
-        let ids: Vec<Vec<&str>> = groups.iter().map(|g| g.iter().map(|(c, _)| c.id.as_str()).collect()).collect();
+        let ids: Vec<Vec<&str>> = groups.iter().map(|g| g.iter().map(|o| o.id.as_str()).collect()).collect();
         assert_eq!(
             ids,
             [vec!["chair_03", "chair_01", "chair_02"], vec!["chair_04"], vec!["chair_05"], vec!["chair_06"]],

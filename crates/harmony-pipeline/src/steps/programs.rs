@@ -12,7 +12,7 @@ use harmony_imaging::sheet::{grid_overlay, ruled_window};
 use harmony_mesh::Tile;
 use harmony_placement::{Shape, reshape};
 use harmony_program::{ChildCommand, GUIDE, Inputs, Limits};
-use harmony_prompts::{InspectedObject, ProgramsAnswer, ProgramsQuestion, ToModel, WithoutProgram};
+use harmony_prompts::{ProgramsAnswer, ProgramsQuestion, ToModel, WithoutProgram};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture, Usage};
 use harmony_scene::{Camera, Extents, ImageSize, ObjectId, Size, WarningKind};
 use harmony_shape::ShapeTree;
@@ -20,9 +20,8 @@ use harmony_shape::build::{BuildContext, BuiltShape, lazy_signs};
 use image::RgbImage;
 
 use super::detect;
-use super::inspect::Inspection;
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::{Candidate, SceneState};
+use crate::state::{Model, Object, SceneState};
 use crate::views;
 
 /// Longest side of an object's crop, pixels.
@@ -164,8 +163,7 @@ fn modelled(shape: BuiltShape, tree: &ShapeTree, program: &Program) -> Modelled 
 pub async fn ask(
     ctx: &PhaseCtx<'_>,
     state: &Arc<SceneState>,
-    candidates: &[Candidate],
-    inspection: &Inspection,
+    objects: &[Object],
 ) -> Result<BTreeMap<ObjectId, Program>, PhaseError> {
     let settings = ctx.settings.programs;
     let mut found = BTreeMap::new();
@@ -173,12 +171,8 @@ pub async fn ask(
         return Ok(found);
     }
     let smallest = settings.smallest_share * state.photo.width() as f64 * f64::from(state.photo.height());
-    let mut wanted: Vec<(&Candidate, &InspectedObject)> = candidates
-        .iter()
-        .filter_map(|c| Some((c, inspection.objects.get(&c.id).filter(|o| o.keep)?)))
-        .filter(|(c, _)| c.mask.count() as f64 >= smallest)
-        .collect();
-    wanted.sort_by_key(|(c, _)| (std::cmp::Reverse(c.mask.count()), c.id.clone()));
+    let mut wanted: Vec<&Object> = objects.iter().filter(|o| o.mask.count() as f64 >= smallest).collect();
+    wanted.sort_by_key(|o| (std::cmp::Reverse(o.mask.count()), o.id.clone()));
     wanted.truncate(settings.most_objects);
     let answers = join_all(wanted.chunks(settings.objects_per_question).enumerate().map(|(part, chunk)| {
         let name = if part == 0 { "programs".to_owned() } else { format!("programs_{}", part + 1) };
@@ -194,18 +188,18 @@ pub async fn ask(
 async fn ask_for(
     ctx: &PhaseCtx<'_>,
     state: &Arc<SceneState>,
-    objects: &[(&Candidate, &InspectedObject)],
+    objects: &[&Object],
     name: &str,
 ) -> Result<Vec<(ObjectId, Program)>, PhaseError> {
     ctx.step(&format!("modelling {} objects", objects.len()));
     let question = ProgramsQuestion {
         room: views::room_summary(state),
-        objects: objects.iter().map(|(c, o)| to_model(c, o, state.partial.camera.size)).collect(),
+        objects: objects.iter().map(|o| to_model(o, state.partial.camera.size)).collect(),
         guide: GUIDE.to_owned(),
     };
-    let (shown, listed) = (Arc::clone(state), objects.iter().map(|(c, _)| (*c).clone()).collect::<Vec<_>>());
+    let (shown, listed) = (Arc::clone(state), objects.iter().map(|o| (*o).clone()).collect::<Vec<_>>());
     let pictures = ctx.computed(move || pictures(&shown, &listed)).await?;
-    let sizes: BTreeMap<String, Size> = objects.iter().map(|(c, o)| (c.id.to_string(), size_of(o))).collect();
+    let sizes: BTreeMap<String, Size> = objects.iter().map(|o| (o.id.to_string(), o.size())).collect();
     let around = Surroundings::of(state);
     let photo = Arc::clone(&state.photo);
     let answer = ctx
@@ -220,36 +214,32 @@ async fn ask_for(
         .await?;
     Ok(objects
         .iter()
-        .filter_map(|(c, _)| {
-            let (source, params) = answer.program_of(c.id.as_str())?;
-            Some((c.id.clone(), Program { source: source.to_owned(), params: params.clone() }))
+        .filter_map(|o| {
+            let (source, params) = answer.program_of(o.id.as_str())?;
+            Some((o.id.clone(), Program { source: source.to_owned(), params: params.clone() }))
         })
         .collect())
 }
 
-fn size_of(o: &InspectedObject) -> Size {
-    Size { width: o.size_m.width, height: o.size_m.height, depth: o.size_m.depth }
-}
-
-fn to_model(c: &Candidate, o: &InspectedObject, image: ImageSize) -> ToModel {
+fn to_model(o: &Object, image: ImageSize) -> ToModel {
     ToModel {
-        id: c.id.clone(),
-        kind: o.kind.clone(),
-        size: size_of(o),
-        bounds: c.detection.bounds,
+        id: o.id.clone(),
+        kind: o.said.kind.clone(),
+        size: o.size(),
+        bounds: o.detection.bounds,
         image,
-        otherwise: match (&o.part_model, &o.template) {
+        otherwise: match (&o.said.part_model, &o.said.template) {
             (Some(_), _) => WithoutProgram::PartModel,
             (None, Some(name)) => WithoutProgram::Template(name.clone()),
             (None, None) => WithoutProgram::Unnamed,
         },
-        matched_set: o.matched_set.clone(),
-        description: o.description.clone(),
+        matched_set: o.said.matched_set.clone(),
+        description: o.said.description.clone(),
     }
 }
 
 /// The photo with the objects boxed and a grid, and a ruled crop of each.
-fn pictures(state: &SceneState, objects: &[Candidate]) -> Vec<Picture> {
+fn pictures(state: &SceneState, objects: &[Object]) -> Vec<Picture> {
     let boxed = detect::boxed(&state.photo, objects);
     let mut pictures = vec![Picture {
         caption: "IMAGE 1: the photo, boxed, with thousandths along its border".into(),
@@ -303,7 +293,7 @@ pub async fn mesh(
 pub async fn refit(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: &[ObjectId]) -> Result<(), PhaseError> {
     for id in ids {
         let Some(placed) = state.partial.find(id) else { continue };
-        let Some(program) = state.prepared.get(id).and_then(|p| p.program.clone()) else { continue };
+        let Some(program) = state.objects.get(id).and_then(|o| o.program().cloned()) else { continue };
         let change = placed.pose.stretch * placed.pose.scale;
         if (change - glam::DVec3::ONE).abs().max_element() < NO_CHANGE {
             continue;
@@ -331,13 +321,16 @@ pub async fn refit(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: &[ObjectId])
 /// Gives an object the shape that a program made.
 pub fn adopt(state: &mut SceneState, id: &ObjectId, made: Modelled, shape: Arc<Shape>, program: Arc<Program>) {
     state.forget_look(id);
-    if let Some(prepared) = state.prepared.get_mut(id) {
-        prepared.mesh = made.mesh.mesh;
-        prepared.plain_slots = made.plain_slots;
-        prepared.said_slots = made.said_slots;
-        prepared.shape = shape;
-        prepared.part_model = None;
-        prepared.mesh_source = made.mesh.source;
-        prepared.program = Some(program);
+    if let Some(model) = state.objects.get_mut(id).and_then(|object| object.model.as_mut()) {
+        *model = Model {
+            mesh: made.mesh.mesh,
+            shape,
+            part_model: None,
+            program: Some(program),
+            plain_slots: made.plain_slots,
+            said_slots: made.said_slots,
+            source: made.mesh.source,
+            material: model.material,
+        };
     }
 }

@@ -1,39 +1,59 @@
-//! The reflective feedback loop. Paper Sec. 3.3 (key `review.loop`): ask, try each action, measure, keep or refuse.
+//! The reflective feedback loop. Paper Sec. 3.3 (key `review.loop`): ask, try, measure, keep or refuse, and ask again.
+//!
+//! What is asked about one object is tried together: an object that is turned wrongly and too small besides agrees with its
+//! mask only when both are put right. An action is kept when the evidence does not speak against it *and* the scene then
+//! shows what was asked for; `review_<n>.json` has each object as it was and as it is.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use harmony_placement::{ActionError, ReviewAction, Verdict, apply, judge};
+use harmony_placement::{ActionError, Placed, ReviewAction, ReviewOutcome, Verdict, apply, collisions, judge};
 use harmony_prompts::{ReviewActionAnswer, ReviewActionKind, ReviewAnswer, ReviewQuestion};
 use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, WarningKind};
 use serde_json::{Value, json};
 
+use super::texture;
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::SceneState;
+use crate::state::{Look, SceneState};
 use crate::views;
+
+/// Outline agreement below which a reviewer is told.
+const POOR_IOU: f64 = 0.6;
+/// Depth residual from which a reviewer is told, metres; and as a share of the distance from the camera.
+const FAR_OFF: (f64, f64) = (0.12, 0.04);
+/// Penetration from which a reviewer is told, metres.
+const DEEP: f64 = 0.02;
 
 /// Reviews a level until nothing is asked for, nothing is kept, or the rounds are used up.
 ///
 /// # Errors
-/// Fatal role errors only.
+/// Fatal role errors and unwritable files only.
 pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> Result<(), PhaseError> {
-    for round in 1..=ctx.settings.review_rounds {
-        if state.partial.placed.iter().all(|p| p.item.level != level) {
+    let mut tried = Vec::new();
+    for round in 1..=ctx.settings.rounds_of_review() {
+        let name = format!("review_{round}");
+        let empty = state.partial.placed.iter().all(|p| p.item.level != level);
+        // The first question is asked of whoever there is, the further ones of who has eyes.
+        if empty || (round > 1 && !ctx.is_looked_at(&name)) {
             return Ok(());
         }
         ctx.step(&format!("review {round}"));
-        let answer = ask(ctx, level, state, round).await?;
+        let answer = ask(ctx, level, state, &name, std::mem::take(&mut tried)).await?;
         let mut results = Vec::new();
         let mut kept = 0;
-        for action in &answer.actions {
-            let result = try_action(ctx, state, action).await?;
-            kept += usize::from(result.1);
-            results.push(result.0);
+        for together in grouped(&answer.actions) {
+            let result = try_together(ctx, state, &together).await?;
+            kept += usize::from(result.kept);
+            tried.push(result.told);
+            results.push(result.record);
         }
         ctx.write_json(
-            &format!("review_{round}.json"),
+            &format!("{name}.json"),
             &json!({ "issues": answer.issues, "converged": answer.converged, "actions": results, "kept": kept }),
         )?;
+        // What moved is drawn in its colours in the next round.
+        texture::level(ctx, state, level).await?;
         if answer.converged || kept == 0 {
             return Ok(());
         }
@@ -41,37 +61,25 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
     Ok(())
 }
 
-async fn ask(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState, round: usize) -> Result<ReviewAnswer, PhaseError> {
-    let findings: Vec<String> = state
-        .partial
-        .placed
-        .iter()
-        .filter(|p| p.item.level == level)
-        .filter_map(|p| {
-            let iou = p.evidence.silhouette_iou?;
-            let poor = iou < 0.6 && !p.item.traits.heavily_occluded;
-            let deep = p.evidence.penetration_m > 0.02;
-            (poor || deep).then(|| {
-                format!(
-                    "- {}: outline agreement {:.2}, penetration {:.0} mm",
-                    p.item.id,
-                    iou,
-                    p.evidence.penetration_m * 1000.0
-                )
-            })
-        })
-        .collect();
+async fn ask(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &SceneState,
+    name: &str,
+    tried: Vec<String>,
+) -> Result<ReviewAnswer, PhaseError> {
     let question = ReviewQuestion {
         level,
         room: views::room_summary(state),
         placed: state.partial.placed.iter().map(views::placed_object).collect(),
         unplaced: state
-            .dropped
+            .left
             .iter()
-            .filter(|(_, phase, _)| phase == ctx.phase)
-            .map(|(label, _, reason)| format!("- {label}: {reason}"))
+            .filter(|left| left.phase == ctx.phase)
+            .map(|left| format!("- {}: {}", left.name, left.reason))
             .collect(),
-        findings,
+        findings: findings(ctx, level, state),
+        tried,
     };
     let shown = state.clone();
     let (reconstruction, both) = ctx
@@ -85,53 +93,203 @@ async fn ask(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState, round: usize)
         Picture { caption: "IMAGE 2: the reconstruction".into(), image: reconstruction },
         Picture { caption: "IMAGE 3: both, with outlines".into(), image: both },
     ];
-    ctx.ask(&format!("review_{round}"), question, pictures).await
+    ctx.ask(name, question, pictures).await
 }
 
-/// Tries one action; the scene changes only when the evidence does not speak against it.
-async fn try_action(
+/// What measurements complain about: outlines, depths, things in one another.
+fn findings(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState) -> Vec<String> {
+    let eye = state.partial.camera.centre();
+    let of_level = state.partial.placed.iter().filter(|p| p.item.level == level);
+    let mut found: Vec<String> = of_level
+        .filter_map(|p| {
+            let iou = p.evidence.silhouette_iou?;
+            let poor = iou < POOR_IOU && !p.item.traits.heavily_occluded;
+            let deep = p.evidence.penetration_m > DEEP;
+            let limit = FAR_OFF.0.max(FAR_OFF.1 * p.pose.position.distance(eye));
+            let far = p.evidence.depth_residual_m.filter(|d| *d > limit);
+            if !(poor || deep || far.is_some()) {
+                return None;
+            }
+            let depth = far.map_or(String::new(), |d| format!(", depth off by {:.0} mm", d * 1000.0));
+            let penetration = p.evidence.penetration_m * 1000.0;
+            Some(format!("- {}: outline agreement {iou:.2}, penetration {penetration:.0} mm{depth}", p.item.id))
+        })
+        .collect();
+    let member = |id: &ObjectId| state.partial.find(id).is_some_and(|p| p.item.level == level);
+    let pairs = collisions(&state.partial, &ctx.settings.placement).into_iter().filter(|c| member(&c.a) || member(&c.b));
+    found.extend(
+        pairs
+            .filter(|c| c.penetration > DEEP)
+            .map(|c| format!("- {} and {} are {:.0} mm in one another", c.a, c.b, c.penetration * 1000.0)),
+    );
+    found
+}
+
+/// Actions that change one object and nothing else, together; all others alone; in the order of their first ones.
+fn grouped(actions: &[ReviewActionAnswer]) -> Vec<Vec<&ReviewActionAnswer>> {
+    let of_one = |a: &ReviewActionAnswer| {
+        matches!(
+            a.action,
+            ReviewActionKind::Move | ReviewActionKind::Rotate | ReviewActionKind::Rescale | ReviewActionKind::Rehost
+        )
+    };
+    let mut groups: Vec<Vec<&ReviewActionAnswer>> = Vec::new();
+    for action in actions {
+        let known = groups.iter_mut().find(|g| of_one(action) && of_one(g[0]) && g[0].id == action.id);
+        match known {
+            Some(group) => group.push(action),
+            None => groups.push(vec![action]),
+        }
+    }
+    for group in &mut groups {
+        // A new host decides where the rest is counted from.
+        group.sort_by_key(|a| !matches!(a.action, ReviewActionKind::Rehost));
+    }
+    groups
+}
+
+/// What came of actions that were tried together.
+struct Tried {
+    kept: bool,
+    /// For `review_<n>.json`.
+    record: Value,
+    /// For the next round's question.
+    told: String,
+}
+
+/// Tries actions together, and when that is refused each by itself.
+async fn try_together(
     ctx: &PhaseCtx<'_>,
     state: &mut SceneState,
-    answer: &ReviewActionAnswer,
-) -> Result<(Value, bool), PhaseError> {
-    let Some(action) = typed(state, answer) else {
-        return Ok((json!({ "asked": answer, "kept": false, "reason": "it says too little to be tried" }), false));
+    answers: &[&ReviewActionAnswer],
+) -> Result<Tried, PhaseError> {
+    let mut actions = Vec::new();
+    for answer in answers {
+        match typed(state, answer) {
+            Ok(action) => actions.push(action),
+            Err(reason) => return Ok(untried(answers, reason)),
+        }
+    }
+    let name = answers.iter().map(|a| format!("{:?}", a.action)).collect::<Vec<_>>().join(" + ");
+    let object = ObjectId::new(&answers[0].id).ok();
+    let before = shown(state, answers);
+    let together = attempt(ctx, state, actions.clone()).await?;
+    let (verdict, alone) = match together {
+        Err(error) => return Ok(untried(answers, error.to_string())),
+        Ok(Attempt { verdict, .. }) if !verdict.kept && actions.len() > 1 => {
+            let mut kept = Vec::new();
+            for (answer, action) in answers.iter().zip(actions) {
+                if let Ok(single) = attempt(ctx, state, vec![action]).await?
+                    && single.adopted(state)
+                {
+                    kept.push(format!("{:?}", answer.action));
+                }
+            }
+            (verdict, kept)
+        }
+        Ok(attempt) => {
+            let verdict = attempt.verdict.clone();
+            attempt.adopted(state);
+            (verdict, Vec::new())
+        }
     };
-    let object = ObjectId::new(&answer.id).ok();
-    Ok(match try_on(ctx, state, action, object, &format!("{:?}", answer.action)).await? {
-        Err(error) => (json!({ "asked": answer, "kept": false, "reason": error.to_string() }), false),
-        Ok(verdict) => (json!({ "asked": answer, "kept": verdict.kept, "verdict": verdict }), verdict.kept),
-    })
+    let kept = verdict.kept || !alone.is_empty();
+    if !kept {
+        let message = format!("{name} was proposed and refused: {}", verdict.reason);
+        ctx.warn(WarningKind::ActionRefused, object, message);
+    }
+    let came = match (verdict.kept, alone.as_slice()) {
+        (true, _) => "kept".to_owned(),
+        (false, []) => format!("refused, {}", verdict.reason),
+        (false, single) => format!("refused together, {}; kept alone: {}", verdict.reason, single.join(", ")),
+    };
+    let record = json!({
+        "asked": answers, "kept": kept, "kept_alone": alone, "verdict": verdict,
+        "before": before, "after": shown(state, answers),
+    });
+    let asked: Vec<String> = answers.iter().map(|a| in_words(a)).collect();
+    Ok(Tried { kept, record, told: format!("- {}: {came}", asked.join(" and ")) })
 }
 
-/// Tries an action on the scene and keeps it, if the evidence does not speak against it; if it does, a warning about
-/// the object says so.
+fn untried(answers: &[&ReviewActionAnswer], reason: String) -> Tried {
+    let asked: Vec<String> = answers.iter().map(|a| in_words(a)).collect();
+    let told = format!("- {}: not tried, {reason}", asked.join(" and "));
+    Tried { kept: false, record: json!({ "asked": answers, "kept": false, "reason": reason }), told }
+}
+
+/// An action as it was asked for.
+fn in_words(a: &ReviewActionAnswer) -> String {
+    let mut words = format!("{} {}", json!(a.action).as_str().unwrap_or_default(), a.id);
+    words.extend(a.other.iter().map(|other| format!(" and {other}")));
+    words.extend(a.delta_m.iter().map(|[x, y, z]| format!(" by ({x:.2}, {y:.2}, {z:.2}) m")));
+    words.extend(a.position_m.iter().map(|[x, y, z]| format!(" at ({x:.2}, {y:.2}, {z:.2}) m")));
+    words.extend(a.angle_deg.iter().map(|deg| format!(" by {deg:.0} degrees")));
+    words.extend(a.factor.iter().map(|[w, h, d]| format!(" by {w:.2}, {h:.2}, {d:.2}")));
+    words
+}
+
+/// The objects that actions name, as the scene has them.
+fn shown(state: &SceneState, answers: &[&ReviewActionAnswer]) -> Value {
+    let named: BTreeSet<&str> = answers.iter().flat_map(|a| std::iter::once(&a.id).chain(&a.other)).map(String::as_str).collect();
+    let row = |p: &Placed| {
+        json!({
+            "id": p.item.id, "position": p.pose.position.to_array(), "yaw_deg": p.pose.yaw.to_degrees().rem_euclid(360.0),
+            "size": p.size(), "support": p.support,
+        })
+    };
+    state.partial.placed.iter().filter(|p| named.contains(p.item.id.as_str())).map(row).collect()
+}
+
+/// Actions that were tried and measured.
+struct Attempt {
+    outcome: ReviewOutcome,
+    verdict: Verdict,
+}
+
+impl Attempt {
+    /// Takes the scene over if the verdict says so; tells whether it does.
+    fn adopted(self, state: &mut SceneState) -> bool {
+        if self.verdict.kept {
+            let ReviewOutcome { scene, touched, added, .. } = self.outcome;
+            for id in &touched {
+                state.forget_look(id);
+            }
+            adopt_copies(state, &scene, &added);
+            state.take(scene);
+        }
+        self.verdict.kept
+    }
+}
+
+async fn attempt(
+    ctx: &PhaseCtx<'_>,
+    state: &SceneState,
+    actions: Vec<ReviewAction>,
+) -> Result<Result<Attempt, ActionError>, PhaseError> {
+    let (partial, settings) = (state.partial.clone(), ctx.settings.placement.clone());
+    ctx.computed(move || {
+        let outcome = apply(&partial, &actions, &settings)?;
+        let verdict = judge(&partial, &outcome, &settings);
+        Ok(Attempt { outcome, verdict })
+    })
+    .await
+}
+
+/// Tries actions on the scene together and keeps them, if the evidence does not speak against them; if it does, a warning
+/// about the object says so.
 ///
 /// # Errors
 /// Only that of a computation that broke; inside, that of an action that cannot be tried.
 pub async fn try_on(
     ctx: &PhaseCtx<'_>,
     state: &mut SceneState,
-    action: ReviewAction,
+    actions: Vec<ReviewAction>,
     object: Option<ObjectId>,
     name: &str,
 ) -> Result<Result<Verdict, ActionError>, PhaseError> {
-    let (partial, settings) = (state.partial.clone(), ctx.settings.placement.clone());
-    let tried = ctx
-        .computed(move || {
-            let outcome = apply(&partial, &action, &settings)?;
-            let verdict = judge(&partial, &outcome, &settings);
-            Ok::<_, ActionError>((outcome, verdict))
-        })
-        .await?;
-    Ok(tried.map(|(outcome, verdict)| {
-        if verdict.kept {
-            for id in &outcome.touched {
-                state.forget_look(id);
-            }
-            adopt_copies(state, &outcome.scene);
-            state.partial = outcome.scene;
-        } else {
+    Ok(attempt(ctx, state, actions).await?.map(|attempt| {
+        let verdict = attempt.verdict.clone();
+        if !attempt.adopted(state) {
             let message = format!("{name} was proposed and refused: {}", verdict.reason);
             ctx.warn(WarningKind::ActionRefused, object, message);
         }
@@ -139,60 +297,94 @@ pub async fn try_on(
     }))
 }
 
-/// Copies that an action added get an entry among the prepared objects, like the one they copy.
-fn adopt_copies(state: &mut SceneState, scene: &harmony_placement::PartialScene) {
-    for placed in &scene.placed {
-        let id = &placed.item.id;
-        if state.prepared.contains_key(id) {
-            continue;
+/// Copies that an action added get an entry among the objects, like the one they copy.
+fn adopt_copies(state: &mut SceneState, scene: &harmony_placement::PartialScene, added: &[(ObjectId, ObjectId)]) {
+    for (id, like) in added {
+        let (Some(placed), Some(original)) = (scene.find(id), state.objects.get(like)) else { continue };
+        let mut copy = original.clone();
+        copy.id = id.clone();
+        copy.mask = Arc::clone(&placed.item.mask);
+        copy.mask_score = None;
+        copy.index = placed.item.index;
+        copy.look = Look::default();
+        if let Some(model) = &mut copy.model {
+            model.source = format!("copy of {like}: {}", model.source);
         }
-        let original = state
-            .prepared
-            .values()
-            .find(|p| p.inspected.kind == placed.item.label && p.candidate.level == placed.item.level)
-            .cloned();
-        if let Some(mut copy) = original {
-            copy.candidate.id = id.clone();
-            copy.candidate.mask = placed.item.mask.clone();
-            copy.index = placed.item.index;
-            copy.mesh_source = format!("copy of {}", copy.mesh_source);
-            state.next_index = state.next_index.max(copy.index + 1);
-            state.prepared.insert(id.clone(), copy);
-        }
+        state.next_index = state.next_index.max(copy.index + 1);
+        state.objects.insert(id.clone(), copy);
     }
 }
 
-fn typed(state: &SceneState, a: &ReviewActionAnswer) -> Option<ReviewAction> {
-    let object = ObjectId::new(&a.id).ok()?;
-    let other = a.other.as_deref().and_then(|o| ObjectId::new(o).ok());
-    Some(match a.action {
-        ReviewActionKind::Move => ReviewAction::Move { object, by_m: a.delta_m? },
-        ReviewActionKind::Rotate => ReviewAction::Rotate { object, by_deg: a.angle_deg? },
-        ReviewActionKind::Rescale => {
-            let f = a.factor?;
-            ReviewAction::Rescale { object, factor: (f[0] * f[1] * f[2]).cbrt() }
+/// An answer's action, or why it cannot be tried.
+fn typed(state: &SceneState, a: &ReviewActionAnswer) -> Result<ReviewAction, String> {
+    let id = |text: &str| ObjectId::new(text).map_err(|_| format!("{text:?} is no id"));
+    let object = id(&a.id)?;
+    let other = || a.other.as_deref().ok_or("it names no other object".to_owned()).and_then(id);
+    let needs = |field: &str| format!("it has no {field}");
+    Ok(match a.action {
+        ReviewActionKind::Move => ReviewAction::Move { object, by_m: a.delta_m.ok_or_else(|| needs("delta_m"))? },
+        ReviewActionKind::Rotate => {
+            ReviewAction::Rotate { object, by_deg: a.angle_deg.ok_or_else(|| needs("angle_deg"))? }
         }
-        ReviewActionKind::Swap => ReviewAction::Swap { object, with: other? },
-        ReviewActionKind::Rehost => ReviewAction::Rehost { object, host: other? },
+        ReviewActionKind::Rescale => {
+            ReviewAction::Rescale { object, factor: a.factor.ok_or_else(|| needs("factor"))? }
+        }
+        ReviewActionKind::Swap => ReviewAction::Swap { object, with: other()? },
+        ReviewActionKind::Rehost => ReviewAction::Rehost { object, host: other()? },
         ReviewActionKind::Add => {
-            let yaw = state.partial.find(&object)?.pose.yaw.to_degrees();
-            ReviewAction::Add { like: object, at_m: a.position_m?, yaw_deg: a.angle_deg.unwrap_or(yaw) }
+            let like = state.partial.find(&object).ok_or_else(|| format!("there is no object {object} in the scene"))?;
+            let yaw_deg = a.angle_deg.unwrap_or(like.pose.yaw.to_degrees());
+            ReviewAction::Add { like: object, at_m: a.position_m.ok_or_else(|| needs("position_m"))?, yaw_deg }
         }
         ReviewActionKind::Remove => ReviewAction::Remove { object },
-        // Sets are made equal by the placement's group rules; here the member is brought to the median of its set.
-        ReviewActionKind::EqualizeGroup => {
-            let set = state.partial.find(&object)?.item.relations.matched_set.clone()?;
-            let own = state.partial.find(&object)?.size().height;
-            let mut heights: Vec<f64> = state
-                .partial
-                .placed
-                .iter()
-                .filter(|p| p.item.relations.matched_set.as_ref() == Some(&set))
-                .map(|p| p.size().height)
-                .collect();
-            heights.sort_by(f64::total_cmp);
-            let median = heights.get(heights.len() / 2)?;
-            ReviewAction::Rescale { object, factor: median / own }
-        }
+        ReviewActionKind::EqualizeGroup => ReviewAction::Equalize { object },
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn action(action: ReviewActionKind, id: &str) -> ReviewActionAnswer {
+        ReviewActionAnswer {
+            action,
+            id: id.to_owned(),
+            other: None,
+            delta_m: Some([0.1, 0.0, 0.0]),
+            position_m: None,
+            angle_deg: None,
+            factor: None,
+            reason: String::new(),
+        }
+    }
+
+    #[test]
+    fn what_changes_one_object_is_tried_together_and_a_new_host_first() {
+        use ReviewActionKind::{Add, Move, Rehost, Remove, Rescale, Rotate};
+        let all = [
+            action(Move, "lamp_01"),
+            action(Remove, "lamp_02"),
+            action(Rotate, "chair_01"),
+            action(Rehost, "lamp_01"),
+            action(Add, "chair_01"),
+            action(Rescale, "chair_01"),
+        ];
+        let groups = grouped(&all);
+        let told: Vec<Vec<String>> =
+            groups.iter().map(|g| g.iter().map(|a| format!("{:?} {}", a.action, a.id)).collect()).collect();
+        assert_eq!(
+            told,
+            [
+                vec!["Rehost lamp_01", "Move lamp_01"],
+                vec!["Remove lamp_02"],
+                vec!["Rotate chair_01", "Rescale chair_01"],
+                vec!["Add chair_01"],
+            ]
+        );
+    }
+
+    #[test]
+    fn actions_are_told_with_their_numbers() {
+        assert_eq!(in_words(&action(ReviewActionKind::Move, "lamp_01")), "move lamp_01 by (0.10, 0.00, 0.00) m");
+    }
 }

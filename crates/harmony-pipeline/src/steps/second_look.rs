@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 
 use super::programs::{self, Program, Surroundings};
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::SceneState;
+use crate::state::{Object, SceneState};
 use crate::views;
 
 /// Side of a picture on the sheet, pixels.
@@ -77,11 +77,11 @@ async fn ask(
 ) -> Result<SecondLookAnswer, PhaseError> {
     let placed = |i: &usize| &state.partial.placed[*i];
     let objects = chosen.iter().map(|i| {
-        let prepared = state.prepared.get(&placed(i).item.id);
+        let object = state.objects.get(&placed(i).item.id);
         ModelledObject {
             object: views::placed_object(placed(i)),
-            made_as: prepared.map_or(String::new(), |o| o.mesh_source.clone()),
-            program: prepared.and_then(|o| o.program.as_ref()).map(|o| o.source.clone()),
+            made_as: object.and_then(|o| o.model.as_ref()).map_or(String::new(), |m| m.source.clone()),
+            program: object.and_then(Object::program).map(|p| p.source.clone()),
         }
     });
     let question = SecondLookQuestion { objects: objects.collect(), guide: GUIDE.to_owned() };

@@ -8,7 +8,7 @@ use harmony_render::{SOLID, Stands, opacity, shade};
 use harmony_scene::{Mask, ObjectId};
 
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::{Prepared, SceneState};
+use crate::state::{Model, SceneState};
 use crate::views;
 
 /// Fits the law of light to what the photo shows and lights every material whose colour was said.
@@ -16,12 +16,15 @@ use crate::views;
 /// # Errors
 /// Only that of a computation that broke.
 pub async fn everything(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
-    let any = |id: &ObjectId| state.prepared.get(id).is_some_and(|p| !p.said_slots.is_empty());
+    let any = |id: &ObjectId| state.objects.get(id).and_then(|o| o.model.as_ref()).is_some_and(|m| !m.said_slots.is_empty());
     if !state.partial.placed.iter().any(|p| any(&p.item.id)) {
         return Ok(());
     }
     let shown = Arc::new(state.clone());
-    state.lit = ctx.computed(move || lit(&shown)).await?;
+    let lit = ctx.computed(move || lit(&shown)).await?;
+    for (id, object) in &mut state.objects {
+        object.look.lit = lit.get(id).cloned();
+    }
     Ok(())
 }
 
@@ -41,8 +44,8 @@ fn lit(state: &SceneState) -> BTreeMap<ObjectId, Arc<Mesh>> {
         .filter_map(|placed| {
             let id = placed.item.id.clone();
             let mesh = Arc::clone(state.unlit(&id)?);
-            let prepared = state.prepared.get(&id)?;
-            let plain: Vec<bool> = mesh.materials.iter().map(|m| is_said(prepared, m)).collect();
+            let model = state.objects.get(&id)?.model.as_ref()?;
+            let plain: Vec<bool> = mesh.materials.iter().map(|m| is_said(model, m)).collect();
             let plain = if plain.contains(&true) { plain } else { Vec::new() };
             let visible = if plain.is_empty() { None } else { state.visible_mask(&id, &ids) };
             Some(Thing { id, mesh, pose: placed.pose, visible, plain })
@@ -59,9 +62,9 @@ fn lit(state: &SceneState) -> BTreeMap<ObjectId, Arc<Mesh>> {
 }
 
 /// Whether a material has a colour that was said and light falls on: not what shines or is seen through.
-fn is_said(prepared: &Prepared, material: &Material) -> bool {
-    prepared.program.is_some()
-        && prepared.said_slots.contains(&material.name)
+fn is_said(model: &Model, material: &Material) -> bool {
+    model.program.is_some()
+        && model.said_slots.contains(&material.name)
         && material.texture.is_none()
         && material.emissive.iter().all(|e| *e <= 0.0)
         && opacity(material) >= SOLID

@@ -8,7 +8,7 @@ use harmony_render::{BakeOptions, SOLID, bake_texture, opacity};
 use harmony_scene::{Level, ObjectId, WarningKind};
 
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::{Prepared, SceneState};
+use crate::state::{Object, SceneState};
 use crate::views;
 
 /// Linear brightness up to which glass is black.
@@ -23,7 +23,7 @@ pub async fn level(ctx: &PhaseCtx<'_>, state: &mut SceneState, level: Level) -> 
         .partial
         .placed
         .iter()
-        .filter(|p| p.item.level == level && !state.textured.contains_key(&p.item.id))
+        .filter(|p| p.item.level == level && state.objects.get(&p.item.id).is_some_and(|o| o.look.textured.is_none()))
         .map(|p| p.item.id.clone())
         .collect();
     bake(ctx, state, ids).await
@@ -48,36 +48,34 @@ pub async fn only(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>
 
 async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) -> Result<(), PhaseError> {
     let camera = state.partial.camera;
-    let modelled = |id: &ObjectId| state.prepared.get(id).is_some_and(Prepared::is_modelled);
+    let modelled = |id: &ObjectId| state.objects.get(id).is_some_and(Object::is_modelled);
     if !ids.iter().any(modelled) {
         return Ok(());
     }
     let shown = views::ids(state);
     let mut jobs = Vec::new();
     for id in ids {
-        let (Some(placed), Some(prepared), Some(visible)) =
-            (state.partial.find(&id), state.prepared.get(&id), state.visible_mask(&id, &shown))
+        let object = state.objects.get(&id).filter(|object| object.is_modelled());
+        let (Some(placed), Some(model), Some(visible)) =
+            (state.partial.find(&id), object.and_then(|o| o.model.as_ref()), state.visible_mask(&id, &shown))
         else {
             continue;
         };
-        if !prepared.is_modelled() {
-            continue;
-        }
         let at_wall = placed.item.level == Level::Wall;
         // What is seen through glass is not its paint, but for the view out of a window.
-        let clear = prepared.mesh.materials.iter().filter(|m| !at_wall && is_clear(m)).map(|m| m.name.clone());
+        let clear = model.mesh.materials.iter().filter(|m| !at_wall && is_clear(m)).map(|m| m.name.clone());
         let options = BakeOptions {
-            plain_slots: prepared.plain_slots.iter().cloned().chain(clear).collect(),
+            plain_slots: model.plain_slots.iter().cloned().chain(clear).collect(),
             trusted: at_wall && harmony_catalogue::has(&placed.item.label, Trait::Planar),
             ..BakeOptions::default()
         };
-        if prepared.mesh.materials.iter().all(|m| options.plain_slots.contains(&m.name)) {
+        if model.mesh.materials.iter().all(|m| options.plain_slots.contains(&m.name)) {
             // Nothing of it takes the photo's pixels.
-            let mesh = prepared.mesh.clone();
-            state.set_textured(id, mesh);
+            let mesh = model.mesh.clone();
+            state.set_textured(&id, mesh);
             continue;
         }
-        jobs.push((id, prepared.mesh.clone(), placed.pose, visible, options));
+        jobs.push((id, model.mesh.clone(), placed.pose, visible, options));
     }
     let photo = state.photo.clone();
     let baked = tokio::task::spawn_blocking(move || {
@@ -104,7 +102,7 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
         for material in mesh.materials.iter_mut().filter(|m| m.texture.is_some()) {
             material.transmission = 0.0;
         }
-        state.set_textured(id, Arc::new(mesh));
+        state.set_textured(&id, Arc::new(mesh));
     }
     Ok(())
 }

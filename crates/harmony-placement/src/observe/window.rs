@@ -434,7 +434,7 @@ mod tests {
             scene
         };
         let compare = |scene: &PartialScene, mask: &Mask| {
-            let item = crate::Item { mask: mask.clone(), ..chair.clone() };
+            let item = crate::Item { mask: mask.clone().into(), ..chair.clone() };
             let window = Window::new(scene, &item, None, &[], &PlacementSettings::default()).unwrap();
             window.compare(&chair.shape, &Pose::new(at, 0.0, 1.0), 0.03)
         };
@@ -507,7 +507,7 @@ mod tests {
         });
         let whole = item.mask.clone();
         let middle = whole.bounds().unwrap().centre().y as i64;
-        item.mask = Mask::from_fn(size, |x, y| i64::from(y) < middle && whole.get(i64::from(x), i64::from(y)));
+        item.mask = Mask::from_fn(size, |x, y| i64::from(y) < middle && whole.get(i64::from(x), i64::from(y))).into();
         let window = Window::new(&scene, &item, None, &[], &PlacementSettings::default()).unwrap();
         let ratio = window.depth_ratio(&item.shape, &pose).unwrap();
         assert!((ratio - 1.05).abs() < 0.005, "{ratio}");

@@ -215,7 +215,7 @@ mod tests {
         for (pair, expected) in [(true, 2.0), (false, 2.4)] {
             let mut scene = empty_room();
             curtains(&mut scene, pair);
-            let masks: Vec<Mask> = scene.placed.iter().map(|p| p.item.mask.clone()).collect();
+            let masks: Vec<Arc<Mask>> = scene.placed.iter().map(|p| p.item.mask.clone()).collect();
             add(&mut scene, "window_01", Vec3::new(1.8, 1.2, 0.05), Vec3::new(2.0, 0.9, 0.03), |p| {
                 p.support = Support::Wall { wall: Wall::Back };
                 p.pose.position.x = 2.4;
@@ -228,7 +228,8 @@ mod tests {
                 item.mask = Mask::from_fn(full.size(), |x, y| {
                     let (x, y) = (i64::from(x), i64::from(y));
                     full.get(x, y) && !masks.iter().any(|m| m.get(x, y))
-                });
+                })
+                .into();
                 p.item = Arc::new(item);
             });
             let pose = between_curtains(&scene, scene.placed.len() - 1, &PlacementSettings::default());

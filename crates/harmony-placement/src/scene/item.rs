@@ -58,7 +58,7 @@ pub struct Item {
     /// Size by prior knowledge (the VLM's), metres, unrotated.
     pub size: Size,
     /// Where it is seen, at the scene camera's size; may be cut by the image border or by nearer objects.
-    pub mask: Mask,
+    pub mask: Arc<Mask>,
     /// Relations.
     pub relations: Relations,
     /// How a decoration rests.

@@ -348,12 +348,12 @@ mod tests {
         let whole = seen(&scene, &shape, &pose);
         // The left one is not seen, and nothing says why.
         let middle = scene.camera.project(at).unwrap().x as u32;
-        item.mask = Mask::from_fn(whole.size(), |x, y| x > middle && whole.get(i64::from(x), i64::from(y)));
+        item.mask = Mask::from_fn(whole.size(), |x, y| x > middle && whole.get(i64::from(x), i64::from(y))).into();
         item.shape = std::sync::Arc::new(shape);
         let left = Mask::from_fn(whole.size(), |x, y| x <= middle && whole.get(i64::from(x), i64::from(y)));
         let mut before = boxed(&scene, Vec3::new(0.4, 2.0, 0.2), Vec3::new(1.1, 0.0, 1.0), 0.0);
         before.id = ObjectId::numbered("box", 2);
-        before.mask = left;
+        before.mask = left.into();
         let (settings, waiting) = (PlacementSettings::default(), [std::sync::Arc::new(before)]);
         let window = Window::new(&scene, &item, None, &waiting, &settings).unwrap();
         let starts = Proposer { scene: &scene, item: &item, window: &window, settings: &settings }.all();
@@ -373,7 +373,7 @@ mod tests {
         let shape = of_boxes(&[drawers, leg, top]);
         let at = Vec3::new(2.2, 0.0, 0.33);
         let mut item = boxed(&scene, Vec3::new(1.4, 0.75, 0.6), at, 0.0);
-        item.mask = seen(&scene, &shape, &Pose::new(at, std::f64::consts::PI, 1.0));
+        item.mask = seen(&scene, &shape, &Pose::new(at, std::f64::consts::PI, 1.0)).into();
         item.shape = std::sync::Arc::new(shape);
         item.traits.has_front = true;
         item.relations.wall_affinity = Wall::Back.into();
@@ -424,7 +424,7 @@ mod tests {
             let shape = of_boxes(parts);
             let mut item = boxed(scene, shape.extent(), at, 0.0);
             item.id = ObjectId::numbered(name, 1);
-            item.mask = seen(scene, &shape, &pose);
+            item.mask = seen(scene, &shape, &pose).into();
             item.shape = std::sync::Arc::new(shape);
             let item = std::sync::Arc::new(item);
             scene.placed.push(Placed { item, pose, support: Support::Floor, evidence: Evidence::default() });

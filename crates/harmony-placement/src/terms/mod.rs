@@ -326,7 +326,7 @@ mod tests {
         item.label = "pendant".to_owned();
         item.traits.may_stretch = true;
         item.traits.as_wide_as_deep = true;
-        item.mask = seen(scene, &shape, &Pose::new(at, 0.0, 1.0));
+        item.mask = seen(scene, &shape, &Pose::new(at, 0.0, 1.0)).into();
         item.size = Size { width: named, height: 0.6, depth: named };
         item.shape = std::sync::Arc::new(shape);
         item

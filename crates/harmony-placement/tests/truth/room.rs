@@ -215,7 +215,7 @@ impl GtRoom {
                     label: o.label.clone(),
                     shape: Arc::new(Shape::new(Arc::clone(&mesh), hulls)),
                     size: Size::from_vec(size),
-                    mask: self.mask(o.index).dilated(grow),
+                    mask: self.mask(o.index).dilated(grow).into(),
                     relations: o.relations.clone(),
                     placement: Placement::default(),
                     host_candidates: Vec::new(),

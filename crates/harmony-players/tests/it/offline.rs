@@ -207,6 +207,7 @@ async fn where_nobody_looks_nothing_is_objected_to() {
         placed: vec![table("table_01", 95.0)],
         unplaced: vec![],
         findings: vec!["- table_01: outline agreement 0.10".into()],
+        tried: vec![],
     };
     let answer = desk.ask("3_furniture/review_1", question).await;
     assert!(answer.converged && answer.actions.is_empty());

@@ -199,13 +199,33 @@ pub fn questions() -> Vec<(String, Question)> {
                 placed: scene(),
                 unplaced: vec!["- sofa: nothing of it is seen".into()],
                 findings: vec![finding.clone()],
+                tried: vec![],
+            }
+            .into(),
+        ),
+        (
+            "second review",
+            ReviewQuestion {
+                level: Level::Furniture,
+                room: room(),
+                placed: scene(),
+                unplaced: vec![],
+                findings: vec![],
+                tried: vec!["- rotate chair_01 by 90 degrees: kept".into()],
             }
             .into(),
         ),
         (
             "review of nothing",
-            ReviewQuestion { level: Level::Wall, room: room(), placed: vec![], unplaced: vec![], findings: vec![] }
-                .into(),
+            ReviewQuestion {
+                level: Level::Wall,
+                room: room(),
+                placed: vec![],
+                unplaced: vec![],
+                findings: vec![],
+                tried: vec![],
+            }
+            .into(),
         ),
         (
             "lights",

@@ -8,7 +8,7 @@ use harmony_bench::oracle::NoiseLevel;
 use harmony_calls::{BookOptions, CallBook, CallOptions, Calls};
 use harmony_cli::cast::{CastRequest, cast};
 use harmony_cli::config::{Profile as CliProfile, parse};
-use harmony_pipeline::{RunRequest, Warnings};
+use harmony_pipeline::{Phase, RunRequest, Warnings};
 use harmony_scene::{ImageSize, Scene};
 use harmony_studio::mind::Mind;
 use harmony_studio::profile::{Profile, config};
@@ -121,7 +121,7 @@ async fn inside(room: &Room, out: &Path) -> Scene {
         run: out.to_owned(),
         profile: "inside".into(),
         settings: file.settings,
-        until: 5,
+        until: Phase::Lighting,
         path_tracer: false,
         further_inputs: String::new(),
     };

@@ -18,6 +18,7 @@ use serde_json::json;
 use evidence::{Bare, Face};
 use paint::Painted;
 
+use crate::Phase;
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::SceneState;
 use crate::views;
@@ -107,16 +108,16 @@ pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<Rg
     state.trims = trims;
     for face in &faces {
         let name = format!("textures/seen/{}.png", face.surface.name());
-        ctx.write_picture_rgba_in("1_layout", &name, &face.texture)?;
+        ctx.write_picture_rgba_in(Phase::Layout, &name, &face.texture)?;
     }
     for (surface, image) in painted.textures {
         let opaque = DynamicImage::ImageRgba8(image.clone()).to_rgb8();
-        ctx.write_picture_in("1_layout", &format!("textures/{}.png", surface.name()), &opaque)?;
+        ctx.write_picture_in(Phase::Layout, &format!("textures/{}.png", surface.name()), &opaque)?;
         state.surfaces.insert(surface, Arc::new(image));
     }
     let board = |t: harmony_mesh::Trim| json!({ "height_m": t.height, "depth_m": t.depth, "linear_color": t.color });
     ctx.write_json_in(
-        "1_layout",
+        Phase::Layout,
         "surfaces.json",
         &json!({
             "surfaces": painted.notes,
@@ -124,7 +125,7 @@ pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<Rg
         }),
     )?;
     let empty = views::empty_room(state);
-    ctx.write_picture_in("1_layout", "empty_room.png", &empty)?;
+    ctx.write_picture_in(Phase::Layout, "empty_room.png", &empty)?;
     debug_assert!(state.partial.placed.iter().all(|p| p.item.level <= Level::Decoration));
     Ok(())
 }
