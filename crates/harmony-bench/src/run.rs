@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, Cast};
 use harmony_pipeline::{Phase, ProgressSink, RunOutcome, RunRequest, Settings, Warnings};
+use harmony_scene::Level;
 use serde::{Deserialize, Serialize};
 
 use crate::metrics::similarity::Looking;

@@ -132,6 +132,8 @@ pub struct PhaseCtx<'a> {
     pub run: &'a Path,
     /// The phase.
     pub phase: Phase,
+    /// A look within the phase that prepares objects of its own: its calls and records have names of their own.
+    pub within: Option<&'static str>,
     /// Calls to roles.
     pub calls: &'a Calls,
     /// Lit pictures are wanted, and there is a path tracer.
@@ -147,7 +149,20 @@ pub struct PhaseCtx<'a> {
 impl PhaseCtx<'_> {
     /// Full name of a call of this phase.
     pub fn call(&self, step: &str) -> String {
-        format!("{}/{step}", self.phase)
+        match self.within {
+            Some(look) => format!("{}/{look}/{step}", self.phase),
+            None => format!("{}/{step}", self.phase),
+        }
+    }
+
+    /// Name of a record of this phase, such as `detections.json`.
+    pub fn record(&self, name: &str) -> String {
+        self.within.map_or(name.to_owned(), |look| format!("{look}_{name}"))
+    }
+
+    /// The same for a look within a phase.
+    pub fn inside(&self, phase: Phase, look: &'static str) -> PhaseCtx<'_> {
+        PhaseCtx { phase, within: Some(look), ..*self }
     }
 
     /// Whether a question of this phase is answered by somebody who looks.

@@ -270,6 +270,7 @@ impl Stage<'_> {
         PhaseCtx {
             run: &self.request.run,
             phase,
+            within: None,
             calls: self.calls,
             path_tracer: self.request.path_tracer && self.calls.can().traces,
             settings: &self.request.settings,

@@ -349,7 +349,8 @@ pub fn photo_window(state: &SceneState, window: PixelBox) -> RgbaImage {
     DynamicImage::ImageRgb8(cut(&state.photo, window)).to_rgba8()
 }
 
-fn cut(image: &RgbImage, w: PixelBox) -> RgbImage {
+/// A window of a picture.
+pub fn cut(image: &RgbImage, w: PixelBox) -> RgbImage {
     let (x, y) = (w.x0.floor() as u32, w.y0.floor() as u32);
     let (width, height) = ((w.x1.ceil() as u32 - x).max(1), (w.y1.ceil() as u32 - y).max(1));
     imageops::crop_imm(image, x, y, width, height).to_image()
@@ -373,6 +374,30 @@ pub fn turned(state: &SceneState, index: usize, yaw: f64, window: PixelBox) -> R
     }
     let part = render_window(camera, &shown, &FLAT, window);
     DynamicImage::ImageRgb8(DynamicImage::ImageRgba8(part.frame.color).to_rgb8()).to_rgba8()
+}
+
+/// A placed object alone in a window of the photo's camera, without the photo's pixels, head-light shaded.
+pub fn alone(state: &SceneState, index: usize, window: PixelBox) -> Option<RgbImage> {
+    let placed = &state.partial.placed[index];
+    let model = state.objects.get(&placed.item.id)?.model.as_ref()?;
+    let shown = [Instance::posed(&model.mesh, &placed.pose, placed.item.index)];
+    let options = RenderOptions { lighting: Lighting::HeadLight, background: [245, 245, 245, 255], ..FLAT };
+    let part = render_window(&state.partial.camera, &shown, &options, window);
+    Some(DynamicImage::ImageRgba8(part.frame.color).to_rgb8())
+}
+
+/// The scene from the photo's camera with boxes and ids of some objects.
+pub fn marked(state: &SceneState, marked: impl Fn(&harmony_scene::ObjectId) -> bool) -> RgbImage {
+    let drawn = drawn(state);
+    let windows = windows_of(&drawn.ids, state.partial.camera.size);
+    let shown = state.partial.placed.iter().enumerate().filter(|(_, p)| marked(&p.item.id));
+    let boxes: Vec<LabelledBox> = shown
+        .filter_map(|(i, p)| {
+            let bounds = windows.get(&p.item.index).copied().or_else(|| p.item.mask.bounds())?;
+            Some(LabelledBox { bounds, label: p.item.id.to_string(), color: palette(i) })
+        })
+        .collect();
+    draw_boxes(&drawn.flat, &boxes)
 }
 
 /// The room and the camera in it, for questions.

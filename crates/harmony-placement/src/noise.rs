@@ -42,6 +42,8 @@ pub struct Noise {
     pub size: f64,
     /// ... of the length of a cord: cords are as long as rooms are high.
     pub size_cord: f64,
+    /// How many times less is thought of a size that is far outside what its kind has.
+    pub size_doubted: f64,
     /// What the errors of all named sizes have in common.
     pub size_common: f64,
     /// Difference of sizes within a matched set.
@@ -117,6 +119,7 @@ impl Default for Noise {
             hiding_m: 0.03,
             size: 0.15,
             size_cord: 0.5,
+            size_doubted: 2.5,
             size_common: 0.03,
             size_set: 0.01,
             yaw_panel: 0.4,

@@ -8,17 +8,26 @@
 //!
 //! Image positions in answers are relative: 0..1000 across and 0..1000 down, `[x, y]`.
 
+mod counts;
+mod groups;
+mod hosts;
 mod inspect;
 mod last_look;
 mod layout;
 mod lighting;
 mod list;
 mod meshes;
+mod missing;
 mod programs;
 mod question;
 mod review;
+mod sizes;
 mod subjects;
+mod turns;
 
+pub use counts::{CountedKind, CountsAnswer, CountsQuestion, MissingInstance};
+pub use groups::{GroupSwap, GroupsAnswer, GroupsQuestion, MatchedSet, MissingMember};
+pub use hosts::{HostedObject, HostsAnswer, HostsObject, HostsQuestion};
 pub use inspect::{
     InspectAnswer, InspectCandidate, InspectQuestion, InspectedMaterial, InspectedObject, InspectedSize, Occlusion,
 };
@@ -37,10 +46,13 @@ pub use meshes::{
     CompletedAnswer, CompletedObject, CompletedQuestion, FrontPanel, FrontsAnswer, FrontsObject, FrontsQuestion,
     OrientQuestion,
 };
+pub use missing::{MissingAnswer, MissingDecoration, MissingQuestion, PresentDecoration};
 pub use programs::{
     LookVerdict, LookedAt, ModelledObject, ProgramObject, ProgramsAnswer, ProgramsQuestion, SecondLookAnswer,
     SecondLookQuestion, ToModel, WithoutProgram,
 };
 pub use question::{Ask, Question};
 pub use review::{ReviewActionAnswer, ReviewActionKind, ReviewAnswer, ReviewQuestion};
+pub use sizes::{DoubtedSize, SizesAnswer, SizesObject, SizesQuestion};
 pub use subjects::{FoundObject, KnownObject, NamedObject, PlacedObject, RoomSummary};
+pub use turns::{TurnPanel, TurnedObject, TurnsAnswer, TurnsObject, TurnsQuestion};

@@ -5,8 +5,9 @@ use serde::{Serialize, de::DeserializeOwned};
 use serde_json::Value;
 
 use crate::{
-    CompletedQuestion, FrontsQuestion, InspectQuestion, LastLookQuestion, LayoutQuestion, LightingReviewQuestion,
-    LightsQuestion, ListQuestion, OrientQuestion, ProgramsQuestion, ReviewQuestion, SecondLookQuestion,
+    CompletedQuestion, CountsQuestion, FrontsQuestion, GroupsQuestion, HostsQuestion, InspectQuestion,
+    LastLookQuestion, LayoutQuestion, LightingReviewQuestion, LightsQuestion, ListQuestion, MissingQuestion,
+    OrientQuestion, ProgramsQuestion, ReviewQuestion, SecondLookQuestion, SizesQuestion, TurnsQuestion,
 };
 
 /// One kind of question: its fields are all that is asked about, and everything else follows from them.
@@ -88,9 +89,15 @@ questions! {
     Layout(LayoutQuestion),
     List(ListQuestion),
     Inspect(InspectQuestion),
+    Sizes(SizesQuestion),
     Completed(CompletedQuestion),
     Fronts(FrontsQuestion),
     Orient(OrientQuestion),
+    Turns(TurnsQuestion),
+    Hosts(HostsQuestion),
+    Groups(GroupsQuestion),
+    Missing(MissingQuestion),
+    Counts(CountsQuestion),
     Programs(ProgramsQuestion),
     SecondLook(SecondLookQuestion),
     Review(ReviewQuestion),

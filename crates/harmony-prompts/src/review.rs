@@ -168,7 +168,8 @@ impl ReviewAnswer {
             return Err(format!("{} actions; at most 60", self.actions.len()));
         }
         // One wrong name does not cost the other actions: what names nobody is not tried, and the record says so.
-        let nobody = |a: &&ReviewActionAnswer| std::iter::once(&a.id).chain(&a.other).any(|id| !known.contains(id.as_str()));
+        let nobody =
+            |a: &&ReviewActionAnswer| std::iter::once(&a.id).chain(&a.other).any(|id| !known.contains(id.as_str()));
         let lost = self.actions.iter().filter(nobody).count();
         if 2 * lost > self.actions.len() {
             return Err(format!("{lost} actions name objects that are not there; the ids are {}", ids.join(", ")));

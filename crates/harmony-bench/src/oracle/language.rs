@@ -42,6 +42,11 @@ impl Oracle {
             Question::Inspect(question) => Some(json!(self.inspect(question))),
             Question::Fronts(question) => Some(json!(self.fronts(&question.objects))),
             Question::Orient(question) => Some(json!(self.orient(&question.objects))),
+            Question::Turns(question) => Some(json!(self.turns(question))),
+            Question::Hosts(question) => Some(json!(self.hosts(question))),
+            Question::Groups(question) => Some(json!(self.groups(question))),
+            Question::Missing(question) => Some(json!(self.missing(question))),
+            Question::Counts(question) => Some(json!(self.counts(question))),
             Question::Review(question) => Some(json!(self.review(question))),
             Question::Lights(question) => Some(self.lights(&question.lighting)),
             // The truth has no completed pictures.

@@ -11,6 +11,7 @@ mod degrade;
 mod dense;
 mod language;
 mod lights;
+mod looks;
 mod mesh;
 mod noise;
 mod paint;

@@ -13,7 +13,9 @@ use crate::before::{Before, Known};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Left, Object, SceneState};
 use crate::steps::inspect::Inspection;
-use crate::steps::{detect, inspect, place, prepare, programs, review, second_look, shading, surfaces, texture};
+use crate::steps::{
+    counts, detect, groups, hosts, inspect, place, prepare, programs, review, second_look, shading, surfaces, texture, turns,
+};
 
 /// A level that can be placed.
 #[derive(Debug, Default)]
@@ -130,8 +132,11 @@ pub async fn place(
         programs::refit(ctx, &mut state, &ids).await?;
         texture::level(ctx, &mut state, level).await?;
         if level == Level::Decoration {
-            place::orient_decorations(ctx, &mut state).await?;
+            hosts::verify(ctx, &mut state).await?;
+            turns::quarters(ctx, &mut state).await?;
         }
+        turns::fine(ctx, level, &mut state).await?;
+        groups::order(ctx, level, &mut state).await?;
         review::until_settled(ctx, level, &mut state).await?;
         second_look::until_settled(ctx, level, &mut state).await?;
         texture::level(ctx, &mut state, level).await?;
@@ -139,6 +144,9 @@ pub async fn place(
             state.summaries.push(prepared.summary);
         }
         outcome = json!({ "placed": report.objects.len(), "unresolved": report.unresolved.len() });
+    }
+    if level == Level::Decoration {
+        counts::settle(ctx, &mut state).await?;
     }
     // On every level: walls that are not seen move with what stands at them.
     state.partial.room.openings = surfaces::openings(&state);

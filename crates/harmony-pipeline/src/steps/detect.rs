@@ -10,6 +10,7 @@ use harmony_scene::{ImageSize, Level, Mask, ObjectId, PixelBox, WarningKind};
 use image::RgbImage;
 use serde_json::json;
 
+use super::missing;
 use crate::before::{Before, stem};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::filter::{Dropped, cut_to_boxes, filter_boxes, filter_masks, part_merged};
@@ -57,6 +58,12 @@ pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> 
         let (all, more) = filter_boxes(found.into_iter().chain(missing).collect(), &ctx.settings.filters);
         found = all;
         dropped.extend(more);
+    }
+    if level == Level::Decoration {
+        for (detection, host) in missing::decorations(ctx, state, &found).await? {
+            hosts.insert(host_key(&detection), host.to_string());
+            found.push(detection);
+        }
     }
 
     let prompts: Vec<SegmentPrompt> = found
@@ -331,7 +338,7 @@ fn write_files(ctx: &PhaseCtx<'_>, candidates: &[Object], dropped: &[Dropped]) -
             })
         })
         .collect();
-    ctx.write_json("detections.json", &json!({ "kept": rows, "dropped": dropped }))?;
+    ctx.write_json(&ctx.record("detections.json"), &json!({ "kept": rows, "dropped": dropped }))?;
     for c in candidates {
         harmony_io::save_mask(&ctx.file(&format!("masks/{}.png", c.id))?, &c.mask)?;
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use futures::future::join_all;
 use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
-use harmony_prompts::{InspectAnswer, InspectCandidate, InspectQuestion, InspectedObject, InspectedSize};
+use harmony_prompts::{DoubtedSize, InspectAnswer, InspectCandidate, InspectQuestion, InspectedObject, SizesQuestion};
 use harmony_roles::Picture;
 use harmony_scene::{Level, Mask, ObjectId, Size, WarningKind};
 use image::RgbaImage;
@@ -54,7 +54,7 @@ pub async fn all(
     let mut said = BTreeMap::new();
     for answer in answers {
         let answer = answer?;
-        said.extend(answer.objects.into_iter().map(|object| (object.id.clone(), sensible(ctx, object))));
+        said.extend(answer.objects.into_iter().map(|object| (object.id.clone(), tidied(object))));
         inspection.order.extend(answer.placement_order.iter().filter_map(|id| ObjectId::new(id).ok()));
         if !answer.scene_summary.is_empty() {
             inspection.summary = answer.scene_summary;
@@ -76,7 +76,56 @@ pub async fn all(
         inspection.left.push(Left { name: object.id.to_string(), phase: ctx.phase, reason });
         inspection.rejected.push((object.detection.label, object.mask));
     }
+    ask_sizes(ctx, before, &mut inspection.objects).await?;
     Ok(inspection)
+}
+
+/// How far outside the usual range a size is doubted.
+const BEYOND: (f64, f64) = (0.7, 1.4);
+
+/// Sizes far outside what their kinds have: asked again, and kept with doubt when they are answered alike. They are not
+/// cut, for a bean bag of a metre exists.
+async fn ask_sizes(ctx: &PhaseCtx<'_>, before: &Before, objects: &mut [Object]) -> Result<(), PhaseError> {
+    let doubted: Vec<DoubtedSize> = objects
+        .iter()
+        .filter(|object| is_unusual(object))
+        .map(|object| {
+            let (low, high) = harmony_catalogue::size_range(&object.said.kind);
+            DoubtedSize {
+                id: object.id.clone(),
+                kind: object.said.kind.clone(),
+                answered: object.size(),
+                usual: [low, high],
+                apparent: views::apparent_size(&before.state, object),
+            }
+        })
+        .collect();
+    if !doubted.is_empty() && ctx.is_looked_at("sizes") {
+        let (shown, asked) = (Arc::clone(&before.state), doubted.iter().map(|d| d.id.clone()).collect::<Vec<_>>());
+        let crops: Vec<Object> = objects.iter().filter(|o| asked.contains(&o.id)).cloned().collect();
+        let mut pictures = ctx.computed(move || sheets(&shown, &crops, 1)).await?;
+        pictures.truncate(1);
+        let answer = ctx.ask("sizes", SizesQuestion { objects: doubted }, pictures).await?;
+        for found in answer.objects {
+            if let Some(object) = objects.iter_mut().find(|o| o.id.as_str() == found.id) {
+                object.said.size_m = found.size_m;
+            }
+        }
+    }
+    for object in objects.iter_mut().filter(|object| is_unusual(object)) {
+        object.size_doubted = true;
+        let Size { width, height, depth } = object.size();
+        let message =
+            format!("size {width:.2} x {height:.2} x {depth:.2} m is unusual for a {}: it is doubted", object.said.kind);
+        ctx.warn(WarningKind::LowConfidence, Some(object.id.clone()), message);
+    }
+    Ok(())
+}
+
+fn is_unusual(object: &Object) -> bool {
+    let (low, high) = harmony_catalogue::size_range(&object.said.kind);
+    let size = object.size().as_vec();
+    size.cmplt(low.as_vec() * BEYOND.0).any() || size.cmpgt(high.as_vec() * BEYOND.1).any()
 }
 
 async fn ask(
@@ -114,10 +163,6 @@ async fn ask(
 
 /// The photo with the candidates, the empty room, and sheets of crops.
 fn pictures(state: &SceneState, candidates: &[Object]) -> Vec<Picture> {
-    let crops: Vec<(String, RgbaImage)> = candidates
-        .iter()
-        .filter_map(|c| crop_rgba(&state.photo, &c.mask, 0.1).map(|(image, _)| (c.id.to_string(), image)))
-        .collect();
     let mut pictures = vec![
         Picture {
             caption: "IMAGE 1: the photo with all candidates".into(),
@@ -125,34 +170,26 @@ fn pictures(state: &SceneState, candidates: &[Object]) -> Vec<Picture> {
         },
         Picture { caption: "IMAGE 2: the empty room".into(), image: views::empty_room(state) },
     ];
-    for (i, sheet) in crops.chunks(CROPS_PER_SHEET).enumerate() {
-        let cells: Vec<Cell<'_>> = sheet.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
-        let columns = (cells.len() as u32).min(4);
-        pictures.push(Picture {
-            caption: format!("IMAGE {}: crops", i + 3),
-            image: Arc::new(contact_sheet(&cells, columns, 300)),
-        });
-    }
+    pictures.extend(sheets(state, candidates, 3));
     pictures
 }
 
-/// Sizes far outside what the category can be are pulled back, with a warning.
-fn sensible(ctx: &PhaseCtx<'_>, mut object: InspectedObject) -> InspectedObject {
-    let (low, high) = harmony_catalogue::size_range(&object.kind);
-    let given = Size { width: object.size_m.width, height: object.size_m.height, depth: object.size_m.depth };
-    let clamped = given.as_vec().max(low.as_vec() * 0.7).min(high.as_vec() * 1.4);
-    if (clamped - given.as_vec()).abs().max_element() > 1e-9 {
-        let id = ObjectId::new(&object.id).ok();
-        ctx.warn(
-            WarningKind::AnswerRepaired,
-            id,
-            format!(
-                "size {:.2} x {:.2} x {:.2} m is not plausible for a {}; taken as {:.2} x {:.2} x {:.2} m",
-                given.width, given.height, given.depth, object.kind, clamped.x, clamped.y, clamped.z
-            ),
-        );
-        object.size_m = InspectedSize { width: clamped.x, height: clamped.y, depth: clamped.z };
-    }
+/// Sheets of crops, captioned from a number on.
+fn sheets(state: &SceneState, candidates: &[Object], first: usize) -> Vec<Picture> {
+    let crops: Vec<(String, RgbaImage)> = candidates
+        .iter()
+        .filter_map(|c| crop_rgba(&state.photo, &c.mask, 0.1).map(|(image, _)| (c.id.to_string(), image)))
+        .collect();
+    let sheet = |(i, sheet): (usize, &[(String, RgbaImage)])| {
+        let cells: Vec<Cell<'_>> = sheet.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
+        let columns = (cells.len() as u32).min(4);
+        let image = Arc::new(contact_sheet(&cells, columns, 300));
+        Picture { caption: format!("IMAGE {}: crops", i + first), image }
+    };
+    crops.chunks(CROPS_PER_SHEET).enumerate().map(sheet).collect()
+}
+
+fn tidied(mut object: InspectedObject) -> InspectedObject {
     object.kind = object.kind.trim().to_lowercase();
     object
 }

@@ -1,9 +1,14 @@
 //! Steps that the object phases share; the level is data.
 
+pub mod added;
 pub mod canonical;
+pub mod counts;
 pub mod detect;
+pub mod groups;
+pub mod hosts;
 pub mod inspect;
 pub mod last_look;
+pub mod missing;
 pub mod place;
 pub mod prepare;
 pub mod programs;
@@ -12,3 +17,4 @@ pub mod second_look;
 pub mod shading;
 pub mod surfaces;
 pub mod texture;
+pub mod turns;

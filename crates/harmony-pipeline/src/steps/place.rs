@@ -1,19 +1,15 @@
-//! Placement of a level: items for the placement crate, its report, and the decorations' orientation question.
+//! Placement of a level: items for the placement crate, and its report.
 
 use std::sync::Arc;
 
 use harmony_catalogue::Trait;
-use harmony_imaging::sheet::{Cell, contact_sheet};
-use harmony_placement::{Item, LevelReport, ReviewAction, Traits, YawHint, place_level};
-use harmony_prompts::{FrontPanel, NamedObject, Occlusion, OrientQuestion};
-use harmony_roles::Picture;
+use harmony_placement::{Item, LevelReport, Traits, YawHint, place_level};
+use harmony_prompts::Occlusion;
 use harmony_scene::{
     Level, ObjectId, OpeningKind, Placement, Relations, Support, WallAffinity, WarningKind,
 };
-use image::{RgbImage, RgbaImage};
 use serde_json::{Value, json};
 
-use super::review;
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Left, Object, SceneState, is_flat};
 use crate::views;
@@ -123,6 +119,7 @@ fn item(level: Level, state: &SceneState, object: &Object) -> Option<Item> {
             may_stretch: object.is_modelled(),
             as_wide_as_deep: !is(Trait::Planar) && (o.size_m.width / o.size_m.depth - 1.0).abs() < 0.02,
             heavily_occluded: o.occlusion == Occlusion::Heavily,
+            size_doubted: object.size_doubted,
             has_front,
         },
         yaw,
@@ -130,59 +127,6 @@ fn item(level: Level, state: &SceneState, object: &Object) -> Option<Item> {
         detection: object.detection.score,
         label,
     })
-}
-
-/// Orientation correction of decorations (paper App. C; key `deco.orient`): four yaws of each on one sheet, one question. A turn that mask
-/// and depths contradict is refused.
-///
-/// # Errors
-/// Fatal role errors only.
-pub async fn orient_decorations(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
-    if !ctx.is_looked_at("orient") {
-        return Ok(());
-    }
-    let turning: Vec<usize> = (0..state.partial.placed.len())
-        .filter(|i| {
-            let p = &state.partial.placed[*i];
-            p.item.level == Level::Decoration && p.item.traits.has_front && !p.item.traits.soft
-        })
-        .collect();
-    if turning.is_empty() {
-        return Ok(());
-    }
-    let (shown, wanted) = (state.clone(), turning.clone());
-    let (sheet, objects) = ctx.computed(move || orientation_sheet(&shown, &wanted)).await?;
-    let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
-    let answer = ctx.ask("orient", OrientQuestion { objects }, vec![sheet]).await?;
-    for i in turning {
-        let object = state.partial.placed[i].item.id.clone();
-        let answered = answer.objects.iter().find(|o| o.id == object.as_str()).map(|o| o.front_panel);
-        let Some(panel) = answered.filter(|panel| *panel != FrontPanel::A) else { continue };
-        let action = ReviewAction::Rotate { object: object.clone(), by_deg: panel.yaw().to_degrees() };
-        let name = format!("A turn to panel {panel:?}");
-        if let Err(error) = review::try_on(ctx, state, vec![action], Some(object.clone()), &name).await? {
-            ctx.warn(WarningKind::ActionRefused, Some(object), format!("{name} cannot be tried: {error}"));
-        }
-    }
-    Ok(())
-}
-
-/// A row an object: the photo around it and four renders of the scene with it turned; and the objects shown.
-fn orientation_sheet(state: &SceneState, turning: &[usize]) -> (RgbImage, Vec<NamedObject>) {
-    let mut pictures: Vec<(String, RgbaImage)> = Vec::new();
-    let mut shown = Vec::new();
-    for i in turning {
-        let Item { id, label, .. } = &*state.partial.placed[*i].item;
-        let Some(window) = views::window_around(state, *i) else { continue };
-        pictures.push((format!("{id} photo"), views::photo_window(state, window)));
-        for (k, letter) in ["A", "B", "C", "D"].iter().enumerate() {
-            let turn = FrontPanel::ALL[k].yaw();
-            pictures.push((format!("{id} {letter}"), views::turned(state, *i, turn, window)));
-        }
-        shown.push(NamedObject { id: id.to_string(), about: label.clone() });
-    }
-    let cells: Vec<Cell<'_>> = pictures.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
-    (contact_sheet(&cells, 5, 240), shown)
 }
 
 /// Writes `placements.json` and the level's renders.

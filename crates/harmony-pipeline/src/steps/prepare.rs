@@ -66,7 +66,7 @@ pub async fn all(
         }
     }
     outcomes.sort_by(|a, b| id_of(a).cmp(id_of(b)));
-    ctx.write_json("detilt_results.json", &detilt)?;
+    ctx.write_json(&ctx.record("detilt_results.json"), &detilt)?;
     Ok(outcomes)
 }
 

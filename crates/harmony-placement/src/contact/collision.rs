@@ -28,6 +28,9 @@ const STEP: f64 = 0.6;
 /// Weight of an object that agrees with nothing, beside one that agrees with its mask: it moves first.
 const LEAST_WEIGHT: f64 = 0.03;
 
+/// How deep soft things may press into each other, share of the thinner one.
+const LEANING: f64 = 0.4;
+
 /// Share of a decoration's footprint that must still be on its host after a move.
 const STILL_SUPPORTED: f64 = 0.5;
 
@@ -49,9 +52,14 @@ fn tolerance(scene: &PartialScene, a: usize, b: usize, settings: &PlacementSetti
         return None;
     }
     let on_wall = |p: &Placed| p.item.level == Level::Wall;
-    // Curtains hang before windows.
+    // Curtains and blinds hang before windows.
     if on_wall(p) && on_wall(q) && (p.item.traits.hangs || q.item.traits.hangs) {
         return None;
+    }
+    if p.item.traits.soft && q.item.traits.soft {
+        // Pillows in a row lean on each other.
+        let thin = [p, q].map(|p| p.size().as_vec().min_element());
+        return Some(settings.noise.contact_soft.max(LEANING * thin[0].min(thin[1])));
     }
     if p.item.traits.soft || q.item.traits.soft {
         return Some(settings.noise.contact_soft);

@@ -28,6 +28,8 @@ pub struct Traits {
     pub as_wide_as_deep: bool,
     /// Much of it is hidden: the mask's size says nothing.
     pub heavily_occluded: bool,
+    /// Its size is far outside what its kind has: little is thought of it.
+    pub size_doubted: bool,
     /// It has a front that matters.
     pub has_front: bool,
 }

@@ -14,6 +14,10 @@ const SAME_SURFACE: f64 = 0.02;
 /// How far the surface may be from the level where the object is looked for, metres.
 const LEVEL_SLACK: f64 = 0.12;
 
+/// How deep in its host something may be that lies on it, metres; and the share of its footprint that must be.
+const SUNK: f64 = 0.25;
+const MOSTLY: f64 = 0.5;
+
 /// Rays along each side of a footprint.
 const FOOTPRINT_RAYS: usize = 4;
 
@@ -103,6 +107,12 @@ fn below(host: &Placed, x: f64, z: f64, from: f64) -> Below {
     if up || carries() { Below::Carries(height) } else { Below::Inside }
 }
 
+/// The lowest surface that carries something above a point inside of a host, if it is near.
+fn top_above(host: &Placed, x: f64, z: f64, from: f64) -> Option<f64> {
+    let heights = column(host, x, z, top_of(host)).into_iter().filter(|(_, carries)| *carries).map(|(height, _)| height);
+    heights.filter(|h| (from..from + SUNK).contains(h)).min_by(f64::total_cmp)
+}
+
 /// A height above all of a host, metres.
 fn top_of(host: &Placed) -> f64 {
     host.pose.position.y + reach(&host.item, &host.pose).1.y + 0.05
@@ -115,6 +125,7 @@ pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &Sur
     // Start above the level but under the next board.
     let from = query.level + LEVEL_SLACK.min(0.5 * query.object_height + 0.04);
     let mut found = Vec::new();
+    let mut above = Vec::new();
     let (mut rays, mut inside) = (0, 0);
     for i in 0..FOOTPRINT_RAYS {
         for j in 0..FOOTPRINT_RAYS {
@@ -123,15 +134,21 @@ pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &Sur
             rays += 1;
             match below(host, at.x, at.z, from) {
                 Below::Carries(h) if h >= query.level - LEVEL_SLACK => found.push(h),
-                Below::Inside => inside += 1,
+                Below::Inside => {
+                    inside += 1;
+                    above.extend(top_above(host, at.x, at.z, from));
+                }
                 _ => {}
             }
         }
     }
-    // What is inside of the host says nothing about its surface; collisions have their say there.
     if found.is_empty() {
-        return None;
+        // All of it is in the host: it lies on what is above it, as a pillow on the seat that it has sunk into.
+        let share = above.len() as f64 / f64::from(rays);
+        above.sort_by(f64::total_cmp);
+        return (share > MOSTLY).then(|| Surface { height: above[above.len() / 2], share });
     }
+    // Where a part is in the host (in a backrest) that says nothing about its surface; collisions have their say there.
     found.sort_by(f64::total_cmp);
     let share = found.len() as f64 / f64::from(rays - inside);
     let rank = if query.soft { found.len() / 2 } else { (found.len() * 9 / 10).min(found.len() - 1) };
@@ -248,13 +265,13 @@ mod back_tests {
             let layers = layers(&host_of(mesh), 0.25);
             layers.into_iter().map(|l| (l.height * 100.0).round()).collect::<Vec<_>>()
         };
-        // Nor is the inside of the mattress a place from which something falls onto its underside.
+        // Nor is the inside of the mattress a place from which something falls onto its underside: it lies on top.
         let bear = boxed(&scene, Vec3::new(0.2, 0.25, 0.2), Vec3::new(2.0, 0.4, 2.0), 0.0);
         let under = |level: f64| {
             let query = SurfaceQuery { level, object_height: 0.25, soft: false };
             surface_under(&host_of(bed.clone()), &bear, &Pose::new(Vec3::new(2.0, level, 2.0), 0.0, 1.0), &query)
         };
-        assert_eq!(under(0.4), None);
+        assert!(under(0.4).is_some_and(|s| (s.height - 0.6).abs() < 1e-6));
         assert!(under(0.58).is_some_and(|s| (s.height - 0.6).abs() < 1e-6 && s.share > 0.99));
         // A cushion that leans into the mattress from beside it stands on what is beside it.
         let query = SurfaceQuery { level: 0.15, object_height: 0.25, soft: false };

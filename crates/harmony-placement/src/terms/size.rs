@@ -60,13 +60,14 @@ impl NamedSize {
     /// The same in a scene of which the scale is an unknown of its own.
     pub(crate) fn of_item(item: &Item, noise: &Noise) -> Self {
         let (scale, stretch) = prior_scale(item, item.size);
+        let doubt = if item.traits.size_doubted { noise.size_doubted } else { 1.0 };
         let side = |i: usize| {
             let cord = item.level == Level::Ceiling && i == 1;
-            ((scale * stretch[i]).ln(), if cord { noise.size_cord } else { noise.size })
+            ((scale * stretch[i]).ln(), if cord { noise.size_cord } else { noise.size } * doubt)
         };
         let standard = standard_height(&item.label, item.size.height)
             .map(|(height, sigma)| ((height / item.shape.bounds().size().y.max(1e-6)).ln(), sigma));
-        Self { sides: std::array::from_fn(side), whole: (scale.ln(), noise.size), standard, set: None }
+        Self { sides: std::array::from_fn(side), whole: (scale.ln(), noise.size * doubt), standard, set: None }
     }
 
     /// Residuals in sigmas of a pose whose scale is multiplied by `exp(ln_scale)`, named sizes by `exp(ln_common)`.

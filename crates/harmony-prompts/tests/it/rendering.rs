@@ -55,17 +55,23 @@ fn all_kinds_are_among_the_samples() {
     kinds.dedup();
     let wanted = [
         "completed",
+        "counts",
         "fronts",
+        "groups",
+        "hosts",
         "inspect",
         "last_look",
         "layout",
         "lighting_review",
         "lights",
         "list",
+        "missing",
         "orient",
         "programs",
         "review",
         "second_look",
+        "sizes",
+        "turns",
     ];
     assert_eq!(kinds, wanted, "a new question needs a sample and its snapshots");
 }

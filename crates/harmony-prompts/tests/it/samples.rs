@@ -2,10 +2,11 @@
 
 use harmony_lighting::{LightingDelta, LightingVerdict};
 use harmony_prompts::{
-    CompletedQuestion, FoundObject, FrontsQuestion, InspectCandidate, InspectQuestion, KnownDepth, KnownObject,
-    LastLookQuestion, LayoutQuestion, LightingReviewQuestion, LightsQuestion, ListQuestion, ListedLight,
-    ModelledObject, NamedObject, OrientQuestion, PaintedObject, PlacedObject, ProgramsQuestion, Question,
-    ReviewQuestion, RoomSummary, RoomView, SecondLookQuestion, SeenObject, ToModel, UnaidedRoom, WithoutProgram,
+    CompletedQuestion, CountsQuestion, DoubtedSize, FoundObject, FrontsQuestion, GroupsQuestion, HostedObject,
+    HostsQuestion, InspectCandidate, InspectQuestion, KnownDepth, KnownObject, LastLookQuestion, LayoutQuestion,
+    LightingReviewQuestion, LightsQuestion, ListQuestion, ListedLight, MatchedSet, MissingQuestion, ModelledObject,
+    NamedObject, OrientQuestion, PaintedObject, PlacedObject, PresentDecoration, ProgramsQuestion, Question, ReviewQuestion, RoomSummary,
+    RoomView, SecondLookQuestion, SeenObject, SizesQuestion, ToModel, TurnedObject, TurnsQuestion, UnaidedRoom, WithoutProgram,
 };
 use harmony_scene::{
     Camera, Extents, ImageSize, Intrinsics, Level, Light, LightKind, Lighting, ObjectId, PixelBox, SceneCamera, Size,
@@ -163,10 +164,63 @@ pub fn questions() -> Vec<(String, Question)> {
     let painted = scene().into_iter().map(|object| PaintedObject { object, slots: vec!["oak".into(), "steel".into()] });
     let finding = "- desk_01: outline agreement 0.51, penetration 30 mm".to_owned();
     let measured = LightingDelta { verdict: LightingVerdict::Adjust, ..LightingDelta::default() };
-    let further: [(&str, Question); 10] = [
+    let further: [(&str, Question); 17] = [
         ("completed", CompletedQuestion { objects: named() }.into()),
         ("front", FrontsQuestion { objects: named() }.into()),
         ("orient", OrientQuestion { objects: named() }.into()),
+        (
+            "turns",
+            TurnsQuestion {
+                objects: vec![TurnedObject { id: id("desk_01"), about: "desk".into(), yaw_deg: 12.5 }],
+                step_deg: 15.0,
+            }
+            .into(),
+        ),
+        (
+            "sizes",
+            SizesQuestion {
+                objects: vec![DoubtedSize {
+                    id: id("stool_01"),
+                    kind: "stool".into(),
+                    answered: size(1.5, 0.5, 0.4),
+                    usual: [size(0.25, 0.4, 0.25), size(0.6, 0.8, 0.6)],
+                    apparent: Some(size(0.5, 0.55, 0.0)),
+                }],
+            }
+            .into(),
+        ),
+        (
+            "hosts",
+            HostsQuestion {
+                objects: vec![HostedObject {
+                    id: id("vase_01"),
+                    about: "vase".into(),
+                    current: Some(id("desk_01")),
+                    candidates: vec![id("desk_01"), id("window_01")],
+                }],
+            }
+            .into(),
+        ),
+        (
+            "groups",
+            GroupsQuestion {
+                sets: vec![MatchedSet { name: "stools".into(), members: vec![id("stool_02"), id("stool_01")] }],
+            }
+            .into(),
+        ),
+        (
+            "missing",
+            MissingQuestion {
+                room_type: "study".into(),
+                furniture: NamedObject { id: "desk_01".into(), about: "desk".into() },
+                present: vec![PresentDecoration { label: "vase".into(), bounds: [100.0, 200.0, 150.0, 320.0] }],
+            }
+            .into(),
+        ),
+        (
+            "counts",
+            CountsQuestion { room: room(), placed: scene(), unplaced: vec!["- chair_02: a fragment".into()] }.into(),
+        ),
         (
             "programs",
             ProgramsQuestion {

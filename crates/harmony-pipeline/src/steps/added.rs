@@ -1,0 +1,160 @@
+//! Things that a second look found in the photo after their level was placed: masked, checked against what is there,
+//! modelled or given the shape of one that looks just like them, and placed.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use harmony_roles::{Detection, SegmentPrompt, SegmentRequest};
+use harmony_scene::{Level, Mask, ObjectId, PixelBox, WarningKind};
+
+use super::{inspect, place, prepare, texture};
+use crate::before::Before;
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::state::{Left, Look, Object, SceneState};
+
+/// Overlap from which a box or mask shows what is in the scene already.
+const SAME: f64 = 0.5;
+/// Share of a mask that may belong to a placed object of its level.
+const TAKEN: f64 = 0.6;
+
+/// Something that the photo shows and the scene lacks.
+#[derive(Debug, Clone)]
+pub struct Wanted {
+    /// Box in the photo, with its label.
+    pub detection: Detection,
+    /// The object whose shape it has.
+    pub like: Option<ObjectId>,
+    /// What it rests on.
+    pub host: Option<ObjectId>,
+}
+
+/// A box in thousandths of the photo, in pixels.
+pub fn pixels(state: &SceneState, [x0, y0, x1, y1]: [f64; 4]) -> PixelBox {
+    let size = state.partial.camera.size;
+    let (kx, ky) = (f64::from(size.width) / 1000.0, f64::from(size.height) / 1000.0);
+    PixelBox { x0: x0 * kx, y0: y0 * ky, x1: x1 * kx, y1: y1 * ky }.clamped(size)
+}
+
+/// Adds what is wanted of a level; the ids of what was placed. `ctx` is that of a look within the level's phase.
+///
+/// # Errors
+/// Fatal role errors and unwritable files only; what cannot be added is left out with its reason.
+pub async fn all(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &mut SceneState,
+    wanted: Vec<Wanted>,
+) -> Result<Vec<ObjectId>, PhaseError> {
+    let wanted: Vec<Wanted> = wanted.into_iter().filter(|w| !is_there(state, level, w)).collect();
+    if wanted.is_empty() {
+        return Ok(Vec::new());
+    }
+    let found = masked(ctx, level, state, wanted).await?;
+    let (mut copies, mut new) = (Vec::new(), Vec::new());
+    for (object, like) in found {
+        match like.and_then(|like| state.objects.get(&like)).cloned() {
+            Some(like) => copies.push(copy_of(&like, object)),
+            None => new.push(object),
+        }
+    }
+    let mut order = Vec::new();
+    if !new.is_empty() {
+        let shown = Arc::new(state.clone());
+        let before = Before { state: Arc::clone(&shown), found: Vec::new() };
+        let inspection = inspect::all(ctx, level, &before, new).await?;
+        state.left.extend(inspection.left);
+        state.rejected.extend(inspection.rejected);
+        order = inspection.order;
+        for outcome in prepare::all(ctx, level, &shown, inspection.objects).await? {
+            match outcome {
+                Ok(object) => copies.push(object),
+                Err((object, reason)) => {
+                    state.left.push(Left { name: object.id.to_string(), phase: ctx.phase, reason });
+                    state.rejected.push((object.detection.label, object.mask));
+                }
+            }
+        }
+    }
+    let mut ids = Vec::new();
+    for mut object in copies {
+        object.index = state.next_index;
+        state.next_index += 1;
+        harmony_io::save_mask(&ctx.file(&format!("masks/{}.png", object.id))?, &object.mask)?;
+        ids.push(object.id.clone());
+        state.objects.insert(object.id.clone(), object);
+    }
+    if !ids.is_empty() {
+        place::in_order(ctx, level, state, ids.clone(), &order).await?;
+        texture::level(ctx, state, level).await?;
+    }
+    ids.retain(|id| state.partial.find(id).is_some());
+    Ok(ids)
+}
+
+/// Whether a placed object of the level is what a box shows.
+fn is_there(state: &SceneState, level: Level, wanted: &Wanted) -> bool {
+    let of_level = state.partial.placed.iter().filter(|p| p.item.level == level);
+    of_level.filter_map(|p| p.item.mask.bounds()).any(|b| b.iou(&wanted.detection.bounds) >= SAME)
+}
+
+/// Objects with masks and ids of their own, each with the one that it looks like.
+async fn masked(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &SceneState,
+    wanted: Vec<Wanted>,
+) -> Result<Vec<(Object, Option<ObjectId>)>, PhaseError> {
+    let prompt = |(i, w): (usize, &Wanted)| SegmentPrompt {
+        key: format!("{i:03}"),
+        label: w.detection.label.clone(),
+        bounds: w.detection.bounds,
+        outline: None,
+    };
+    let prompts = wanted.iter().enumerate().map(prompt).collect();
+    let request = SegmentRequest { name: ctx.call("segment"), image: state.photo.clone(), prompts };
+    let masks = ctx.calls.segment(&request).await?;
+    let mut taken: BTreeSet<ObjectId> = state.objects.keys().cloned().collect();
+    let mut found: Vec<(Object, Option<ObjectId>)> = Vec::new();
+    for (wanted, segmented) in wanted.into_iter().zip(masks) {
+        let label = wanted.detection.label.clone();
+        if let Some(reason) = not_new(ctx, level, state, &segmented.mask) {
+            ctx.warn(WarningKind::ObjectDropped, None, format!("a {label} that a second look named: {reason}"));
+            continue;
+        }
+        let mut number = 0;
+        let id = loop {
+            number += 1;
+            let id = ObjectId::numbered(&label, number);
+            if taken.insert(id.clone()) {
+                break id;
+            }
+        };
+        let object = Object::found(id, level, wanted.detection, segmented.mask);
+        found.push((Object { mask_score: segmented.score, host_hint: wanted.host, ..object }, wanted.like));
+    }
+    Ok(found)
+}
+
+/// Why a mask shows nothing new.
+fn not_new(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState, mask: &Mask) -> Option<&'static str> {
+    let area = mask.count() as f64;
+    if area < (ctx.settings.filters.min_area * mask.size().pixels() as f64).max(4.0) {
+        return Some("hardly a pixel of it is seen");
+    }
+    let taken = |p: &harmony_placement::Placed| p.item.mask.and(mask).count() as f64 > TAKEN * area;
+    let of_level = state.partial.placed.iter().filter(|p| p.item.level == level);
+    of_level.into_iter().any(taken).then_some("its pixels are those of something that is placed")
+}
+
+/// An object with the shape of another, and what was said about that.
+fn copy_of(like: &Object, object: Object) -> Object {
+    let mut said = like.said.clone();
+    said.id = object.id.to_string();
+    said.on_top_of = object.host_hint.as_ref().map(ToString::to_string);
+    (said.in_front_of, said.behind) = (None, None);
+    let mut model = like.model.clone();
+    if let Some(model) = &mut model {
+        model.source = format!("copy of {}: {}", like.id, model.source);
+    }
+    Object { said, model, look: Look::default(), ..object }
+}

@@ -1,0 +1,86 @@
+//! Kinds counted in photo and scene after the last level: what is missing is added by reuse or made new, what is too much
+//! is taken out where the evidence allows.
+
+use std::sync::Arc;
+
+use harmony_imaging::sheet::ruled_window;
+use harmony_placement::ReviewAction;
+use harmony_prompts::{CountedKind, CountsQuestion};
+use harmony_roles::{Detection, Picture};
+use harmony_scene::{Level, ObjectId, PixelBox};
+use serde_json::json;
+
+use super::added::{self, Wanted};
+use super::review;
+use crate::Phase;
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::settings::Questions;
+use crate::state::SceneState;
+use crate::views;
+
+/// Longest side of the pictures, pixels.
+const LONGEST: u32 = 1200;
+
+/// Counts once, and mends what the counts say.
+///
+/// # Errors
+/// Fatal role errors and unwritable files only.
+pub async fn settle(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
+    if ctx.settings.questions != Questions::Paper || !ctx.is_looked_at("counts") {
+        return Ok(());
+    }
+    ctx.step("counting");
+    let question = CountsQuestion {
+        room: views::room_summary(state),
+        placed: state.partial.placed.iter().map(views::placed_object).collect(),
+        unplaced: state.left.iter().map(|left| format!("- {}: {}", left.name, left.reason)).collect(),
+    };
+    let shown = state.clone();
+    let pictures = ctx
+        .computed(move || {
+            let size = shown.partial.camera.size;
+            let whole = PixelBox { x0: 0.0, y0: 0.0, x1: f64::from(size.width), y1: f64::from(size.height) };
+            let scene = views::marked(&shown, |_| true);
+            [
+                ("IMAGE 1: the photo", ruled_window(&shown.photo, whole, LONGEST)),
+                ("IMAGE 2: the reconstruction with ids", scene),
+            ]
+            .map(|(caption, image)| Picture { caption: caption.into(), image: Arc::new(image) })
+        })
+        .await?;
+    let answer = ctx.ask("counts", question, pictures.to_vec()).await?;
+    let mut surplus = Vec::new();
+    for id in answer.kinds.iter().flat_map(|kind| &kind.surplus).filter_map(|id| ObjectId::new(id).ok()) {
+        let remove = vec![ReviewAction::Remove { object: id.clone() }];
+        let tried = review::try_on(ctx, state, remove, Some(id.clone()), "Removal of one too many").await?;
+        let kept = tried.as_ref().is_ok_and(|verdict| verdict.kept);
+        let reason = tried.map_or_else(|error| error.to_string(), |verdict| verdict.reason);
+        surplus.push(json!({ "id": id, "removed": kept, "reason": reason }));
+    }
+    let mut placed = Vec::new();
+    for level in Level::ALL {
+        let wanted: Vec<Wanted> =
+            answer.kinds.iter().filter(|kind| kind.level == level).flat_map(|kind| wanted(state, kind)).collect();
+        placed.extend(added::all(&ctx.inside(Phase::Objects(level), "counts"), level, state, wanted).await?);
+    }
+    ctx.write_json("counts.json", &json!({ "counts": answer, "surplus": surplus, "added": placed }))
+}
+
+fn wanted(state: &SceneState, kind: &CountedKind) -> Vec<Wanted> {
+    let label = kind.kind.trim().to_lowercase();
+    let id = |text: &Option<String>| text.as_deref().and_then(|text| ObjectId::new(text).ok());
+    kind.missing
+        .iter()
+        .map(|missing| Wanted {
+            detection: Detection {
+                label: label.clone(),
+                phrase: label.clone(),
+                bounds: added::pixels(state, missing.bounds),
+                score: None,
+                outline: None,
+            },
+            like: id(&missing.like),
+            host: id(&missing.host),
+        })
+        .collect()
+}

@@ -1,0 +1,90 @@
+//! Matched sets in the photo's left-to-right order: members exchange places, and what is missing is added with the shape of one
+//! that is there. Paper App. C "Matched-group reordering" (key `group.swap`).
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use harmony_imaging::sheet::ruled_window;
+use harmony_placement::ReviewAction;
+use harmony_prompts::{GroupsQuestion, MatchedSet};
+use harmony_roles::{Detection, Picture};
+use harmony_scene::{Level, ObjectId, PixelBox};
+use serde_json::json;
+
+use super::added::{self, Wanted};
+use super::review;
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::settings::Questions;
+use crate::state::SceneState;
+use crate::views;
+
+/// Longest side of the pictures, pixels.
+const LONGEST: u32 = 1200;
+
+/// Asks about the sets of a level, and mends their order.
+///
+/// # Errors
+/// Fatal role errors and unwritable files only.
+pub async fn order(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> Result<(), PhaseError> {
+    let sets = sets(state, level);
+    if ctx.settings.questions != Questions::Paper || sets.is_empty() || !ctx.is_looked_at("groups") {
+        return Ok(());
+    }
+    ctx.step("order within matched sets");
+    let (shown, asked) = (state.clone(), sets.clone());
+    let pictures = ctx
+        .computed(move || {
+            let size = shown.partial.camera.size;
+            let whole = PixelBox { x0: 0.0, y0: 0.0, x1: f64::from(size.width), y1: f64::from(size.height) };
+            let scene = views::marked(&shown, |id| asked.iter().any(|set| set.members.contains(id)));
+            [
+                ("IMAGE 1: the photo", ruled_window(&shown.photo, whole, LONGEST)),
+                ("IMAGE 2: the reconstruction", ruled_window(&scene, whole, LONGEST)),
+            ]
+            .map(|(caption, image)| Picture { caption: caption.into(), image: Arc::new(image) })
+        })
+        .await?;
+    let answer = ctx.ask("groups", GroupsQuestion { sets }, pictures.to_vec()).await?;
+    let mut swaps = Vec::new();
+    for swap in &answer.swaps {
+        let (Ok(object), Ok(with)) = (ObjectId::new(&swap.id), ObjectId::new(&swap.with)) else { continue };
+        let action = vec![ReviewAction::Swap { object: object.clone(), with }];
+        let tried = review::try_on(ctx, state, action, Some(object), "A swap within a set").await?;
+        let kept = tried.as_ref().is_ok_and(|verdict| verdict.kept);
+        let reason = tried.map_or_else(|error| error.to_string(), |verdict| verdict.reason);
+        swaps.push(json!({ "asked": swap, "kept": kept, "reason": reason }));
+    }
+    let missing: Vec<Wanted> = answer
+        .missing
+        .iter()
+        .filter_map(|missing| {
+            let like = ObjectId::new(&missing.like).ok()?;
+            let object = state.objects.get(&like)?;
+            let bounds = added::pixels(state, missing.bounds);
+            let detection = Detection { bounds, score: None, outline: None, ..object.detection.clone() };
+            let host = state.partial.find(&like)?.item.relations.on_top_of.clone();
+            Some(Wanted { detection, like: Some(like), host })
+        })
+        .collect();
+    let added = added::all(&ctx.inside(ctx.phase, "groups"), level, state, missing).await?;
+    ctx.write_json("groups.json", &json!({ "swaps": swaps, "added": added }))
+}
+
+/// The sets of a level with at least two placed members, each from left to right in the photo.
+fn sets(state: &SceneState, level: Level) -> Vec<MatchedSet> {
+    let mut sets: BTreeMap<&str, Vec<(f64, &ObjectId)>> = BTreeMap::new();
+    for placed in state.partial.placed.iter().filter(|p| p.item.level == level) {
+        let name = placed.item.relations.matched_set.as_deref().filter(|name| !name.trim().is_empty());
+        let across = state.partial.camera.project(placed.pose.position).map_or(0.0, |p| p.x);
+        if let Some(name) = name {
+            sets.entry(name).or_default().push((across, &placed.item.id));
+        }
+    }
+    sets.into_iter()
+        .filter(|(_, members)| members.len() > 1)
+        .map(|(name, mut members)| {
+            members.sort_by(|a, b| a.0.total_cmp(&b.0));
+            MatchedSet { name: name.to_owned(), members: members.into_iter().map(|(_, id)| id.clone()).collect() }
+        })
+        .collect()
+}
