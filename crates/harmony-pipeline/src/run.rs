@@ -202,11 +202,7 @@ impl Stage<'_> {
     }
 
     /// Places the levels in order; the state after the last that succeeded, and whether that is the last one.
-    async fn levels(
-        &mut self,
-        graph: &Graph<'_>,
-        mut state: SceneState,
-    ) -> Result<(SceneState, bool), RunError> {
+    async fn levels(&mut self, graph: &Graph<'_>, mut state: SceneState) -> Result<(SceneState, bool), RunError> {
         for (level, phase) in graph.phases().enumerate() {
             let placed = Box::pin(self.phase(phase, graph.place(level, state.clone()))).await;
             match placed {
@@ -340,7 +336,11 @@ fn report_phases(file: &RunFile, state: &SceneState) -> Vec<harmony_viewer::Phas
                 PhaseState::Running => harmony_viewer::PhaseStatus::Pending,
             },
             seconds: file.bill.by_phase.get(name).map_or(0.0, |line| line.latency_ms as f64 / 1000.0),
-            outcome: if entry.state == PhaseState::Done { brought(Phase::of_folder(name), state) } else { entry.outcome.clone() },
+            outcome: if entry.state == PhaseState::Done {
+                brought(Phase::of_folder(name), state)
+            } else {
+                entry.outcome.clone()
+            },
         })
         .collect()
 }

@@ -36,7 +36,6 @@ mod scene;
 mod settings;
 mod solve;
 mod stats;
-mod swaps;
 mod terms;
 #[cfg(test)]
 mod testing;
@@ -47,9 +46,8 @@ pub use measure::measure;
 pub use noise::Noise;
 pub use observe::may_be_seen;
 pub use order::{OrderEntry, OrderReport, placement_order};
-pub use review::{ActionError, ReviewAction, ReviewOutcome, Verdict, apply, judge, reshape};
+pub use review::{ActionError, ReviewAction, ReviewOutcome, Verdict, apply, energy_change, judge, reshape};
 pub use scene::{Energy, Evidence, Item, PartialScene, Placed, RoomPoints, Shape, Spread, Traits, YawHint};
 pub use settings::PlacementSettings;
 pub use solve::formulas::{angular_size, corrected_depth, front_surface_depth, lateral_shift, metric_scale};
 pub use solve::joint::{GlobalReport, refine_globally};
-pub use swaps::color_swaps;

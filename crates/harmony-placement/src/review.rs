@@ -84,11 +84,6 @@ pub enum ReviewAction {
         /// The object.
         object: ObjectId,
     },
-    /// Place the level again in this order.
-    Reorder {
-        /// Ids in the new order.
-        order: Vec<ObjectId>,
-    },
 }
 
 /// Why an action could not even be tried.
@@ -130,9 +125,6 @@ pub enum ActionError {
         /// The other.
         b: ObjectId,
     },
-    /// The action is not one that a scene change can express (reorder: place the level again).
-    #[error("this action needs the level to be placed again")]
-    NeedsPlacement,
 }
 
 /// The judgement of an action.
@@ -294,7 +286,6 @@ fn step(outcome: &mut ReviewOutcome, action: &ReviewAction, settings: &Placement
             after.placed.retain(|p| !gone.contains(&p.item.id));
             removed.extend(gone);
         }
-        ReviewAction::Reorder { .. } => return Err(ActionError::NeedsPlacement),
     }
     Ok(())
 }
@@ -501,7 +492,6 @@ fn exchange(scene: &mut PartialScene, i: usize, j: usize, settings: &PlacementSe
         let there = &place.item;
         let mut item = (*own.item).clone();
         item.mask = Arc::clone(&there.mask);
-        item.mean_color = there.mean_color;
         item.detection = there.detection;
         item.placement = there.placement;
         item.host_candidates.clone_from(&there.host_candidates);
@@ -640,6 +630,14 @@ pub fn judge(before: &PartialScene, after: &ReviewOutcome, settings: &PlacementS
         penetration_before_m: deepest(&earlier),
         penetration_after_m: deepest(&after.evidence),
     }
+}
+
+/// Compares two placements of the same objects.
+///
+/// Negative: the second one explains more, nats.
+pub fn energy_change(before: &PartialScene, after: &PartialScene, settings: &PlacementSettings) -> f64 {
+    let of = |scene: &PartialScene| total(&scene_energy(scene, settings)) + penetration(scene, settings);
+    of(after) - of(before)
 }
 
 /// The name of a term, and the term.

@@ -80,7 +80,6 @@ pub(crate) fn boxed(scene: &PartialScene, size: Vec3, position: Vec3, yaw: f64) 
         host_candidates: Vec::new(),
         traits: Traits::default(),
         yaw: YawHint::Unknown,
-        mean_color: None,
         detection: None,
     }
 }

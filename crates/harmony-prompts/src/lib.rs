@@ -20,6 +20,7 @@ mod meshes;
 mod missing;
 mod programs;
 mod question;
+mod reorder;
 mod review;
 mod sizes;
 mod subjects;
@@ -52,6 +53,7 @@ pub use programs::{
     SecondLookQuestion, ToModel, WithoutProgram,
 };
 pub use question::{Ask, Question};
+pub use reorder::{ReorderAnswer, ReorderQuestion};
 pub use review::{ReviewActionAnswer, ReviewActionKind, ReviewAnswer, ReviewQuestion};
 pub use sizes::{DoubtedSize, SizesAnswer, SizesObject, SizesQuestion};
 pub use subjects::{FoundObject, KnownObject, NamedObject, PlacedObject, RoomSummary};

@@ -7,7 +7,8 @@ use serde_json::Value;
 use crate::{
     CompletedQuestion, CountsQuestion, FrontsQuestion, GroupsQuestion, HostsQuestion, InspectQuestion,
     LastLookQuestion, LayoutQuestion, LightingReviewQuestion, LightsQuestion, ListQuestion, MissingQuestion,
-    OrientQuestion, ProgramsQuestion, ReviewQuestion, SecondLookQuestion, SizesQuestion, TurnsQuestion,
+    OrientQuestion, ProgramsQuestion, ReorderQuestion, ReviewQuestion, SecondLookQuestion, SizesQuestion,
+    TurnsQuestion,
 };
 
 /// One kind of question: its fields are all that is asked about, and everything else follows from them.
@@ -100,6 +101,7 @@ questions! {
     Counts(CountsQuestion),
     Programs(ProgramsQuestion),
     SecondLook(SecondLookQuestion),
+    Reorder(ReorderQuestion),
     Review(ReviewQuestion),
     Lights(LightsQuestion),
     LightingReview(LightingReviewQuestion),

@@ -361,7 +361,14 @@ mod tests {
                 let wanted = InspectQuestion { with_models: false, ..inspect.clone() };
                 assert_eq!(read_of(&inspect.into()), wanted.into());
             }
-            let review = ReviewQuestion { level, room: study(), placed: rows(), unplaced: vec![], findings: vec![], tried: vec![] };
+            let review = ReviewQuestion {
+                level,
+                room: study(),
+                placed: rows(),
+                unplaced: vec![],
+                findings: vec![],
+                tried: vec![],
+            };
             assert_eq!(read_of(&review.clone().into()), review.into());
         }
     }

@@ -34,7 +34,8 @@ impl Oracle {
         let objects = question.objects.iter().filter_map(|asked| {
             let object = self.known(asked.id.as_str())?;
             let Support::Object { id } = &object.support else { return None };
-            let right = asked.candidates.iter().find(|c| self.known(c.as_str()).is_some_and(|o| o.id == id.as_str()))?;
+            let right =
+                asked.candidates.iter().find(|c| self.known(c.as_str()).is_some_and(|o| o.id == id.as_str()))?;
             let wrong = asked.current.as_ref() != Some(right) && self.notices(&format!("host of {}", object.id));
             let reason = "it stands there in the photo".to_owned();
             wrong.then(|| HostsObject { id: asked.id.to_string(), host: right.to_string(), reason })
@@ -63,11 +64,8 @@ impl Oracle {
         let across = |o: &TruthObject| self.room.camera.project(o.position).map_or(0.0, |p| p.x);
         for set in &question.sets {
             // Ids as they are placed from left to right, beside where each belongs.
-            let mut order: Vec<(&str, f64)> = set
-                .members
-                .iter()
-                .filter_map(|id| Some((id.as_str(), across(self.known(id.as_str())?))))
-                .collect();
+            let mut order: Vec<(&str, f64)> =
+                set.members.iter().filter_map(|id| Some((id.as_str(), across(self.known(id.as_str())?)))).collect();
             for i in 0..order.len() {
                 let least = (i..order.len()).min_by(|a, b| order[*a].1.total_cmp(&order[*b].1)).unwrap_or(i);
                 if least != i && self.notices(&format!("order of {} {}", set.name, order[i].0)) {

@@ -160,7 +160,8 @@ fn from_box(ctx: &PhaseCtx<'_>, found: RoomBox) -> Found {
     }
     if found.confidence < 0.35 {
         let confidence = found.confidence;
-        let message = format!("room and camera are a guess (confidence {confidence:.2}): little in the photo fixes them");
+        let message =
+            format!("room and camera are a guess (confidence {confidence:.2}): little in the photo fixes them");
         ctx.warn(WarningKind::LowConfidence, None, message);
     }
     let e = &found.evidence;

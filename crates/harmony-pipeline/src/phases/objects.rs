@@ -14,7 +14,8 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Left, Object, SceneState};
 use crate::steps::inspect::Inspection;
 use crate::steps::{
-    counts, detect, groups, hosts, inspect, place, prepare, programs, review, second_look, shading, surfaces, texture, turns,
+    counts, detect, groups, hosts, inspect, place, prepare, programs, review, second_look, shading, surfaces, texture,
+    turns,
 };
 
 /// A level that can be placed.
@@ -62,7 +63,8 @@ pub async fn inspect(
     before: &Before,
 ) -> Result<Inspected, PhaseError> {
     let filtered = found.dropped.iter();
-    let left = filtered.map(|d| Left { name: d.label.clone(), phase: ctx.phase, reason: d.reason.clone().into() }).collect();
+    let left =
+        filtered.map(|d| Left { name: d.label.clone(), phase: ctx.phase, reason: d.reason.clone().into() }).collect();
     let rejected = found.rejected.clone();
     let named = detect::name(ctx, level, found, before)?;
     let candidates = named.len();

@@ -88,9 +88,9 @@ fn doubted(state: &SceneState) -> Vec<HostedObject> {
             candidates.truncate(MOST_HOSTS);
             let named = &p.item.relations.on_top_of;
             let label = |id: &ObjectId| state.partial.find(id).map(|q| q.item.label.as_str());
-            let twins = current.as_ref().is_some_and(|now| {
-                candidates.iter().any(|other| other != now && label(other) == label(now))
-            });
+            let twins = current
+                .as_ref()
+                .is_some_and(|now| candidates.iter().any(|other| other != now && label(other) == label(now)));
             let poor = p.evidence.silhouette_iou.is_some_and(|iou| iou < POOR_IOU) && !p.item.traits.heavily_occluded;
             let elsewhere = named.is_some() && *named != current;
             (candidates.len() > 1 && (twins || poor || elsewhere || named.is_none())).then(|| HostedObject {

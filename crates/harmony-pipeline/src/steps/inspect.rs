@@ -115,8 +115,10 @@ async fn ask_sizes(ctx: &PhaseCtx<'_>, before: &Before, objects: &mut [Object]) 
     for object in objects.iter_mut().filter(|object| is_unusual(object)) {
         object.size_doubted = true;
         let Size { width, height, depth } = object.size();
-        let message =
-            format!("size {width:.2} x {height:.2} x {depth:.2} m is unusual for a {}: it is doubted", object.said.kind);
+        let message = format!(
+            "size {width:.2} x {height:.2} x {depth:.2} m is unusual for a {}: it is doubted",
+            object.said.kind
+        );
         ctx.warn(WarningKind::LowConfidence, Some(object.id.clone()), message);
     }
     Ok(())

@@ -138,8 +138,7 @@ fn pictures(state: &SceneState, index: usize, own: PixelBox) -> Vec<Picture> {
         })
         .collect();
     let crop = ruled_window(&draw_boxes(&state.photo, &boxes), window, CROP_PX);
-    let mut pictures =
-        vec![Picture { caption: "IMAGE 1: the photo around the piece".into(), image: Arc::new(crop) }];
+    let mut pictures = vec![Picture { caption: "IMAGE 1: the photo around the piece".into(), image: Arc::new(crop) }];
     if let Some(alone) = views::alone(state, index, window) {
         pictures.push(Picture { caption: "IMAGE 2: the piece alone".into(), image: Arc::new(alone) });
     }

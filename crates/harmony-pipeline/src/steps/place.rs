@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use harmony_catalogue::Trait;
-use harmony_placement::{Item, LevelReport, Traits, YawHint, place_level};
-use harmony_prompts::Occlusion;
-use harmony_scene::{
-    Level, ObjectId, OpeningKind, Placement, Relations, Support, WallAffinity, WarningKind,
-};
+use harmony_placement::{Collision, Item, LevelReport, PartialScene, Traits, YawHint, energy_change, place_level};
+use harmony_prompts::{Occlusion, ReorderQuestion};
+use harmony_roles::Picture;
+use harmony_scene::{Level, ObjectId, OpeningKind, Placement, Relations, Support, WallAffinity, WarningKind};
 use serde_json::{Value, json};
 
 use crate::ctx::{PhaseCtx, PhaseError};
+use crate::settings::Questions;
 use crate::state::{Left, Object, SceneState, is_flat};
 use crate::views;
 
@@ -27,15 +27,12 @@ pub async fn in_order(
 ) -> Result<LevelReport, PhaseError> {
     let items: Vec<Item> =
         objects.iter().filter_map(|id| state.objects.get(id)).filter_map(|object| item(level, state, object)).collect();
-    let mut partial = state.partial.clone();
-    let settings = ctx.settings.placement.clone();
-    let order = order.to_vec();
-    let (partial, report) = tokio::task::spawn_blocking(move || {
-        let report = place_level(&mut partial, items, Some(&order), &settings);
-        (partial, report)
-    })
-    .await
-    .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
+    let (mut partial, mut report) = placed(ctx, &state.partial, items.clone(), order).await?;
+    if !report.unresolved.is_empty()
+        && let Some((other, again)) = in_another_order(ctx, level, state, (&partial, &report), items).await?
+    {
+        (partial, report) = (other, again);
+    }
     state.take(partial);
     for warning in &report.warnings {
         ctx.warn(warning.kind, warning.object.clone(), warning.message.clone());
@@ -52,6 +49,66 @@ pub async fn in_order(
         );
     }
     Ok(report)
+}
+
+async fn placed(
+    ctx: &PhaseCtx<'_>,
+    before: &PartialScene,
+    items: Vec<Item>,
+    order: &[ObjectId],
+) -> Result<(PartialScene, LevelReport), PhaseError> {
+    let (mut partial, settings, order) = (before.clone(), ctx.settings.placement.clone(), order.to_vec());
+    ctx.computed(move || {
+        let report = place_level(&mut partial, items, Some(&order), &settings);
+        (partial, report)
+    })
+    .await
+}
+
+/// When a collision persists the model revises the placement order (paper Sec. 3.3), and the level is placed again from the
+/// scene before it; `None` when that is no better.
+async fn in_another_order(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &SceneState,
+    (partial, report): (&PartialScene, &LevelReport),
+    items: Vec<Item>,
+) -> Result<Option<(PartialScene, LevelReport)>, PhaseError> {
+    if ctx.settings.questions != Questions::Paper || !ctx.is_looked_at("reorder") {
+        return Ok(None);
+    }
+    let mut shown = state.clone();
+    shown.take(partial.clone());
+    let collision = |c: &Collision| format!("- {} and {}: {:.0} mm", c.a, c.b, c.penetration * 1000.0);
+    let question = ReorderQuestion {
+        level,
+        room: views::room_summary(&shown),
+        placed: partial.placed.iter().map(views::placed_object).collect(),
+        order: report.objects.iter().map(|o| o.id.clone()).collect(),
+        collisions: report.unresolved.iter().map(collision).collect(),
+    };
+    let picture = ctx.computed(move || views::marked(&shown, |_| true)).await?;
+    let pictures = vec![
+        Picture { caption: "IMAGE 1: the photo".into(), image: state.photo.clone() },
+        Picture { caption: "IMAGE 2: the reconstruction".into(), image: Arc::new(picture) },
+    ];
+    let answer = ctx.ask("reorder", question, pictures).await?;
+    let order: Vec<ObjectId> = answer.placement_order.iter().filter_map(|id| ObjectId::new(id).ok()).collect();
+    if order.is_empty() {
+        return Ok(None);
+    }
+    let (other, again) = placed(ctx, &state.partial, items, &order).await?;
+    let change = energy_change(partial, &other, &ctx.settings.placement);
+    let fewer = again.unresolved.len() <= report.unresolved.len();
+    let kept = change < 0.0 && fewer && again.dropped.len() <= report.dropped.len();
+    ctx.write_json(
+        &ctx.record("reorder.json"),
+        &json!({
+            "asked": answer, "kept": kept, "energy_change": change,
+            "collisions_before": report.unresolved.len(), "collisions_after": again.unresolved.len(),
+        }),
+    )?;
+    Ok(kept.then_some((other, again)))
 }
 
 /// What placement needs to know about a modelled object.
@@ -80,8 +137,6 @@ fn item(level: Level, state: &SceneState, object: &Object) -> Option<Item> {
         Some(deg) => YawHint::About(deg.to_radians()),
         None => YawHint::Unknown,
     };
-    let mean = harmony_imaging::color::median_color(&state.photo, &object.mask)
-        .map(harmony_imaging::color::linear_from_rgb8);
     let hosts = if level == Level::Decoration {
         state
             .partial
@@ -123,7 +178,6 @@ fn item(level: Level, state: &SceneState, object: &Object) -> Option<Item> {
             has_front,
         },
         yaw,
-        mean_color: mean,
         detection: object.detection.score,
         label,
     })

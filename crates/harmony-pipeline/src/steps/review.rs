@@ -116,7 +116,8 @@ fn findings(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState) -> Vec<String>
         })
         .collect();
     let member = |id: &ObjectId| state.partial.find(id).is_some_and(|p| p.item.level == level);
-    let pairs = collisions(&state.partial, &ctx.settings.placement).into_iter().filter(|c| member(&c.a) || member(&c.b));
+    let pairs =
+        collisions(&state.partial, &ctx.settings.placement).into_iter().filter(|c| member(&c.a) || member(&c.b));
     found.extend(
         pairs
             .filter(|c| c.penetration > DEEP)
@@ -230,7 +231,8 @@ fn in_words(a: &ReviewActionAnswer) -> String {
 
 /// The objects that actions name, as the scene has them.
 fn shown(state: &SceneState, answers: &[&ReviewActionAnswer]) -> Value {
-    let named: BTreeSet<&str> = answers.iter().flat_map(|a| std::iter::once(&a.id).chain(&a.other)).map(String::as_str).collect();
+    let named: BTreeSet<&str> =
+        answers.iter().flat_map(|a| std::iter::once(&a.id).chain(&a.other)).map(String::as_str).collect();
     let row = |p: &Placed| {
         json!({
             "id": p.item.id, "position": p.pose.position.to_array(), "yaw_deg": p.pose.yaw.to_degrees().rem_euclid(360.0),
@@ -326,13 +328,12 @@ fn typed(state: &SceneState, a: &ReviewActionAnswer) -> Result<ReviewAction, Str
         ReviewActionKind::Rotate => {
             ReviewAction::Rotate { object, by_deg: a.angle_deg.ok_or_else(|| needs("angle_deg"))? }
         }
-        ReviewActionKind::Rescale => {
-            ReviewAction::Rescale { object, factor: a.factor.ok_or_else(|| needs("factor"))? }
-        }
+        ReviewActionKind::Rescale => ReviewAction::Rescale { object, factor: a.factor.ok_or_else(|| needs("factor"))? },
         ReviewActionKind::Swap => ReviewAction::Swap { object, with: other()? },
         ReviewActionKind::Rehost => ReviewAction::Rehost { object, host: other()? },
         ReviewActionKind::Add => {
-            let like = state.partial.find(&object).ok_or_else(|| format!("there is no object {object} in the scene"))?;
+            let like =
+                state.partial.find(&object).ok_or_else(|| format!("there is no object {object} in the scene"))?;
             let yaw_deg = a.angle_deg.unwrap_or(like.pose.yaw.to_degrees());
             ReviewAction::Add { like: object, at_m: a.position_m.ok_or_else(|| needs("position_m"))?, yaw_deg }
         }

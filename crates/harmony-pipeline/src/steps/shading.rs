@@ -16,7 +16,8 @@ use crate::views;
 /// # Errors
 /// Only that of a computation that broke.
 pub async fn everything(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
-    let any = |id: &ObjectId| state.objects.get(id).and_then(|o| o.model.as_ref()).is_some_and(|m| !m.said_slots.is_empty());
+    let any =
+        |id: &ObjectId| state.objects.get(id).and_then(|o| o.model.as_ref()).is_some_and(|m| !m.said_slots.is_empty());
     if !state.partial.placed.iter().any(|p| any(&p.item.id)) {
         return Ok(());
     }

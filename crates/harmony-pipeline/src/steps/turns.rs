@@ -44,8 +44,7 @@ pub async fn quarters(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), 
     if turning.is_empty() {
         return Ok(());
     }
-    let panels: Vec<(String, f64)> =
-        FrontPanel::ALL.iter().map(|panel| (format!("{panel:?}"), panel.yaw())).collect();
+    let panels: Vec<(String, f64)> = FrontPanel::ALL.iter().map(|panel| (format!("{panel:?}"), panel.yaw())).collect();
     let (shown, wanted) = (state.clone(), turning.clone());
     let (sheet, objects) = ctx.computed(move || sheet(&shown, &wanted, &panels)).await?;
     let objects = objects.into_iter().map(|o| NamedObject { id: o.id.to_string(), about: o.about }).collect();

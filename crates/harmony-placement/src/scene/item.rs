@@ -71,8 +71,6 @@ pub struct Item {
     pub traits: Traits,
     /// What is known of the yaw.
     pub yaw: YawHint,
-    /// Mean linear RGB of its pixels, for swaps in matched groups.
-    pub mean_color: Option<[f32; 3]>,
     /// Detection score, passed through into the confidence.
     pub detection: Option<f64>,
 }

@@ -109,7 +109,8 @@ fn below(host: &Placed, x: f64, z: f64, from: f64) -> Below {
 
 /// The lowest surface that carries something above a point inside of a host, if it is near.
 fn top_above(host: &Placed, x: f64, z: f64, from: f64) -> Option<f64> {
-    let heights = column(host, x, z, top_of(host)).into_iter().filter(|(_, carries)| *carries).map(|(height, _)| height);
+    let heights =
+        column(host, x, z, top_of(host)).into_iter().filter(|(_, carries)| *carries).map(|(height, _)| height);
     heights.filter(|h| (from..from + SUNK).contains(h)).min_by(f64::total_cmp)
 }
 

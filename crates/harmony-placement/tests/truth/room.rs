@@ -228,7 +228,6 @@ impl GtRoom {
                         ..Traits::default()
                     },
                     yaw,
-                    mean_color: None,
                     detection: None,
                 }
             })

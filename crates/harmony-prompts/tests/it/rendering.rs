@@ -68,6 +68,7 @@ fn all_kinds_are_among_the_samples() {
         "missing",
         "orient",
         "programs",
+        "reorder",
         "review",
         "second_look",
         "sizes",

@@ -5,8 +5,9 @@ use harmony_prompts::{
     CompletedQuestion, CountsQuestion, DoubtedSize, FoundObject, FrontsQuestion, GroupsQuestion, HostedObject,
     HostsQuestion, InspectCandidate, InspectQuestion, KnownDepth, KnownObject, LastLookQuestion, LayoutQuestion,
     LightingReviewQuestion, LightsQuestion, ListQuestion, ListedLight, MatchedSet, MissingQuestion, ModelledObject,
-    NamedObject, OrientQuestion, PaintedObject, PlacedObject, PresentDecoration, ProgramsQuestion, Question, ReviewQuestion, RoomSummary,
-    RoomView, SecondLookQuestion, SeenObject, SizesQuestion, ToModel, TurnedObject, TurnsQuestion, UnaidedRoom, WithoutProgram,
+    NamedObject, OrientQuestion, PaintedObject, PlacedObject, PresentDecoration, ProgramsQuestion, Question,
+    ReorderQuestion, ReviewQuestion, RoomSummary, RoomView, SecondLookQuestion, SeenObject, SizesQuestion, ToModel,
+    TurnedObject, TurnsQuestion, UnaidedRoom, WithoutProgram,
 };
 use harmony_scene::{
     Camera, Extents, ImageSize, Intrinsics, Level, Light, LightKind, Lighting, ObjectId, PixelBox, SceneCamera, Size,
@@ -164,7 +165,7 @@ pub fn questions() -> Vec<(String, Question)> {
     let painted = scene().into_iter().map(|object| PaintedObject { object, slots: vec!["oak".into(), "steel".into()] });
     let finding = "- desk_01: outline agreement 0.51, penetration 30 mm".to_owned();
     let measured = LightingDelta { verdict: LightingVerdict::Adjust, ..LightingDelta::default() };
-    let further: [(&str, Question); 17] = [
+    let further: [(&str, Question); 18] = [
         ("completed", CompletedQuestion { objects: named() }.into()),
         ("front", FrontsQuestion { objects: named() }.into()),
         ("orient", OrientQuestion { objects: named() }.into()),
@@ -214,6 +215,17 @@ pub fn questions() -> Vec<(String, Question)> {
                 room_type: "study".into(),
                 furniture: NamedObject { id: "desk_01".into(), about: "desk".into() },
                 present: vec![PresentDecoration { label: "vase".into(), bounds: [100.0, 200.0, 150.0, 320.0] }],
+            }
+            .into(),
+        ),
+        (
+            "reorder",
+            ReorderQuestion {
+                level: Level::Furniture,
+                room: room(),
+                placed: scene(),
+                order: vec![id("desk_01")],
+                collisions: vec!["- desk_01 and stool_01: 40 mm".into()],
             }
             .into(),
         ),
