@@ -13,7 +13,7 @@ use harmony_io::{
 use harmony_mesh::Mesh;
 use harmony_render::canonical_camera;
 use harmony_scene::{
-    ImageSize, Lighting, Mask, ObjectId, SCENE_VERSION, Scene, SceneCamera, SceneObject, Surface, Warning,
+    ImageSize, Lighting, Mask, ObjectId, Pose, SCENE_VERSION, Scene, SceneCamera, SceneObject, Surface, Warning,
 };
 use harmony_viewer::{CallRow, DroppedObject, Evidence, Fact, ObjectReport, ReportData};
 use rayon::prelude::*;
@@ -44,7 +44,7 @@ pub fn scene_objects(state: &SceneState) -> Vec<SceneObject> {
                 label: placed.item.label.clone(),
                 description: object.said.description.clone(),
                 source_phrase: object.detection.phrase.clone(),
-                pose: placed.pose,
+                pose: Pose { yaw: half_turn(placed.pose.yaw), ..placed.pose },
                 size: placed.size(),
                 support: placed.support.clone(),
                 relations: placed.item.relations.clone(),
@@ -57,6 +57,12 @@ pub fn scene_objects(state: &SceneState) -> Vec<SceneObject> {
             })
         })
         .collect()
+}
+
+/// A yaw as people read it: within half a turn.
+fn half_turn(yaw: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    if yaw > -PI && yaw <= PI { yaw } else { PI - (PI - yaw).rem_euclid(TAU) }
 }
 
 /// The scene as `scene.json` holds it. The camera speaks about the photo's original size.

@@ -2,15 +2,16 @@
 
 use std::sync::Arc;
 
-use harmony_scene::{Level, ObjectId, Support, Warning, WarningKind};
+use harmony_scene::{Camera, Level, ObjectId, Pose, Support, Warning, WarningKind};
 
 use crate::accept::{accepts, odds};
-use crate::contact::collision::{Collision, collisions, relax};
+use crate::contact::collision::{Collision, collisions, deepest, relax, solids};
 use crate::contact::rest::{back_onto_hosts, hangs_in_the_air, settle_all};
 use crate::contact::rows::narrow_rows;
 use crate::measure::{measure_all, measure_posterior};
 use crate::observe::{Window, drop_strangers};
 use crate::propose::between_curtains;
+use crate::scene::attachment::{PoseConstraint, YawRule, angle_between, attachment_of};
 use crate::scene::subtree::subtree;
 use crate::solve::joint::refine_globally;
 use crate::solve::local::solve;
@@ -113,6 +114,7 @@ pub fn place_level(
     for item in &mut items {
         drop_strangers(scene, item);
     }
+    let finished = Finished::of(scene);
     let items: Vec<Arc<Item>> = items.into_iter().map(Arc::new).collect();
     report.order = crate::placement_order(scene, &items, given_order, settings);
     let mut waiting: Vec<Arc<Item>> = report.order.entries.iter().map(|e| Arc::clone(&items[e.item])).collect();
@@ -133,6 +135,9 @@ pub fn place_level(
     if settings.collision {
         part(scene, settings, &mut report);
     }
+    settle_all(scene, settings);
+    let scale = report.global.filter(|g| g.kept).map_or(1.0, |g| g.scale);
+    finished.hold(scene, scale, settings);
     report.shifted_x = scene.fit_loose_walls();
     settle_all(scene, settings);
     measure_posterior(scene, settings);
@@ -144,6 +149,65 @@ pub fn place_level(
     }
     report.warnings = warnings(scene, level, &report);
     report
+}
+
+/// How much better, in nats, a finished object must agree where it was than where a later level has put it.
+const DRIFT: f64 = 2.0;
+/// Smaller changes are no drift: metres, radians, logarithm of the scale.
+const STILL: (f64, f64, f64) = (0.01, 0.01, 0.01);
+
+/// Where the objects of earlier levels stood, and the camera that saw them so.
+struct Finished {
+    camera: Camera,
+    poses: Vec<(ObjectId, Pose)>,
+}
+
+impl Finished {
+    fn of(scene: &PartialScene) -> Self {
+        Self { camera: scene.camera, poses: scene.placed.iter().map(|p| (p.item.id.clone(), p.pose)).collect() }
+    }
+
+    /// Puts finished objects back that agree less with what is seen of them where they are now, and would not be in anything
+    /// where they were: a later level moves them with camera and scale, and where it has reasons.
+    fn hold(&self, scene: &mut PartialScene, scale: f64, settings: &PlacementSettings) {
+        let turn = scene.camera.rotation.transpose() * self.camera.rotation;
+        let (from, to) = (self.camera.centre(), scene.camera.centre());
+        for (id, pose) in &self.poses {
+            let Some(i) = scene.position(id) else { continue };
+            let now = scene.placed[i].pose;
+            let yaw = pose.yaw + turn_about_vertical(&turn);
+            let carried =
+                Pose { position: to + turn * (pose.position - from) * scale, yaw, scale: pose.scale * scale, ..*pose };
+            let grown = (now.scale * now.stretch / (carried.scale * carried.stretch)).map(f64::ln).abs().max_element();
+            let turned = angle_between(now.yaw, carried.yaw).abs();
+            if now.position.distance(carried.position) < STILL.0 && turned < STILL.1 && grown < STILL.2 {
+                continue;
+            }
+            let (item, noise) = (Arc::clone(&scene.placed[i].item), &settings.noise);
+            let (attachment, rule) = (attachment_of(scene, i, noise), YawRule::Fixed(carried.yaw));
+            let held =
+                PoseConstraint { fixed_size: true, ..PoseConstraint::new(scene, &item, attachment, rule, noise) };
+            let back = held.settle(&carried);
+            let energy = |scene: &PartialScene| placed_energy(scene, i, settings).map(|e| e.total());
+            let depth = |scene: &PartialScene| deepest(scene, &solids(scene), i, settings);
+            let (Some(was), deep) = (energy(scene), depth(scene)) else { continue };
+            let mut tried = scene.clone();
+            for member in subtree(scene, i) {
+                tried.placed[member].pose.position += back.position - now.position;
+            }
+            tried.placed[i].pose = back;
+            let better = energy(&tried).is_some_and(|is| is < was - DRIFT);
+            if better && depth(&tried) <= deep {
+                tracing::debug!(object = %id, "held where it was");
+                *scene = tried;
+            }
+        }
+    }
+}
+
+/// The turn about the vertical of a rotation that is nearly one.
+fn turn_about_vertical(rotation: &harmony_scene::Mat3) -> f64 {
+    (rotation.z_axis.x - rotation.x_axis.z).atan2(rotation.x_axis.x + rotation.z_axis.z)
 }
 
 /// The host that carries an object, where it is not the given one.
@@ -339,6 +403,44 @@ mod tests {
             all.len() == 2 && all[0].contains("2.0 times less") && all[1].ends_with("from 80 to 160 nats"),
             "{all:?}"
         );
+    }
+
+    #[test]
+    fn a_finished_object_goes_back_to_its_mask_and_takes_along_what_it_carries() {
+        let mut scene = empty_room();
+        let at = Vec3::new(2.0, 0.0, 2.0);
+        for (name, size, base, support) in [
+            ("table", Vec3::new(1.0, 0.7, 0.6), at, Support::Floor),
+            (
+                "vase",
+                Vec3::new(0.2, 0.3, 0.2),
+                at + Vec3::Y * 0.7,
+                Support::Object { id: ObjectId::numbered("table", 1) },
+            ),
+        ] {
+            let mut item = boxed(&scene, size, base, 0.0);
+            item.id = ObjectId::numbered(name, 1);
+            let pose = Pose::new(base, 0.0, 1.0);
+            scene.placed.push(Placed { item: Arc::new(item), pose, support, evidence: Evidence::default() });
+        }
+        let finished = Finished::of(&scene);
+        let settings = PlacementSettings::default();
+        // A later level shifts both.
+        let shift = Vec3::new(0.25, 0.0, 0.0);
+        scene.placed.iter_mut().for_each(|p| p.pose.position += shift);
+        finished.hold(&mut scene, 1.0, &settings);
+        assert!(scene.placed[0].pose.position.distance(at) < 1e-6, "{:?}", scene.placed[0].pose);
+        assert!(scene.placed[1].pose.position.distance(at + Vec3::Y * 0.7) < 1e-6);
+        // Where it agrees better than before, it stays.
+        let elsewhere = Finished {
+            camera: scene.camera,
+            poses: vec![(scene.placed[0].item.id.clone(), Pose::new(at + shift, 0.0, 1.0))],
+        };
+        elsewhere.hold(&mut scene, 1.0, &settings);
+        assert!(scene.placed[0].pose.position.distance(at) < 1e-6);
+        // A camera that turned takes the scene with it.
+        let turn = harmony_scene::Mat3::from_rotation_y(0.3);
+        assert!((turn_about_vertical(&turn) - 0.3).abs() < 1e-9);
     }
 
     #[test]

@@ -179,10 +179,13 @@ fn sorted(
                 .min_by_key(|i| (std::cmp::Reverse(recent(*i)), rank[*i], *i))
         };
         let next = best(Some(false)).or_else(|| {
-            // Everybody waits for somebody: let go of the wishes first, then of the needs.
-            let broken = best(Some(true)).or_else(|| best(None));
-            report.broken_cycles.extend(broken.map(|i| items[i].id.clone()));
-            broken
+            // Everybody waits for somebody: let go of the wishes first, which may be mutual (a sofa faces the table that stands
+            // in front of it), then of the needs.
+            best(Some(true)).or_else(|| {
+                let broken = best(None);
+                report.broken_cycles.extend(broken.map(|i| items[i].id.clone()));
+                broken
+            })
         });
         let Some(next) = next else { break };
         position[next] = Some(order.len());

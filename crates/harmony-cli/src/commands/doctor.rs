@@ -81,6 +81,10 @@ pub fn run(args: &Args) -> Result<u8> {
         say!("{}", serde_json::to_string_pretty(&report)?)?;
     } else {
         print(&report, profile)?;
+        if profile == Profile::Files {
+            say!("\nquestions are written to <run folder>/questions, one folder each, and wait there for an answer.json;")?;
+            say!("docs/players.md, \"Answering by hand\", tells how it goes")?;
+        }
         say!("\nnetworks inside this program")?;
         for line in played.notes.into_iter().chain(status.lines()) {
             say!("  {line}")?;

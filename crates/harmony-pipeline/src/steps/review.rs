@@ -4,7 +4,7 @@
 //! mask only when both are put right. An action is kept when the evidence does not speak against it *and* the scene then
 //! shows what was asked for; `review_<n>.json` has each object as it was and as it is.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use harmony_placement::{ActionError, Placed, ReviewAction, ReviewOutcome, Verdict, apply, collisions, judge};
@@ -115,6 +115,7 @@ fn findings(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState) -> Vec<String>
             Some(format!("- {}: outline agreement {iou:.2}, penetration {penetration:.0} mm{depth}", p.item.id))
         })
         .collect();
+    found.extend(short_sets(level, state));
     let member = |id: &ObjectId| state.partial.find(id).is_some_and(|p| p.item.level == level);
     let pairs =
         collisions(&state.partial, &ctx.settings.placement).into_iter().filter(|c| member(&c.a) || member(&c.b));
@@ -124,6 +125,22 @@ fn findings(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState) -> Vec<String>
             .map(|c| format!("- {} and {} are {:.0} mm in one another", c.a, c.b, c.penetration * 1000.0)),
     );
     found
+}
+
+/// Matched sets of which fewer members are placed than were counted in the photo.
+fn short_sets(level: Level, state: &SceneState) -> Vec<String> {
+    let mut sets: BTreeMap<&str, (u32, u32)> = BTreeMap::new();
+    for object in state.partial.placed.iter().filter_map(|p| state.objects.get(&p.item.id)) {
+        if let Some(set) = object.said.matched_set.as_deref().filter(|_| object.level == level) {
+            let (counted, placed) = sets.entry(set).or_default();
+            *counted = (*counted).max(object.said.count.unwrap_or(0));
+            *placed += 1;
+        }
+    }
+    let short = sets.into_iter().filter(|(_, (counted, placed))| counted > placed);
+    short
+        .map(|(set, (counted, placed))| format!("- {set}: {counted} were counted in the photo, {placed} are placed"))
+        .collect()
 }
 
 /// Actions that change one object and nothing else, together; all others alone; in the order of their first ones.
