@@ -225,7 +225,7 @@
     const key = el("input", { type: "text", id: "key", autocomplete: "off", autocapitalize: "none", spellcheck: "false", "aria-label": "Key" });
     const agree = el("input", { type: "checkbox", id: "agree" });
     if (state?.consented) agree.checked = true;
-    const needsInvitation = !state && served && about && !about.open;
+    const needsInvitation = !state && !alone && !about?.open;
     const go = el("button", { class: "main", id: "begin", onclick: () => enter(code.value.trim(), key.value.trim()) }, known ? "Continue" : "Begin");
     const ready = () => { go.disabled = !agree.checked; };
     agree.addEventListener("change", ready);
@@ -243,7 +243,8 @@
   };
   const enter = async (code, key) => {
     try {
-      if (!state && served && about) {
+      if (!state && !alone && !about) await meet();
+      if (!state && !alone && about) {
         if (about.open && !code) {
           const got = await post("enrol", { study: study.study });
           state = fresh(got.participant, got.key);
@@ -263,7 +264,7 @@
       if (state.finished) thanks(); else if (state.started) trialScreen(state.at); else instructions();
       flush();
     } catch (error) {
-      say(error.message, 8000);
+      say(error.status ? error.message : "The study's server cannot be reached; please try again.", 8000);
     }
   };
 

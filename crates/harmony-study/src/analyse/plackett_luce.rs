@@ -3,14 +3,14 @@
 //! P(order) = product over places of w of the one chosen / sum of w over those that remain (R. D. Luce 1959,
 //! R. L. Plackett 1975). Fitted by minorisation-maximisation (D. R. Hunter, "MM algorithms for generalized
 //! Bradley-Terry models", 2004). A method that always or never wins would have an infinite strength: every method also
-//! wins and loses [`PRIOR`] comparisons against one of strength 1, which pulls towards the middle.
+//! wins and loses [`PRIOR`] comparisons against one of mean strength, which pulls towards the middle.
 
 /// Virtual comparisons won, and lost, by each method.
 pub const PRIOR: f64 = 0.25;
 /// Most rounds of the fit.
 const ROUNDS: usize = 2000;
 /// A fit ends when no log strength moves by more.
-const SETTLED: f64 = 1e-9;
+const SETTLED: f64 = 1e-8;
 
 /// A ranking as an order of methods, best first, and how often it counts.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,18 +46,16 @@ pub fn fit(orders: &[Order], methods: usize, start: Option<&[f64]>) -> Vec<f64> 
                 remaining -= w[*m];
             }
         }
-        let mut moved = 0.0_f64;
-        for ((log, chosen), offered) in log.iter_mut().zip(&chosen).zip(&offered) {
-            let new = (chosen / offered).ln();
-            moved = moved.max((new - *log).abs());
-            *log = new;
-        }
+        // Only ratios are known from rankings: without this their common factor would drift, ever more slowly.
+        let mut new: Vec<f64> = chosen.iter().zip(&offered).map(|(c, o)| (c / o).ln()).collect();
+        let mean = new.iter().sum::<f64>() / methods.max(1) as f64;
+        new.iter_mut().for_each(|l| *l -= mean);
+        let moved = new.iter().zip(&log).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        log = new;
         if moved < SETTLED {
             break;
         }
     }
-    let mean = log.iter().sum::<f64>() / methods.max(1) as f64;
-    log.iter_mut().for_each(|l| *l -= mean);
     log
 }
 
