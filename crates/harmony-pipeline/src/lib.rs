@@ -22,6 +22,8 @@ mod run_folder;
 mod settings;
 mod state;
 mod steps;
+#[cfg(test)]
+mod testing;
 pub mod views;
 
 pub use ctx::{PhaseCtx, PhaseError, Warnings};

@@ -299,6 +299,7 @@ fn finish(
             report.title.clone_from(&request.title);
             report.profile.clone_from(&request.profile);
             report.phases = report_phases(file, state);
+            let unseen = file.unseen().iter().map(|line| harmony_viewer::Fact::new("note", *line));
             report.facts = vec![
                 harmony_viewer::Fact::new("program", GENERATOR),
                 harmony_viewer::Fact::new(
@@ -306,6 +307,7 @@ fn finish(
                     format!("{:.2}", file.questions_per_object),
                 ),
             ];
+            report.facts.extend(unseen);
             harmony_viewer::write_report(&request.run, &scene, &report)?;
             Ok(scene)
         });

@@ -84,6 +84,18 @@ impl RunFile {
         !self.phases.is_empty() && self.phases.values().all(|p| p.state == PhaseState::Done)
     }
 
+    /// What a person should know when nobody looked at the photo; empty when somebody did.
+    pub fn unseen(&self) -> &'static [&'static str] {
+        let blind = self.cast.iter().any(|(role, card)| *role == Role::VisionLanguage && card.offline);
+        if !blind || self.bill.total.recorded > 0 {
+            return &[];
+        }
+        &[
+            "nobody looked at this photo: room, openings and flat things are there, all else stays as paint on walls and floor",
+            "for furniture as objects: --profile files (answer by hand), keys and --profile paper, or servers and --profile local (docs/players.md)",
+        ]
+    }
+
     /// Whether every listed file is there and unchanged.
     pub fn files_hold(&self, run: &Path) -> bool {
         !self.files.is_empty()

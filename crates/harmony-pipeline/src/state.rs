@@ -293,3 +293,64 @@ impl SceneState {
 pub fn is_flat(label: &str) -> bool {
     harmony_catalogue::has(label, Trait::Flat)
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use harmony_scene::Support;
+
+    use super::*;
+    use crate::testing::{add, empty_room};
+
+    #[test]
+    fn the_nearer_one_has_the_pixels_that_two_masks_hold() {
+        let mut state = empty_room();
+        let seat = DVec3::new(1.6, 0.5, 0.8);
+        let sofa = add(&mut state, "sofa_01", Level::Furniture, seat, DVec3::new(2.0, 0.0, 1.5), Support::Floor);
+        let on = Support::Object { id: sofa.clone() };
+        let small = DVec3::new(0.4, 0.3, 0.3);
+        let cushion = add(&mut state, "cushion_01", Level::Decoration, small, DVec3::new(2.0, 0.5, 1.5), on);
+        // A sofa's mask holds its cushions.
+        let whole = state.objects[&sofa].mask.or(&state.objects[&cushion].mask);
+        state.objects.get_mut(&sofa).unwrap().mask = Arc::new(whole.clone());
+        let shown = crate::views::ids(&state);
+        let seen = state.visible_mask(&sofa, &shown).unwrap();
+        assert_eq!(seen.and(&state.objects[&cushion].mask).count(), 0);
+        assert!(seen.count() > 0 && seen.count() < whole.count());
+        assert_eq!(state.visible_mask(&cushion, &shown).unwrap(), *state.objects[&cushion].mask);
+    }
+
+    #[test]
+    fn masks_that_placement_changed_are_those_of_the_objects() {
+        let mut state = empty_room();
+        let size = DVec3::new(0.4, 0.8, 0.4);
+        let chair = add(&mut state, "chair_01", Level::Furniture, size, DVec3::new(2.0, 0.0, 1.5), Support::Floor);
+        let mut partial = state.partial.clone();
+        let mut item = (*partial.placed[0].item).clone();
+        item.mask = Arc::new(item.mask.dilated(-2));
+        partial.placed[0].item = Arc::new(item);
+        state.take(partial);
+        assert_eq!(state.objects[&chair].mask, state.partial.placed[0].item.mask);
+    }
+
+    #[test]
+    fn a_look_is_forgotten_and_the_model_shows_again() {
+        let mut state = empty_room();
+        let size = DVec3::new(0.4, 0.8, 0.4);
+        let chair = add(&mut state, "chair_01", Level::Furniture, size, DVec3::new(2.0, 0.0, 1.5), Support::Floor);
+        let plain = Arc::clone(state.mesh_of(&chair).unwrap());
+        let textured = Arc::new((*plain).clone());
+        state.set_textured(&chair, Arc::clone(&textured));
+        assert!(Arc::ptr_eq(state.mesh_of(&chair).unwrap(), &textured));
+        state.forget_look(&chair);
+        assert!(Arc::ptr_eq(state.mesh_of(&chair).unwrap(), &plain));
+    }
+
+    #[test]
+    fn reasons_read_as_sentences() {
+        assert_eq!(DropReason::Refused(String::new()).to_string(), "rejected");
+        assert_eq!(DropReason::Refused("a reflection".into()).to_string(), "a reflection");
+        let filtered = DropReason::from(Filtered::Covered("lamp".into()));
+        assert_eq!(filtered.to_string(), "covered by another lamp");
+    }
+}

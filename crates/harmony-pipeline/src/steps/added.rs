@@ -158,3 +158,46 @@ fn copy_of(like: &Object, object: Object) -> Object {
     }
     Object { said, model, look: Look::default(), ..object }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use harmony_scene::Support;
+
+    use super::*;
+    use crate::testing::{add, empty_room};
+
+    #[test]
+    fn what_is_placed_already_is_not_added_and_a_copy_takes_shape_and_words_of_its_twin() {
+        let mut state = empty_room();
+        let size = DVec3::new(0.4, 0.8, 0.4);
+        let chair = add(&mut state, "chair_01", Level::Furniture, size, DVec3::new(2.0, 0.0, 1.5), Support::Floor);
+        let twin = state.objects[&chair].clone();
+        let wanted = |bounds: PixelBox| Wanted {
+            detection: Detection { bounds, ..twin.detection.clone() },
+            like: Some(chair.clone()),
+            host: None,
+        };
+        assert!(is_there(&state, Level::Furniture, &wanted(twin.detection.bounds)));
+        assert!(!is_there(&state, Level::Decoration, &wanted(twin.detection.bounds)), "another level");
+        let elsewhere = PixelBox { x0: 5.0, y0: 150.0, x1: 45.0, y1: 220.0 };
+        assert!(!is_there(&state, Level::Furniture, &wanted(elsewhere)));
+
+        let id = ObjectId::new("chair_02").unwrap();
+        let mask = Mask::from_fn(state.partial.camera.size, |x, y| x < 45 && y > 150);
+        let found = Object::found(id.clone(), Level::Furniture, wanted(elsewhere).detection, mask.clone());
+        let copy = copy_of(&twin, found);
+        assert_eq!((&copy.id, copy.said.id.as_str()), (&id, "chair_02"));
+        assert_eq!(*copy.mask, mask, "its own pixels");
+        let model = copy.model.unwrap();
+        assert!(Arc::ptr_eq(&model.mesh, &twin.model.unwrap().mesh));
+        assert!(model.source.starts_with("copy of chair_01"));
+    }
+
+    #[test]
+    fn thousandths_are_of_the_photo() {
+        let state = empty_room();
+        let b = pixels(&state, [0.0, 500.0, 250.0, 1200.0]);
+        assert_eq!([b.x0, b.y0, b.x1, b.y1], [0.0, 120.0, 80.0, 240.0]);
+    }
+}

@@ -88,3 +88,32 @@ fn sets(state: &SceneState, level: Level) -> Vec<MatchedSet> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use harmony_scene::Support;
+
+    use super::*;
+    use crate::testing::{add, empty_room, said};
+
+    #[test]
+    fn sets_are_read_from_left_to_right_and_single_members_are_none() {
+        let mut state = empty_room();
+        for (name, x, set) in [
+            ("chair_01", 3.0, "chairs"),
+            ("chair_02", 1.0, "chairs"),
+            ("chair_03", 2.0, "chairs"),
+            ("stool_01", 2.5, "stools"),
+            ("stool_02", 0.5, " "),
+        ] {
+            let size = DVec3::new(0.4, 0.8, 0.4);
+            let id = add(&mut state, name, Level::Furniture, size, DVec3::new(x, 0.0, 1.5), Support::Floor);
+            said(&mut state, &id, |item| item.relations.matched_set = Some(set.to_owned()));
+        }
+        let sets = sets(&state, Level::Furniture);
+        assert_eq!(sets.len(), 1);
+        let members: Vec<&str> = sets[0].members.iter().map(ObjectId::as_str).collect();
+        assert_eq!(members, ["chair_02", "chair_03", "chair_01"]);
+    }
+}

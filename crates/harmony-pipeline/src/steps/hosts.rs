@@ -135,3 +135,31 @@ fn sheet(state: &SceneState, rows: &[HostedObject]) -> RgbImage {
     let cells: Vec<Cell<'_>> = pictures.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
     contact_sheet(&cells, 2, CELL)
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::testing::{add, empty_room, said};
+
+    #[test]
+    fn what_could_stand_on_two_tables_of_one_kind_is_asked_about_and_nothing_else() {
+        let mut state = empty_room();
+        let table = DVec3::new(0.7, 0.5, 0.5);
+        let near = add(&mut state, "table_01", Level::Furniture, table, DVec3::new(1.6, 0.0, 2.0), Support::Floor);
+        let on = |id: &ObjectId| Support::Object { id: id.clone() };
+        let small = DVec3::new(0.15, 0.3, 0.15);
+        let at = DVec3::new(1.6, 0.5, 2.0);
+        let vase = add(&mut state, "vase_01", Level::Decoration, small, at, on(&near));
+        said(&mut state, &vase, |item| item.relations.on_top_of = Some(ObjectId::new("table_01").unwrap()));
+        assert_eq!(doubted(&state), [], "there is no other table");
+        let other = add(&mut state, "table_02", Level::Furniture, table, DVec3::new(2.4, 0.0, 1.7), Support::Floor);
+        let asked = doubted(&state);
+        assert_eq!(asked.len(), 1);
+        assert_eq!((&asked[0].id, &asked[0].current), (&vase, &Some(near.clone())));
+        assert_eq!(asked[0].candidates, [near, other]);
+        let sheet = sheet(&state, &asked);
+        assert!(sheet.width() >= 2 * CELL && sheet.height() >= CELL);
+    }
+}

@@ -361,7 +361,11 @@ fn typed(state: &SceneState, a: &ReviewActionAnswer) -> Result<ReviewAction, Str
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+    use harmony_scene::Support;
+
     use super::*;
+    use crate::testing::{add, empty_room};
 
     fn action(action: ReviewActionKind, id: &str) -> ReviewActionAnswer {
         ReviewActionAnswer {
@@ -399,6 +403,47 @@ mod tests {
                 vec!["Add chair_01"],
             ]
         );
+    }
+
+    #[test]
+    fn a_set_that_is_short_of_members_is_told() {
+        let mut state = empty_room();
+        for (i, count) in [(1, None), (2, Some(3))] {
+            let (size, at) = (DVec3::new(0.4, 0.8, 0.4), DVec3::new(f64::from(i), 0.0, 1.5));
+            let id = add(&mut state, &format!("chair_0{i}"), Level::Furniture, size, at, Support::Floor);
+            let object = state.objects.get_mut(&id).unwrap();
+            object.said.matched_set = Some("chairs".to_owned());
+            object.said.count = count;
+        }
+        assert_eq!(short_sets(Level::Furniture, &state), ["- chairs: 3 were counted in the photo, 2 are placed"]);
+        assert!(short_sets(Level::Decoration, &state).is_empty());
+        state.objects.values_mut().for_each(|object| object.said.count = Some(2));
+        assert!(short_sets(Level::Furniture, &state).is_empty());
+    }
+
+    #[test]
+    fn a_copy_has_the_mesh_of_the_one_it_was_made_from_and_not_its_pixels() {
+        let mut state = empty_room();
+        let mut last = None;
+        // Two of one kind with different meshes: the one that was named is copied.
+        for (i, height) in [(1, 0.5), (2, 0.9)] {
+            let (size, at) = (DVec3::new(0.4, height, 0.4), DVec3::new(f64::from(i), 0.0, 1.5));
+            last = Some(add(&mut state, &format!("chair_0{i}"), Level::Furniture, size, at, Support::Floor));
+        }
+        let like = last.unwrap();
+        let action = ReviewAction::Add { like: like.clone(), at_m: [3.2, 0.0, 1.0], yaw_deg: 0.0 };
+        let settings = harmony_placement::PlacementSettings::default();
+        let outcome = apply(&state.partial, &[action], &settings).unwrap();
+        let (id, of) = outcome.added[0].clone();
+        assert_eq!(of, like);
+        adopt_copies(&mut state, &outcome.scene, &outcome.added);
+        state.take(outcome.scene);
+        let (copy, original) = (&state.objects[&id], &state.objects[&like]);
+        let mesh = |object: &crate::state::Object| Arc::clone(&object.model.as_ref().unwrap().mesh);
+        assert!(Arc::ptr_eq(&mesh(copy), &mesh(original)));
+        assert_eq!(copy.mask.count(), 0);
+        assert!(state.mesh_of(&id).is_some());
+        assert!(copy.index > original.index && state.next_index > copy.index);
     }
 
     #[test]

@@ -24,13 +24,15 @@ const OUTLINE_ERROR: f64 = 0.004;
 
 /// Without a camera in the room box no surface is known, and nothing is listed.
 ///
-/// What stands before the floor is "furniture", what is flat on it a "rug"; what is on a wall a "window" when it is very
-/// bright, else a "picture"; what is before the ceiling a "ceiling lamp". Decorations are not listed: telling them from
-/// the furniture they stand on takes more than colours.
+/// What is flat on the floor is a "rug"; what is on a wall a "window" when it is very bright, else a "picture". Things that
+/// stand or hang in the room are not listed: telling what they are, how deep they are and where one ends takes more than
+/// colours, and a grey block before the real thing is worse than the thing as paint on wall and floor, where it stays.
 pub fn list(question: &ListQuestion, photo: Option<&RgbImage>) -> ListAnswer {
     let (Some(view), Some(photo)) = (&question.view, photo) else { return ListAnswer::default() };
     let (level, camera) = (question.level, Camera::from(&view.camera));
-    if level == Level::Decoration || (camera.size.width, camera.size.height) != photo.dimensions() {
+    if matches!(level, Level::Ceiling | Level::Decoration)
+        || (camera.size.width, camera.size.height) != photo.dimensions()
+    {
         return ListAnswer::default();
     }
     let labels = surface_labels(&camera, &view.extents);
@@ -76,12 +78,16 @@ fn kind(region: &Region, level: Level) -> Option<&'static str> {
         return None;
     }
     Some(match level {
-        Level::Ceiling => "ceiling lamp",
+        Level::Ceiling | Level::Decoration => return None,
         Level::Furniture => {
             let flat = region.bounds.height() < RUG_FLATNESS * region.bounds.width();
-            if flat && region.on_floor > 0.8 { "rug" } else { "furniture" }
+            if flat && region.on_floor > 0.8 {
+                "rug"
+            } else {
+                return None;
+            }
         }
-        Level::Wall | Level::Decoration => {
+        Level::Wall => {
             if lab_from_rgb8(region.color)[0] >= WINDOW_LIGHTNESS {
                 "window"
             } else {
