@@ -35,4 +35,28 @@ check "the renderer's ids" "$bin" render "$out/run" --camera input --ids "$out/i
 check "Blender opens the scene, and its view through camera.json is ours" "$bpy" tools/bpy_open.py \
   "$out/run/scene_full.glb" --extents "$extents" --nodes "$nodes" --camera "$out/run/camera.json" \
   --ids "$out/ids.png" --scene "$out/run/scene.json" --min-iou 0.98
+check "a participant's session with a user study, from consent to submission" \
+  node tools/study_session.mjs "$bin" "$out/study" "$out/study_shots"
+check "a thousand answers a second survive kills" \
+  node tools/study_load.mjs "$bin" "$out/study/site" "$out/study/load.jsonl"
+check "a gallery" "$bin" gallery "$out/run" --out "$out/gallery" --frames 8
+dataset() {
+  "$bin" dataset init "$out/rooms" --name example --licence CC0-1.0 --description "The bundled example."
+  "$bpy" - "$out/rooms/dataset.json" "$out/run" <<'PY'
+import json, sys
+path, run = sys.argv[1:]
+config = json.load(open(path))
+players = {card["player"] for _, card in json.load(open(run + "/run.json"))["cast"]}
+sources = {o["mesh_source"] for o in json.load(open(run + "/scene.json"))["objects"]}
+own = {"licence": "CC0-1.0", "url": "https://creativecommons.org/publicdomain/zero/1.0/", "redistributable": True}
+config["makers"].update({maker: own for maker in players | sources})
+json.dump(config, open(path, "w"), indent=2)
+PY
+  "$bin" dataset add "$out/rooms" "$out/run" --split easy --source own --licence CC0-1.0 --retrieved-at 2026-01-01
+  "$bin" dataset check "$out/rooms"
+  "$bin" dataset build "$out/rooms" --out "$out/release"
+  "$bin" dataset check "$out/release"
+  "$cache/checkers/bin/python" tools/read_dataset.py "$out/release"
+}
+check "a data set is released, and Python reads it" dataset
 echo "$passed passed, 0 failed"

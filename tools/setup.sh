@@ -8,7 +8,7 @@ parts=("$@")
 [ ${#parts[@]} -gt 0 ] || parts=(node chromium bpy checkers)
 bpy_version=5.0.1
 # Readers of what `harmony export`, `simulate` and `dataset` write; versions are pinned.
-checkers=(usd-core==26.11 mujoco==4.0.0 ezdxf==1.4.2 trimesh==5.2.0 pyarrow==21.0.0 numpy)
+checkers=(usd-core==26.11 mujoco==4.0.0 ezdxf==1.4.2 trimesh==5.2.0 pyarrow==21.0.0 mlcroissant==1.1.1 numpy)
 
 say() { echo "setup: $*"; }
 fail() { echo "setup: $*" >&2; exit 1; }

@@ -68,6 +68,12 @@ enum Command {
     Models(commands::models::Args),
     /// Measure the program on rooms with known truth.
     Bench(commands::bench::Args),
+    /// Ask people: a page to rank reconstructions blind, a server for the answers, the statistics.
+    Study(commands::study::Args),
+    /// Photos and their reconstructions as a data set: sources, licences, checks, releases.
+    Dataset(commands::dataset::Args),
+    /// Canonical views of many runs, contact sheets, turntables.
+    Gallery(commands::gallery::Args),
     /// Print the JSON Schema of scene.json or of the configuration.
     Schema(commands::schema::Args),
 }
@@ -87,6 +93,9 @@ pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
         Command::Record(args) => commands::record::run(&args),
         Command::Models(args) => commands::models::run(&args),
         Command::Bench(args) => commands::bench::run(args),
+        Command::Study(args) => commands::study::run(args),
+        Command::Dataset(args) => commands::dataset::run(args),
+        Command::Gallery(args) => commands::gallery::run(&args),
         Command::Schema(args) => commands::schema::run(&args),
     };
     match result {

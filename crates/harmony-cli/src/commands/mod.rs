@@ -2,8 +2,10 @@
 
 pub mod bench;
 pub mod bill;
+pub mod dataset;
 pub mod doctor;
 pub mod estimate;
+pub mod gallery;
 pub mod model;
 pub mod models;
 pub mod reconstruct;
@@ -11,3 +13,4 @@ pub mod record;
 pub mod render;
 pub mod schema;
 pub mod show;
+pub mod study;
