@@ -30,7 +30,10 @@ const crcTable = Array.from({ length: 256 }, (_, n) => { let c = n; for (let k =
 const crc = (data) => { let c = 0xffffffff; for (const b of data) c = crcTable[(c ^ b) & 255] ^ (c >>> 8); return (c ^ 0xffffffff) >>> 0; };
 const png = (w, h, color) => {
   const rows = Buffer.alloc(h * (1 + 3 * w));
-  for (let y = 0; y < h; y++) for (let x = 0; x < w; x++) rows.set(color(x, y), y * (1 + 3 * w) + 1 + 3 * x);
+  for (let y = 0, at = 0; y < h; y++) {
+    at += 1;
+    for (let x = 0; x < w; x++) for (const c of color(x, y)) rows[at++] = c;
+  }
   const chunk = (kind, data) => {
     const body = Buffer.concat([Buffer.from(kind), data]), out = Buffer.alloc(8);
     out.writeUInt32BE(data.length); out.writeUInt32BE(crc(body), 4);
@@ -41,7 +44,8 @@ const png = (w, h, color) => {
   return Buffer.concat([Buffer.from("\x89PNG\r\n\x1a\n", "latin1"), chunk("IHDR", head), chunk("IDAT", deflateSync(rows)), chunk("IEND", Buffer.alloc(0))]);
 };
 // A room in one-point perspective with a bed, a lamp and a picture, moved and recoloured by `error`; from above with `above`.
-const room = (scene, error, above) => png(480, 320, (x, y) => {
+const room = (scene, error, above) => png(240, 160, (column, row) => {
+  const [x, y] = [2 * column, 2 * row];
   const hue = (k) => Math.round(128 + 90 * Math.sin(scene * 1.7 + k * 2.1));
   const off = error * 14 * (scene % 2 ? 1 : -1);
   const inside = ([x0, y0, x1, y1]) => x >= x0 + off && x < x1 + off && y >= y0 + error * 4 && y < y1 + error * 4;
@@ -203,7 +207,12 @@ let { child, url } = await serve();
       same(await ranksOnPage(page), ranks, "resumed ranks");
       await page.screenshot({ path: join(out, "trial_ranked.png") });
     }
-    if (n === 2) { child.removeAllListeners("exit"); child.kill("SIGKILL"); }
+    if (n === 2) {
+      // The next trial's pictures are there already when the server goes.
+      await page.waitForTimeout(1500);
+      child.removeAllListeners("exit");
+      child.kill("SIGKILL");
+    }
     await page.evaluate("document.activeElement.blur()");
     await page.keyboard.press("Enter");
     if (n === 3) {

@@ -324,14 +324,16 @@
     const waiting = new Set();
     const picture = (src, alt, must) => {
       const image = el("img", { alt, draggable: "false" });
-      let tries = 0;
+      let tries = 0, again = null, timer = 0;
       if (must) waiting.add(image);
-      image.addEventListener("load", () => { waiting.delete(image); refresh(); });
+      const load = () => { clearTimeout(timer); image.src = served ? `${src}?again=${Date.now()}` : src; };
+      image.addEventListener("load", () => { waiting.delete(image); again?.remove(); again = null; refresh(); });
+      // Tried again by itself, ever more slowly, and at once by the button.
       image.addEventListener("error", () => {
         tries += 1;
-        if (tries < 4) setTimeout(() => { image.src = served ? `${src}?again=${tries}` : src; }, 800 * tries);
-        else {
-          const again = el("button", { class: "failed", onclick: () => { tries = 0; again.remove(); image.src = served ? `${src}?again=${Date.now()}` : src; } }, "Load again");
+        timer = setTimeout(load, Math.min(800 * tries, 10_000));
+        if (tries === 3) {
+          again = el("button", { class: "failed", onclick: load }, "Load again");
           image.parentElement?.append(again);
         }
       });
