@@ -4,6 +4,7 @@ mod find;
 mod job;
 mod outputs;
 mod run;
+mod script;
 
 pub use find::{BlenderKind, CyclesRenderer};
 pub use job::{CyclesJob, Delight, RenderMode};

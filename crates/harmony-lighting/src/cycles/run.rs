@@ -108,7 +108,7 @@ impl Drop for Group {
 const LAST_WORDS: Duration = Duration::from_secs(2);
 
 /// Runs a command to its end or to the limit; returns its status and the end of what it said.
-fn run(
+pub(super) fn run(
     mut command: Command,
     limit: Duration,
     progress: &mut dyn FnMut(Progress),
