@@ -8,6 +8,8 @@ pub mod generate;
 pub mod metrics;
 pub mod oracle;
 pub mod overrides;
+pub mod ply;
+pub mod protocols;
 pub mod report;
 pub mod run;
 pub mod score;

@@ -1,4 +1,5 @@
-//! The geometry protocol of Gen3DSR's evaluation on 3D-FRONT, which the paper's Table 1 most likely uses.
+//! The geometry protocol of Gen3DSR's evaluation on 3D-FRONT: in metres. The paper's Table 1 almost surely uses another one
+//! ([`crate::protocols`]).
 //!
 //! Source: `src/eval_front.py` and `src/util.py` of the Gen3DSR repository (A. Dogaru et al., "Gen3DSR", 2025).
 //! Objects are compared in the camera frame, in metres, without any registration. The prediction's objects are cut by

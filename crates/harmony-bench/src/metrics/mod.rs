@@ -6,7 +6,7 @@
 //! | [`soup`] | triangle soups: from meshes and depth maps, cut to what a camera sees |
 //! | [`sample`] | points on surfaces, uniformly by area, from a seed |
 //! | [`two_way`] | Chamfer distance, precision, recall and F1 of two point sets |
-//! | [`gen3dsr`] | the protocol that the paper's Table 1 most likely uses: camera frame, metres, no registration |
+//! | [`gen3dsr`] | the protocol of Gen3DSR: camera frame, metres, no registration |
 //! | [`midi`] | the protocol of MIDI-3D: normalised scene, rigid ICP, squared distances |
 //! | [`icp`] | rigid alignment |
 //! | [`depth`] | scale of a prediction from depth maps |

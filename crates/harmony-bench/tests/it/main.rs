@@ -4,6 +4,7 @@
 mod calibration;
 mod generate;
 mod metrics_scipy;
+mod protocols;
 mod tables;
 mod views_agree;
 mod wall_clock;
