@@ -202,7 +202,7 @@ fn standing(svg: &mut String, [x, y, w, h]: [f64; 4], title: &str, groups: &[(St
             at - 5.0,
             counts.iter().sum::<usize>(),
             floor + 17.0,
-            if name.len() as f64 * 7.0 > step { 10.5 } else { 13.0 },
+            if name.len() as f64 * 8.0 > step { 10.5 } else { 13.0 },
             escape(name)
         );
     }
