@@ -160,7 +160,7 @@ let { child, url } = await serve();
       await page.locator(".panel[data-letter=A] .view").dblclick({ position: { x: 200, y: 100 } });
       const transforms = await page.$$eval(".view > img:first-child", (images) => [...new Set(images.map((i) => getComputedStyle(i).transform.replace(/, [-\d.]+, [-\d.]+\)$/, "")))]);
       same(transforms, ["matrix(2.5, 0, 0, 2.5"], "zoom of all pictures");
-      const box = await page.locator(".panel[data-letter=E] .view").boundingBox();
+      const box = await page.locator(".panel[data-letter=B] .view").boundingBox();
       const before = await page.evaluate("document.getElementById('trial').style.getPropertyValue('--x')");
       await page.mouse.move(box.x + 200, box.y + 100);
       await page.mouse.down(); await page.mouse.move(box.x + 120, box.y + 90, { steps: 5 }); await page.mouse.up();
