@@ -1,0 +1,155 @@
+//! What a thing weighs, how it slides and springs, and whether it moves at all.
+//!
+//! Mass comes from the scene (`material.physical.weight_kg`: the paper's question to the model, or the catalogue where no
+//! model was asked) and is checked twice: against the catalogue's mass over the bounding box of such a thing, and against
+//! what its solid would weigh if it were full of its material. Friction is the catalogue's, of the material against dry
+//! wood: that is what the paper's prompt asks for as well. Restitution follows the paper's elasticity, but cloth, leather
+//! and foam swallow a blow and do not give it back.
+
+use harmony_catalogue::{Trait, box_density, kind, material};
+use harmony_scene::{Level, MaterialCategory, SceneObject, Support, Vec3};
+use serde::{Deserialize, Serialize};
+
+/// Whether a thing moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Motion {
+    /// It stands by gravity and friction alone.
+    Dynamic,
+    /// It belongs to the room: fixed to a wall or the ceiling, built in, or lying under everything.
+    Static,
+}
+
+/// A weight farther from the catalogue's than this factor is not believed.
+pub const FARTHEST_MASS: f64 = 5.0;
+/// Nothing that moves is lighter, kilograms: solvers lose their footing with much less.
+pub const LIGHTEST_KG: f64 = 0.02;
+/// Height of the collider of what gives way under feet, metres: below what counts as a penetration.
+pub const RUG_M: f64 = 9e-4;
+/// Kinds that are screwed, plumbed or built in, beside what hangs on walls and ceilings.
+const FIXED: [&str; 8] = ["kitchen_base", "dishwasher", "fireplace", "mantel", "toilet", "bathtub", "sink", "radiator"];
+/// Kinds that stand by a heavy foot: share of the mass in the lowest fifth of the height. A plant's pot is full of earth,
+/// a floor lamp has a plate of iron under it; without it both fall over in every simulator, and in life.
+const HEAVY_FOOT: [(&str, f64); 11] = [
+    ("plant", 0.85),
+    ("flowers", 0.8),
+    ("vase", 0.6),
+    ("floor_lamp", 0.7),
+    ("arc_lamp", 0.85),
+    ("table_lamp", 0.6),
+    ("desk_lamp", 0.7),
+    ("coat_rack", 0.6),
+    ("fan", 0.7),
+    ("office_chair", 0.5),
+    ("monitor", 0.5),
+];
+
+/// Whether an object moves.
+pub fn motion(object: &SceneObject) -> Motion {
+    let kind = kind(&object.label);
+    let on_something = matches!(object.support, Support::Floor | Support::Object { .. });
+    let hung = matches!(object.level, Level::Wall | Level::Ceiling) || !on_something;
+    let of_the_room = kind.is_some_and(|k| {
+        k.opening.is_some() || k.has(Trait::Flat) || k.has(Trait::Hangs) || FIXED.contains(&k.name.as_str())
+    });
+    if hung || of_the_room { Motion::Static } else { Motion::Dynamic }
+}
+
+/// Whether what stands on it presses it flat: rugs, through which the scene has furniture stand on the floor.
+pub fn gives_way(object: &SceneObject) -> bool {
+    kind(&object.label).is_some_and(|k| k.has(Trait::Flat))
+}
+
+/// Mass of an object in kilograms and what was changed about it. `solid_m3` is the volume of its hulls.
+pub fn mass(object: &SceneObject, solid_m3: f64) -> (f64, Vec<String>) {
+    let mut notes = Vec::new();
+    let category = object.material.category;
+    let volume = object.size.as_vec().max(Vec3::splat(1e-3)).element_product();
+    let usual = (box_density(&object.label, category) * volume).max(LIGHTEST_KG);
+    let full = (material(category).density_kg_m3 * solid_m3).max(LIGHTEST_KG);
+    // A thing cannot weigh more than its solid, but its solid is only as good as its mesh.
+    let expected = usual.min(1.5 * full).max(LIGHTEST_KG);
+    let named = object.material.physical.weight_kg;
+    if !(named.is_finite() && named > 0.0) {
+        notes.push(format!("no usable weight in the scene: {expected:.2} kg by its kind and size"));
+        return (expected, notes);
+    }
+    let (low, high) = (expected / FARTHEST_MASS, expected * FARTHEST_MASS);
+    if named < low || named > high {
+        let taken = named.clamp(low, high);
+        notes.push(format!(
+            "{named:.2} kg is not believed of a {}, {expected:.2} kg is usual at this size: {taken:.2} kg is taken",
+            object.label
+        ));
+        return (taken.max(LIGHTEST_KG), notes);
+    }
+    (named.max(LIGHTEST_KG), notes)
+}
+
+/// Coefficient of friction against dry wood.
+pub fn friction(object: &SceneObject) -> f64 {
+    material(object.material.category).friction
+}
+
+/// Coefficient of restitution, 0 to 1.
+pub fn restitution(object: &SceneObject) -> f64 {
+    let elasticity = object.material.physical.elasticity;
+    match object.material.category {
+        MaterialCategory::Fabric | MaterialCategory::Leather | MaterialCategory::Foam => 0.0,
+        _ if elasticity.is_finite() => elasticity.clamp(0.0, 0.5),
+        _ => 0.0,
+    }
+}
+
+/// Share of the mass in the lowest fifth of the height, for kinds with a heavy foot.
+pub fn heavy_foot(object: &SceneObject) -> Option<f64> {
+    let name = kind(&object.label)?.name.as_str();
+    HEAVY_FOOT.iter().find(|(kind, _)| *kind == name).map(|(_, share)| *share)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::object;
+
+    #[test]
+    fn what_hangs_or_is_built_in_stays_and_the_rest_moves() {
+        let of = |label: &str, level, support| motion(&object("x_01", label, level, support));
+        assert_eq!(of("oak chair", Level::Furniture, Support::Floor), Motion::Dynamic);
+        assert_eq!(of("persian rug", Level::Furniture, Support::Floor), Motion::Static);
+        assert_eq!(of("bathtub", Level::Furniture, Support::Floor), Motion::Static);
+        assert_eq!(of("pendant lamp", Level::Ceiling, Support::Ceiling), Motion::Static);
+        assert_eq!(of("curtain", Level::Wall, Support::Floor), Motion::Static);
+        let id = harmony_scene::ObjectId::new("desk_01").unwrap();
+        assert_eq!(of("vase", Level::Decoration, Support::Object { id }), Motion::Dynamic);
+    }
+
+    #[test]
+    fn weights_are_believed_within_reason() {
+        let mut chair = object("chair_01", "chair", Level::Furniture, Support::Floor);
+        let sound = 5.0;
+        chair.material.physical.weight_kg = sound;
+        let (kg, notes) = mass(&chair, 0.02);
+        assert!(kg == sound && notes.is_empty(), "{kg} {notes:?}");
+        for bad in [500.0, 0.001, f64::NAN, -3.0] {
+            chair.material.physical.weight_kg = bad;
+            let (kg, notes) = mass(&chair, 0.02);
+            assert!((0.5..=60.0).contains(&kg) && notes.len() == 1, "{bad}: {kg} {notes:?}");
+        }
+        // A thing of little solid cannot be heavy, whatever its box.
+        chair.material.physical.weight_kg = f64::NAN;
+        let (kg, _) = mass(&chair, 1e-4);
+        assert!(kg < 0.2, "{kg}");
+    }
+
+    #[test]
+    fn cloth_does_not_bounce() {
+        let mut thing = object("thing_01", "cushion", Level::Decoration, Support::Floor);
+        thing.material.category = MaterialCategory::Fabric;
+        thing.material.physical.elasticity = 0.5;
+        assert_eq!(restitution(&thing), 0.0);
+        thing.material.category = MaterialCategory::Plastic;
+        assert!((restitution(&thing) - 0.5).abs() < 1e-12);
+        assert!((0.1..1.0).contains(&friction(&thing)));
+    }
+}
