@@ -68,6 +68,8 @@ enum Command {
     Models(commands::models::Args),
     /// Measure the program on rooms with known truth.
     Bench(commands::bench::Args),
+    /// Judge finished runs on photos without truth, beside what other programs made.
+    Eval(Box<commands::eval::Args>),
     /// Ask people: a page to rank reconstructions blind, a server for the answers, the statistics.
     Study(commands::study::Args),
     /// Photos and their reconstructions as a data set: sources, licences, checks, releases.
@@ -93,6 +95,7 @@ pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
         Command::Record(args) => commands::record::run(&args),
         Command::Models(args) => commands::models::run(&args),
         Command::Bench(args) => commands::bench::run(args),
+        Command::Eval(args) => commands::eval::run(&args),
         Command::Study(args) => commands::study::run(args),
         Command::Dataset(args) => commands::dataset::run(args),
         Command::Gallery(args) => commands::gallery::run(&args),

@@ -277,13 +277,19 @@ pub fn layout(_: &Model, _: &Store) -> Option<Result<(), String>> {
 
 /// CLIP and LPIPS for the benchmark, where their weights are.
 #[cfg(feature = "nets")]
-pub use similarity::looking;
+pub use similarity::{looking, looks};
 
 /// CLIP and LPIPS for the benchmark, where their weights are.
 #[cfg(not(feature = "nets"))]
 pub fn looking(_: &Store) -> harmony_bench::metrics::similarity::Looking {
     let absent = vec![format!("N-CLIP and LPIPS are not measured: {WITHOUT}")];
     harmony_bench::metrics::similarity::Looking { similarity: None, absent }
+}
+
+/// The figures of `harmony eval` that can be measured here.
+#[cfg(not(feature = "nets"))]
+pub fn looks(_: &Store) -> harmony_eval::score::Looks {
+    harmony_eval::score::Looks::new(Vec::new(), vec![format!("N-CLIP and LPIPS are not measured: {WITHOUT}")])
 }
 
 /// Devices, weights and expected times.

@@ -8,10 +8,11 @@ use harmony_bench::ablate::{self, AblationError, ablate};
 use harmony_bench::compare::{compare, text as comparison};
 use harmony_bench::generate::{GeneratorSettings, generate, write as write_room};
 use harmony_bench::oracle::{Meshes, NoiseLevel};
+use harmony_bench::protocols::{self, Protocol, ProtocolOptions, RunSurfaces, pair_runs, pieces, score_run, truths_in};
 use harmony_bench::overrides::{OverrideError, with_change, with_changes};
 use harmony_bench::report::write_tables;
 use harmony_bench::run::{BenchRequest, BenchResult, Judging, judge_finished, read_result, run as run_bench};
-use harmony_bench::score::BENCH_POINTS;
+use harmony_bench::score::{BENCH_POINTS, Prediction};
 use harmony_bench::summary::{TEXT_HEADING, summary, text_table};
 use harmony_bench::truth::rooms_in;
 use harmony_bench::views::{LIT_WIDTH, Lit, LitOptions, text as views_text};
@@ -117,6 +118,13 @@ struct ScoreArgs {
     /// Points drawn from each side's surfaces; 0 leaves surfaces out.
     #[arg(long, default_value_t = BENCH_POINTS)]
     points: usize,
+    /// Compare surfaces and objects by named protocols instead, comma separated: gen3dsr, harmony (the paper's script),
+    /// harmony-iso, midi. The truth may then be of 3D-FRONT, too (docs/evaluation.md).
+    #[arg(long, value_delimiter = ',')]
+    protocol: Vec<Protocol>,
+    /// Seed of the samplings, with --protocol.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
 }
 
 /// Arguments of `bench views`.
@@ -264,7 +272,50 @@ fn make(args: &GenerateArgs) -> Result<u8> {
     Ok(EXIT_OK)
 }
 
+fn by_protocols(args: &ScoreArgs) -> Result<u8> {
+    let truths = truths_in(&args.truth).map_err(|e| hinted(e.to_string(), e.hint()))?;
+    truths.iter().flat_map(|t| t.notes.iter().map(move |n| (t, n))).for_each(|(t, n)| tell!("{}: {n}", t.name));
+    let pairs = pair_runs(&args.run, &truths);
+    if pairs.is_empty() {
+        return Err(hinted(format!("no run is in {}", args.run.display()), Some("name a run folder, or a folder of runs")));
+    }
+    let options = ProtocolOptions { protocols: args.protocol.clone(), points: args.points.max(1), seed: args.seed };
+    let (mut scores, mut objects, mut failed) = (Vec::new(), Vec::new(), 0);
+    for (run, truth) in &pairs {
+        let Some(truth) = truth.map(|i| &truths[i]) else {
+            tell!("{}: of no truth in {}", run.display(), args.truth.display());
+            failed += 1;
+            continue;
+        };
+        let prediction = match Prediction::load(run) {
+            Ok(prediction) => prediction,
+            Err(error) => {
+                tell!("{}: {error}", run.display());
+                failed += 1;
+                continue;
+            }
+        };
+        let surfaces = RunSurfaces::of(&prediction);
+        let own = score_run(truth, &surfaces, run, &options);
+        failed += own.iter().filter(|s| s.failure.is_some()).count();
+        own.iter().filter_map(|s| Some((s, s.failure.as_ref()?))).for_each(|(s, f)| tell!("{}: {}: {f}", s.truth, s.protocol.name()));
+        scores.extend(own);
+        objects.extend(pieces(truth, &surfaces, args.seed));
+        tell!("{}: {}", truth.name, run.display());
+    }
+    say!("{}", protocols::text(&scores, &objects).trim_end())?;
+    if let Some(out) = &args.out {
+        harmony_io::write_json(&out.join("protocols.json"), &serde_json::json!({"scores": scores, "objects": objects}))?;
+        harmony_io::write_atomic(&out.join("protocols.csv"), protocols::csv(&scores).as_bytes())?;
+        harmony_io::write_atomic(&out.join("protocol_objects.csv"), protocols::objects_csv(&objects).as_bytes())?;
+    }
+    Ok(exit_code(failed))
+}
+
 fn judge(args: &ScoreArgs) -> Result<u8> {
+    if !args.protocol.is_empty() {
+        return by_protocols(args);
+    }
     let rooms = truths(&args.truth, None)?;
     let looking = networks::looking(&models::store(&config::load(None)?.models, None));
     let judging = Judging { points: args.points, out: args.out.as_deref(), looking: &looking, lit: None };

@@ -5,6 +5,7 @@ pub mod bill;
 pub mod dataset;
 pub mod doctor;
 pub mod estimate;
+pub mod eval;
 pub mod gallery;
 pub mod model;
 pub mod models;

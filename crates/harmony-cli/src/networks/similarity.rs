@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use harmony_bench::metrics::similarity::{Alike, Looking, Similarity};
+use harmony_eval::score::{Looks, MetricError, MetricId, PictureMetric};
 use harmony_models::{Store, table};
 use harmony_nets::NetError;
 use harmony_nets::clip::{ClipImageEncoder, cosine};
@@ -53,6 +54,70 @@ pub fn looking(store: &Store) -> Looking {
     Looking { similarity, absent }
 }
 
+/// N-CLIP for `harmony eval`.
+struct NClip(ClipImageEncoder<Cpu>);
+
+/// LPIPS for `harmony eval`.
+struct Perceptual(Lpips<Cpu>, MetricId);
+
+impl std::fmt::Debug for NClip {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("NClip")
+    }
+}
+
+impl std::fmt::Debug for Perceptual {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Perceptual({:?})", self.1)
+    }
+}
+
+impl PictureMetric for NClip {
+    fn id(&self) -> MetricId {
+        MetricId::NClip
+    }
+
+    fn measure(&self, render: &RgbImage, photo: &RgbImage) -> Result<f64, MetricError> {
+        let refused = |reason: String| MetricError { metric: MetricId::NClip, reason };
+        match &self.0.embed(&[render, photo]).map_err(|e| refused(e.to_string()))?[..] {
+            [a, b] => Ok(1.0 - cosine(a, b)),
+            other => Err(refused(format!("{} features for two pictures", other.len()))),
+        }
+    }
+}
+
+impl PictureMetric for Perceptual {
+    fn id(&self) -> MetricId {
+        self.1
+    }
+
+    fn measure(&self, render: &RgbImage, photo: &RgbImage) -> Result<f64, MetricError> {
+        let distance = self.0.distance(render, photo);
+        distance.map(|d| d.value).map_err(|e| MetricError { metric: self.1, reason: e.to_string() })
+    }
+}
+
+/// The figures of `harmony eval`: what is there is loaded, what is not is told.
+pub fn looks(store: &Store) -> Looks {
+    let backend = Arc::new(Cpu::new());
+    let mut absent = Vec::new();
+    let mut metrics: Vec<Arc<dyn PictureMetric>> = Vec::new();
+    let clip = load(store, "clip-vit-b32", MetricId::NClip.title(), &mut absent, |folder, files| {
+        ClipImageEncoder::open(&folder.join(files[0]), Arc::clone(&backend))
+    });
+    metrics.extend(clip.map(|clip| Arc::new(NClip(clip)) as Arc<dyn PictureMetric>));
+    for (id, net, model) in [
+        (MetricId::LpipsAlex, LpipsNet::Alex, "lpips-alex"),
+        (MetricId::LpipsVgg, LpipsNet::Vgg, "lpips-vgg"),
+    ] {
+        let lpips = load(store, model, id.title(), &mut absent, |folder, files| {
+            Lpips::open(&folder.join(files[0]), &folder.join(files[1]), net, Arc::clone(&backend))
+        });
+        metrics.extend(lpips.map(|lpips| Arc::new(Perceptual(lpips, id)) as Arc<dyn PictureMetric>));
+    }
+    Looks::new(metrics, absent)
+}
+
 fn load<T>(
     store: &Store,
     id: &str,
@@ -96,5 +161,10 @@ mod tests {
             found.absent
         );
         assert!(found.absent[1].contains("LPIPS") && found.absent[1].contains("pull lpips-alex"), "{:?}", found.absent);
+        let found = looks(&Store::new(folder.path()));
+        let ids: Vec<MetricId> = found.metrics.iter().map(|m| m.id()).collect();
+        assert_eq!(ids, [MetricId::Pl], "it needs no weights");
+        assert_eq!(found.absent.len(), 3);
+        assert!(found.absent[2].contains("LPIPS vgg") && found.absent[2].contains("pull lpips-vgg"), "{:?}", found.absent);
     }
 }
