@@ -60,6 +60,8 @@ enum Command {
     Show(commands::show::Args),
     /// Render the scene of a run with the built-in renderer.
     Render(commands::render::Args),
+    /// Write the scene of a run as GLB, USD, MJCF, URDF, Blender, OBJ or drawings, and check what was written.
+    Export(commands::export::Args),
     /// The modelling program of an object: print it, change it, run it again.
     Model(commands::model::Args),
     /// Keep the answers of a run as a recording that can be replayed (answers only, no photo).
@@ -91,6 +93,7 @@ pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
         Command::Doctor(args) => commands::doctor::run(&args),
         Command::Show(args) => commands::show::run(&args),
         Command::Render(args) => commands::render::run(&args),
+        Command::Export(args) => commands::export::run(&args),
         Command::Model(args) => commands::model::run(&args),
         Command::Record(args) => commands::record::run(&args),
         Command::Models(args) => commands::models::run(&args),

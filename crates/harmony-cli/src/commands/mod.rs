@@ -7,6 +7,7 @@ pub mod doctor;
 pub mod estimate;
 pub mod eval;
 pub mod gallery;
+pub mod export;
 pub mod model;
 pub mod models;
 pub mod reconstruct;
