@@ -18,6 +18,7 @@ use crate::gate::Gate;
 use crate::key::KeyHasher;
 use crate::limits::{Limits, Pace};
 use crate::record::{CallRecord, CallTiming, RECORD_VERSION, Source, Try, Unanswered, add_usage};
+use crate::shared::{SharedAsk, SharedOver, SharedTurn};
 use crate::stop::StopReason;
 use crate::{CallName, ContentKey, key_for};
 
@@ -267,6 +268,9 @@ impl Calls {
                     let Some(wait) = wait else { return Err(error) };
                     if error.status() == Some(429) || asked_for.is_some() {
                         gate.refused(Instant::now(), wait);
+                        if let Some(shared) = &self.options.shared {
+                            shared.refused(&card.player, &card.model, wait).await;
+                        }
                     }
                     let reason = shortened(&self.book.redacted(&error.to_string()), MAX_REASON);
                     let at = Instant::now() + wait;
@@ -308,7 +312,14 @@ impl Calls {
         };
         let number = if card.offline { 0 } else { self.admitted::<R>(gate, card, line, name).await? };
         let expected = self.options.prices.expected(R::ROLE, card);
-        let reservation = self.reserve::<R>(card, expected)?;
+        let shared = if card.offline { None } else { self.shared_turn::<R>(card, expected, line, name).await? };
+        let reservation = match self.reserve::<R>(card, expected) {
+            Ok(reservation) => reservation,
+            Err(error) => {
+                self.shared_over(shared, SharedOver { cost_usd: Some(0.0), ..SharedOver::default() }).await;
+                return Err(error);
+            }
+        };
         self.asked.fetch_add(1, Ordering::Relaxed);
         self.asked_outside.fetch_add(usize::from(!card.offline), Ordering::Relaxed);
         tracing::debug!(role = R::ROLE.folder(), call = %name, player = %card.player, "asked");
@@ -346,16 +357,22 @@ impl Calls {
         if !card.offline {
             gate.used(number, usage.map_or(0, |u| u.input_tokens.saturating_add(u.output_tokens)));
         }
+        let cost = match (&usage, &outcome) {
+            (Some(usage), _) => usage.cost_usd,
+            // Nothing came, so nothing is paid; after everything else nobody knows, and it counts as paid.
+            (None, Err(RoleError::Unavailable { status: Some(_), .. })) => None,
+            (None, Err(RoleError::NotSetUp { .. } | RoleError::NotCapable { .. })) => None,
+            (None, _) => expected,
+        };
         if let Some(reservation) = reservation {
-            let cost = match (&usage, &outcome) {
-                (Some(usage), _) => usage.cost_usd,
-                // Nothing came, so nothing is paid; after everything else nobody knows, and it counts as paid.
-                (None, Err(RoleError::Unavailable { status: Some(_), .. })) => None,
-                (None, Err(RoleError::NotSetUp { .. } | RoleError::NotCapable { .. })) => None,
-                (None, _) => expected,
-            };
             reservation.settle(cost, time);
         }
+        let over = SharedOver {
+            tokens: usage.map(|u| u.input_tokens.saturating_add(u.output_tokens)),
+            cost_usd: Some(cost.unwrap_or(0.0)),
+            closed_for: usage.and_then(|u| u.closed_for),
+        };
+        self.shared_over(shared, over).await;
         match outcome {
             Ok(answer) => {
                 let usage = usage.unwrap_or_default();
@@ -397,6 +414,55 @@ impl Calls {
                 stopped = self.no_new() => return Err(stopped),
                 () = tokio::time::sleep_until(at) => {}
             }
+        }
+    }
+
+    /// Waits until whoever counts for several programs lets the try be made.
+    async fn shared_turn<R: Recordable>(
+        &self,
+        card: &PlayerCard,
+        expected_usd: Option<f64>,
+        line: &Line<'_>,
+        name: &CallName,
+    ) -> Result<Option<i64>, RoleError> {
+        let Some(shared) = &self.options.shared else { return Ok(None) };
+        let ask = SharedAsk {
+            role: R::ROLE,
+            player: card.player.clone(),
+            model: card.model.clone(),
+            places: card.concurrency,
+            limits: self.options.limits.of(card),
+            expected_usd,
+        };
+        loop {
+            self.stop.check()?;
+            // Not torn down while it counts: a try that was counted is made, or given back below.
+            let wait = match shared.take(&ask).await {
+                SharedTurn::Go(number) => return Ok(Some(number)),
+                SharedTurn::Budget(reason) => return Err(self.reached(reason)),
+                SharedTurn::Stop(reason) => {
+                    let reason = StopReason::Interrupted(reason);
+                    let error = reason.error();
+                    self.stop.close(reason);
+                    return Err(error);
+                }
+                SharedTurn::Wait(wait) => wait,
+            };
+            let at = Instant::now() + wait;
+            line.doing(Doing::RateLimited(at));
+            self.tell::<R>(name, CallEventKind::RateLimited { player: card.player.clone(), wait });
+            tokio::select! {
+                biased;
+                stopped = self.no_new() => return Err(stopped),
+                () = tokio::time::sleep_until(at) => {}
+            }
+        }
+    }
+
+    /// Tells whoever counts for several programs that a try is over.
+    async fn shared_over(&self, number: Option<i64>, over: SharedOver) {
+        if let (Some(shared), Some(number)) = (&self.options.shared, number) {
+            shared.settle(number, over).await;
         }
     }
 

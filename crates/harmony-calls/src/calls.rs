@@ -21,6 +21,7 @@ use crate::gate::Gate;
 use crate::limits::Limits;
 use crate::prices::Prices;
 use crate::record::{CallSummary, Source};
+use crate::shared::SharedLimits;
 use crate::stop::Stop;
 use crate::{CallBook, CallName, Capabilities, Cast, ContentKey};
 
@@ -121,6 +122,8 @@ pub struct CallOptions {
     pub budget: Budget,
     /// What calls cost, where players don't say.
     pub prices: Prices,
+    /// Who counts for several programs at once, where this run is one of many.
+    pub shared: Option<Arc<dyn SharedLimits>>,
     /// Numbers from 0 to 1 for the jitter of waits.
     pub random: Arc<dyn Fn() -> f64 + Send + Sync>,
 }
@@ -134,6 +137,7 @@ impl Default for CallOptions {
             limits: Limits::default(),
             budget: Budget::default(),
             prices: Prices::default(),
+            shared: None,
             random: Arc::new(rand::random::<f64>),
         }
     }

@@ -34,6 +34,7 @@ mod prices;
 mod record;
 mod recording;
 mod retry;
+mod shared;
 mod stop;
 
 pub use bill::{Bill, BillLine};
@@ -50,4 +51,5 @@ pub use prices::{Price, Prices};
 pub use record::{CallRecord, CallSummary, CallTiming, RECORD_VERSION, Source, Try, Unanswered, add_usage};
 pub use recording::{RecordedAnswer, Recording, RecordingAbout, RecordingManifest, export_recording};
 pub use retry::RetryPolicy;
+pub use shared::{SharedAsk, SharedLimits, SharedOver, SharedTurn};
 pub use stop::{Stop, StopReason};

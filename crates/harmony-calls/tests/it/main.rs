@@ -5,4 +5,5 @@ mod asking;
 mod book;
 mod common;
 mod same_work;
+mod shared;
 mod waiting;
