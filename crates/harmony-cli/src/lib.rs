@@ -50,6 +50,10 @@ Exit codes:
 enum Command {
     /// Reconstruct a photo into a run folder (scene.json, scene_full.glb, renders, report.html).
     Reconstruct(Box<commands::reconstruct::Args>),
+    /// Reconstruct many photos: a queue, workers on this machine and on others, what has come of it.
+    Batch(Box<commands::batch::Args>),
+    /// Work from a queue that `harmony batch` filled, here or on another machine.
+    Worker(commands::batch::WorkerArgs),
     /// Tell what a run would take: calls, money, minutes. Asks nobody.
     Estimate(commands::estimate::Args),
     /// Tell what a run took, by phase, role, player and object.
@@ -88,6 +92,8 @@ pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
     display::log_to_stderr(cli.verbose);
     let result = match cli.command {
         Command::Reconstruct(args) => commands::reconstruct::run(*args),
+        Command::Batch(args) => commands::batch::run(*args),
+        Command::Worker(args) => commands::batch::run_worker(&args),
         Command::Estimate(args) => commands::estimate::run(&args),
         Command::Bill(args) => commands::bill::run(&args),
         Command::Doctor(args) => commands::doctor::run(&args),

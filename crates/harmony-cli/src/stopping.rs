@@ -32,6 +32,14 @@ pub fn on_interrupt(calls: &Arc<Calls>) {
     });
 }
 
+/// Stops the run as a first Ctrl-C does when the worker that began it has ended, or wants it to stop.
+pub fn with_worker(calls: &Arc<Calls>) {
+    let stop = Arc::clone(calls.stop());
+    harmony_batch::inside::when_worker_ends(move || {
+        stop.close(StopReason::Interrupted("the worker has ended, or wants this scene to stop".to_owned()));
+    });
+}
+
 /// Shows what is under way, as long as the returned task runs.
 pub fn show_calls(calls: &Arc<Calls>, display: &Arc<Display>) -> tokio::task::JoinHandle<()> {
     let (calls, display) = (Arc::clone(calls), Arc::clone(display));

@@ -1,5 +1,6 @@
 //! One module a command.
 
+pub mod batch;
 pub mod bench;
 pub mod bill;
 pub mod dataset;

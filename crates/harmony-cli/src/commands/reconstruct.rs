@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, StopReason};
+use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, SharedLimits, StopReason};
 use harmony_io::load_photo;
 use harmony_pipeline::{Phase, RunError, RunFolder, RunOutcome, RunRequest, Warnings};
 use harmony_roles::Role;
@@ -115,6 +115,7 @@ async fn reconstruct(args: Args) -> Result<u8> {
         tell: display.line_sink(),
     };
     let casting = cast::cast(&request)?;
+    let shared = super::batch::shared_players(&request.players).await?;
     if args.replay.is_none() {
         look_around(&casting, &args.out, &request.tell).await?;
     }
@@ -153,10 +154,12 @@ async fn reconstruct(args: Args) -> Result<u8> {
         limits: config.limits,
         budget,
         prices: config.prices,
+        shared: shared.clone().map(|shared| shared as Arc<dyn SharedLimits>),
         ..CallOptions::default()
     };
     let calls = Arc::new(Calls::new(Arc::new(book), casting.cast, casting.offline, options));
     stopping::on_interrupt(&calls);
+    stopping::with_worker(&calls);
     let ticker = stopping::show_calls(&calls, &display);
     let replaying = args.replay.is_some();
     let run_request = RunRequest {
@@ -171,6 +174,7 @@ async fn reconstruct(args: Args) -> Result<u8> {
     };
     let outcome = Box::pin(harmony_pipeline::run(&run_request, &calls, &warnings, &display.sink())).await;
     ticker.abort();
+    super::batch::flush(shared).await;
     display.finish();
     match outcome {
         Ok(outcome) => {
@@ -255,6 +259,9 @@ fn report(args: &Args, outcome: &RunOutcome) -> Result<u8> {
         outcome.file.questions_per_object,
         bill.usage.cost_usd.map_or_else(|| "no known cost".to_owned(), |c| format!("{c:.3} US$")),
     )?;
+    for line in outcome.file.unseen() {
+        say!("{line}")?;
+    }
     if bill.calls > bill.offline + bill.recorded {
         super::bill::print(&outcome.file.bill, false)?;
     }

@@ -3,6 +3,7 @@
 
 mod bad_answers;
 mod bad_inputs;
+mod batch;
 mod common;
 mod killed;
 mod networks;
