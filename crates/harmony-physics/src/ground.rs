@@ -211,11 +211,11 @@ mod tests {
     fn its_power_lies_in_the_band() {
         let motion = GroundMotion::new(8.0, 20.0, 1);
         // Power at a frequency by direct Fourier sums over the part with a full envelope.
+        let times = (0..1600).map(|k| 4.0 + f64::from(k) / 200.0);
+        let series: Vec<(f64, f64)> = times.map(|t| (t, motion.at(t).acceleration.x)).collect();
         let power = |hz: f64| {
             let (mut re, mut im) = (0.0, 0.0);
-            for k in 0..1600 {
-                let t = 4.0 + f64::from(k) / 200.0;
-                let a = motion.at(t).acceleration.x;
+            for (t, a) in &series {
                 let w = std::f64::consts::TAU * hz * t;
                 re += a * w.cos();
                 im += a * w.sin();
