@@ -8,8 +8,8 @@
 /// Wins added each way to every pair that was compared.
 pub const PRIOR: f64 = 0.5;
 /// Most rounds, and the change of log strengths at which they end.
-const ROUNDS: usize = 2000;
-const SETTLED: f64 = 1e-10;
+const ROUNDS: usize = 500;
+const SETTLED: f64 = 1e-9;
 
 /// Log strengths, mean 0, from `wins[i][j]`: how often i beat j, ties as halves. Those without any comparison get 0.
 pub fn strengths(wins: &[Vec<f64>], prior: f64) -> Vec<f64> {
@@ -17,6 +17,11 @@ pub fn strengths(wins: &[Vec<f64>], prior: f64) -> Vec<f64> {
     let at = |i: usize, j: usize| wins.get(i).and_then(|row| row.get(j)).copied().unwrap_or(0.0);
     let compared = |i: usize, j: usize| i != j && at(i, j) + at(j, i) > 0.0;
     let padded = |i: usize, j: usize| at(i, j) + if compared(i, j) { prior } else { 0.0 };
+    if n == 2 && compared(0, 1) && padded(0, 1) > 0.0 && padded(1, 0) > 0.0 {
+        // Two have a solution of closed form.
+        let lead = (padded(0, 1) / padded(1, 0)).ln();
+        return vec![lead / 2.0, -lead / 2.0];
+    }
     let mut log = vec![0.0_f64; n];
     for _ in 0..ROUNDS {
         let strength: Vec<f64> = log.iter().map(|l| l.exp()).collect();
