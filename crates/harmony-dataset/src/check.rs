@@ -175,7 +175,9 @@ fn sums(root: &Path, notes: &mut Notes) {
             }
         })
         .collect();
-    wrong.into_iter().for_each(|w| notes.wrong(w));
+    for what in wrong {
+        notes.wrong(what);
+    }
     listed.extend(lines.iter().map(|(_, path)| (*path).to_owned()));
     for path in crate::release::files(root) {
         if path != SUMS && !listed.contains(&path) {
@@ -273,7 +275,7 @@ fn licence(row: &Source, config: &Config, notes: &mut Notes) {
     let url = row.source_url.trim();
     if url.is_empty() && !own {
         notes.licence("sources.csv has no address of the photo");
-    } else if !url.is_empty() && !(url.starts_with("https://") || url.starts_with("http://")) {
+    } else if !url.is_empty() && !["https://", "http://"].iter().any(|scheme| url.starts_with(scheme)) {
         notes.licence(format!("{url:?} is no web address"));
     }
     if !is_day(&row.retrieved_at) {
@@ -323,7 +325,7 @@ fn makers(record: &Record, config: &Config, notes: &mut Notes) {
             }
             Some(_) => {}
             None => {
-                notes.licence(format!("dataset.json (makers) does not say what may be done with what {maker} made"))
+                notes.licence(format!("dataset.json (makers) does not say what may be done with what {maker} made"));
             }
         }
     }

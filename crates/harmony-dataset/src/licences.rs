@@ -5,6 +5,7 @@
 
 /// A licence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[expect(clippy::struct_excessive_bools, reason = "a row of a table of yes and no")]
 pub struct Licence {
     /// Its name in `sources.csv`: SPDX where there is one.
     pub id: &'static str,

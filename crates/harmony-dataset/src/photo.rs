@@ -44,7 +44,9 @@ pub fn export(bytes: &[u8], blur: &[[u32; 4]]) -> Result<Exported, PictureError>
     {
         return Ok(Exported { bytes: stripped, extension: "jpg", untouched: true });
     }
-    blur.iter().for_each(|region| blur_region(&mut image, *region));
+    for region in blur {
+        blur_region(&mut image, *region);
+    }
     Ok(if jpeg {
         Exported { bytes: picture::rgb_jpeg(&image, QUALITY)?, extension: "jpg", untouched: false }
     } else {
@@ -111,7 +113,7 @@ fn strip_jpeg(bytes: &[u8]) -> Option<Vec<u8>> {
         if marker == 0xda {
             // Compressed data: up to the next marker that is neither an escaped 0xff nor a restart.
             let begin = at;
-            while !(*bytes.get(at)? == 0xff && !matches!(*bytes.get(at + 1)?, 0x00 | 0xd0..=0xd7 | 0xff)) {
+            while *bytes.get(at)? != 0xff || matches!(*bytes.get(at + 1)?, 0x00 | 0xd0..=0xd7 | 0xff) {
                 at += 1;
             }
             out.extend_from_slice(&bytes[begin..at]);
