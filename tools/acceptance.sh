@@ -35,6 +35,8 @@ check "the renderer's ids" "$bin" render "$out/run" --camera input --ids "$out/i
 check "Blender opens the scene, and its view through camera.json is ours" "$bpy" tools/bpy_open.py \
   "$out/run/scene_full.glb" --extents "$extents" --nodes "$nodes" --camera "$out/run/camera.json" \
   --ids "$out/ids.png" --scene "$out/run/scene.json" --min-iou 0.98
+# Longer ones, by HARMONY_MORE=1: a user study in Chromium, its server under kills, a gallery, a data set read by Python.
+if [ "${HARMONY_MORE:-0}" = 1 ]; then
 check "a participant's session with a user study, from consent to submission" \
   node tools/study_session.mjs "$bin" "$out/study" "$out/study_shots"
 check "answers that were acknowledged survive kills" \
@@ -59,4 +61,5 @@ PY
   "$cache/checkers/bin/python" tools/read_dataset.py "$out/release"
 }
 check "a data set is released, and Python reads it" dataset
+fi
 echo "$passed passed, 0 failed"

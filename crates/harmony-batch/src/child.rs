@@ -89,15 +89,14 @@ impl Program {
             () = ordered(&mut orders, Order::GiveBack) => None,
             () = overdue => { late = true; None }
         };
-        let status = match ended {
-            Some(status) => status,
-            None => {
-                drop(input.take());
-                tokio::select! {
-                    status = child.wait() => status,
-                    () = tokio::time::sleep(self.grace) => killed(&mut child).await,
-                    () = ordered(&mut orders, Order::Kill) => killed(&mut child).await,
-                }
+        let status = if let Some(status) = ended {
+            status
+        } else {
+            drop(input.take());
+            tokio::select! {
+                status = child.wait() => status,
+                () = tokio::time::sleep(self.grace) => killed(&mut child).await,
+                () = ordered(&mut orders, Order::Kill) => killed(&mut child).await,
             }
         };
         let failed = |source| BatchError::Program { program: self.path.clone(), source };

@@ -66,6 +66,8 @@ enum Command {
     Render(commands::render::Args),
     /// Write the scene of a run as GLB, USD, MJCF, URDF, Blender, OBJ or drawings, and check what was written.
     Export(commands::export::Args),
+    /// Let the scene of a run stand, repair what does not, shake it.
+    Simulate(commands::simulate::Args),
     /// The modelling program of an object: print it, change it, run it again.
     Model(commands::model::Args),
     /// Keep the answers of a run as a recording that can be replayed (answers only, no photo).
@@ -100,6 +102,7 @@ pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
         Command::Show(args) => commands::show::run(&args),
         Command::Render(args) => commands::render::run(&args),
         Command::Export(args) => commands::export::run(&args),
+        Command::Simulate(args) => commands::simulate::run(&args),
         Command::Model(args) => commands::model::run(&args),
         Command::Record(args) => commands::record::run(&args),
         Command::Models(args) => commands::models::run(&args),

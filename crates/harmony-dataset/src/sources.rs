@@ -208,7 +208,7 @@ mod tests {
         save(folder.path(), std::slice::from_ref(&row)).unwrap();
         let text = std::fs::read_to_string(folder.path().join(SOURCES)).unwrap();
         assert_eq!(text.lines().next(), head.lines().next());
-        assert_eq!(load(folder.path()).unwrap(), [row.clone()]);
+        assert_eq!(load(folder.path()).unwrap(), std::slice::from_ref(&row));
         save(folder.path(), &[row.clone(), row]).unwrap();
         assert!(load(folder.path()).unwrap_err().to_string().contains("two rows"));
     }

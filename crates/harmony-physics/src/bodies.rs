@@ -298,7 +298,7 @@ impl Kept {
     fn of(self, hash: &str, scale: Vec3) -> Option<Decomposition> {
         let same = self.version == CACHE_VERSION && self.mesh == hash && self.scale == scale;
         let sound = || self.hulls.iter().all(|h| h.vertices.iter().all(|v| v.is_finite()) && h.is_sound());
-        (same && sound()).then(|| Decomposition {
+        (same && sound()).then_some(Decomposition {
             fit: Fit { visual_to_collider: self.visual_to_collider_m, collider_to_visual: self.collider_to_visual_m },
             allowed: self.allowed_m,
             thickened: self.thickened,

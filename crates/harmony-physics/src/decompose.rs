@@ -126,7 +126,7 @@ impl Piece {
     }
 
     fn hull(&self) -> Option<Hull> {
-        Hull::of(&self.points).filter(|h| is_thick(h)).or_else(|| Hull::of_sheet(&self.points, THINNEST_M))
+        Hull::of(&self.points).filter(is_thick).or_else(|| Hull::of_sheet(&self.points, THINNEST_M))
     }
 }
 

@@ -172,16 +172,14 @@ impl World {
     /// Where an object is now, in the frame that does not move.
     pub(crate) fn place(&self, object: usize) -> Placed {
         let still = self.still[object];
-        match self.objects[object].and_then(|h| self.physics.bodies.get(h)) {
-            Some(body) => Placed::from_rapier(body.position()),
-            None => {
-                let moved = self.physics.bodies.get(self.room).map_or(Vec3::ZERO, |room| {
-                    let t = room.translation();
-                    Vec3::new(t.x.into(), t.y.into(), t.z.into())
-                });
-                Placed { position: still.position + moved, ..still }
-            }
+        if let Some(body) = self.objects[object].and_then(|h| self.physics.bodies.get(h)) {
+            return Placed::from_rapier(body.position());
         }
+        let moved = self.physics.bodies.get(self.room).map_or(Vec3::ZERO, |room| {
+            let t = room.translation();
+            Vec3::new(t.x.into(), t.y.into(), t.z.into())
+        });
+        Placed { position: still.position + moved, ..still }
     }
 
     /// Speed of an object's centre of mass, m/s; 0 for what does not move by itself.

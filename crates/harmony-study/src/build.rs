@@ -486,7 +486,7 @@ fn invitations(study: &PrivateStudy, options: &BuildOptions) -> String {
     for i in 0..options.participants {
         let code = code(&study.secret, i);
         let key = study.invitation(&code);
-        text += &format!("{code},{key},{}#p={code}&k={key}\n", options.url);
+        text.extend([code.as_str(), ",", &key, ",", &options.url, "#p=", &code, "&k=", &key, "\n"]);
     }
     text
 }

@@ -170,7 +170,9 @@ impl Log {
         let (entries, chain) = parse(path, &text[..whole])?;
         belongs(path, &entries, study)?;
         let mut index = Index { limits, ..Index::default() };
-        entries.iter().for_each(|entry| index.note(entry));
+        for entry in &entries {
+            index.note(entry);
+        }
         // An unfinished line was acknowledged to nobody.
         file.set_len(whole as u64).map_err(fail)?;
         file.seek(SeekFrom::End(0)).map_err(fail)?;
@@ -366,7 +368,9 @@ impl OpenLog {
         }
         let outcome = match self.write(entries) {
             Ok(()) => {
-                entries.iter().for_each(|entry| self.index.note(entry));
+                for entry in &*entries {
+                    self.index.note(entry);
+                }
                 Ok(Stored::New)
             }
             Err(error) => Err(NotStored::Disk(error.to_string())),

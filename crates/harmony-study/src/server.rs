@@ -192,7 +192,7 @@ fn say(status: StatusCode, value: &Value) -> Response {
     reply(status, "application/json", value.to_string())
 }
 
-fn refuse(status: StatusCode, why: impl ToString) -> Response {
+fn refuse(status: StatusCode, why: &(impl ToString + ?Sized)) -> Response {
     say(status, &json!({ "error": why.to_string() }))
 }
 
@@ -248,14 +248,15 @@ async fn enrol(State(app): State<Arc<App>>) -> Response {
 }
 
 /// Who asks, if the invitation is genuine.
+#[expect(clippy::result_large_err, reason = "the answer to send is axum's")]
 fn invited(app: &App, body: &[u8]) -> Result<Who, Response> {
-    let who: Who =
-        serde_json::from_slice(body).map_err(|e| refuse(StatusCode::BAD_REQUEST, Refusal::Malformed(e.to_string())))?;
+    let who: Who = serde_json::from_slice(body)
+        .map_err(|e| refuse(StatusCode::BAD_REQUEST, &Refusal::Malformed(e.to_string())))?;
     if who.study != app.study.study {
-        return Err(refuse(StatusCode::CONFLICT, Refusal::OtherStudy));
+        return Err(refuse(StatusCode::CONFLICT, &Refusal::OtherStudy));
     }
     if !is_participant(&who.participant) {
-        return Err(refuse(StatusCode::BAD_REQUEST, Refusal::Participant));
+        return Err(refuse(StatusCode::BAD_REQUEST, &Refusal::Participant));
     }
     if !app.study.invited(&who.participant, &who.key) {
         return Err(refuse(StatusCode::FORBIDDEN, "this is no invitation to this study"));
@@ -269,7 +270,7 @@ async fn begin(State(app): State<Arc<App>>, body: Bytes) -> Response {
         Err(response) => return response,
     };
     let Some(seen) = app.log.seen(&who.participant).await else {
-        return refuse(StatusCode::SERVICE_UNAVAILABLE, NotStored::Closed);
+        return refuse(StatusCode::SERVICE_UNAVAILABLE, &NotStored::Closed);
     };
     let tokens: BTreeMap<&String, String> =
         app.trials.iter().map(|t| (t, app.study.token(&who.participant, t))).collect();
@@ -279,14 +280,14 @@ async fn begin(State(app): State<Arc<App>>, body: Bytes) -> Response {
 async fn answer(State(app): State<Arc<App>>, body: Bytes) -> Response {
     let posted: Posted = match serde_json::from_slice(&body) {
         Ok(posted) => posted,
-        Err(e) => return refuse(StatusCode::BAD_REQUEST, Refusal::Malformed(e.to_string())),
+        Err(e) => return refuse(StatusCode::BAD_REQUEST, &Refusal::Malformed(e.to_string())),
     };
     // The signature first: to others the study tells nothing about its trials.
     if !app.study.signed(&posted.answer.participant, &posted.answer.trial, &posted.token) {
-        return refuse(StatusCode::FORBIDDEN, Refusal::Forged);
+        return refuse(StatusCode::FORBIDDEN, &Refusal::Forged);
     }
     if let Err(refusal) = posted.answer.check(&app.study) {
-        return refuse(status_of(&refusal), refusal);
+        return refuse(status_of(&refusal), &refusal);
     }
     let revision = posted.answer.revision;
     stored(app.log.append(Entry::Answer { answer: posted.answer, via: Via::Server }).await, revision)
@@ -304,9 +305,9 @@ fn stored(outcome: Result<Stored, NotStored>, revision: u32) -> Response {
         Ok(stored) => {
             say(StatusCode::OK, &json!({ "stored": true, "new": stored == Stored::New, "revision": revision }))
         }
-        Err(NotStored::Refused(refusal)) => refuse(status_of(&refusal), refusal),
-        Err(error @ NotStored::Full) => refuse(StatusCode::INSUFFICIENT_STORAGE, error),
-        Err(error) => refuse(StatusCode::SERVICE_UNAVAILABLE, error),
+        Err(NotStored::Refused(refusal)) => refuse(status_of(&refusal), &refusal),
+        Err(error @ NotStored::Full) => refuse(StatusCode::INSUFFICIENT_STORAGE, &error),
+        Err(error) => refuse(StatusCode::SERVICE_UNAVAILABLE, &error),
     }
 }
 

@@ -8,8 +8,8 @@ use harmony_bench::ablate::{self, AblationError, ablate};
 use harmony_bench::compare::{compare, text as comparison};
 use harmony_bench::generate::{GeneratorSettings, generate, write as write_room};
 use harmony_bench::oracle::{Meshes, NoiseLevel};
-use harmony_bench::protocols::{self, Protocol, ProtocolOptions, RunSurfaces, pair_runs, pieces, score_run, truths_in};
 use harmony_bench::overrides::{OverrideError, with_change, with_changes};
+use harmony_bench::protocols::{self, Protocol, ProtocolOptions, RunSurfaces, pair_runs, pieces, score_run, truths_in};
 use harmony_bench::report::write_tables;
 use harmony_bench::run::{BenchRequest, BenchResult, Judging, judge_finished, read_result, run as run_bench};
 use harmony_bench::score::{BENCH_POINTS, Prediction};
@@ -277,7 +277,10 @@ fn by_protocols(args: &ScoreArgs) -> Result<u8> {
     truths.iter().flat_map(|t| t.notes.iter().map(move |n| (t, n))).for_each(|(t, n)| tell!("{}: {n}", t.name));
     let pairs = pair_runs(&args.run, &truths);
     if pairs.is_empty() {
-        return Err(hinted(format!("no run is in {}", args.run.display()), Some("name a run folder, or a folder of runs")));
+        return Err(hinted(
+            format!("no run is in {}", args.run.display()),
+            Some("name a run folder, or a folder of runs"),
+        ));
     }
     let options = ProtocolOptions { protocols: args.protocol.clone(), points: args.points.max(1), seed: args.seed };
     let (mut scores, mut objects, mut failed) = (Vec::new(), Vec::new(), 0);
@@ -298,14 +301,19 @@ fn by_protocols(args: &ScoreArgs) -> Result<u8> {
         let surfaces = RunSurfaces::of(&prediction);
         let own = score_run(truth, &surfaces, run, &options);
         failed += own.iter().filter(|s| s.failure.is_some()).count();
-        own.iter().filter_map(|s| Some((s, s.failure.as_ref()?))).for_each(|(s, f)| tell!("{}: {}: {f}", s.truth, s.protocol.name()));
+        own.iter()
+            .filter_map(|s| Some((s, s.failure.as_ref()?)))
+            .for_each(|(s, f)| tell!("{}: {}: {f}", s.truth, s.protocol.name()));
         scores.extend(own);
         objects.extend(pieces(truth, &surfaces, args.seed));
         tell!("{}: {}", truth.name, run.display());
     }
     say!("{}", protocols::text(&scores, &objects).trim_end())?;
     if let Some(out) = &args.out {
-        harmony_io::write_json(&out.join("protocols.json"), &serde_json::json!({"scores": scores, "objects": objects}))?;
+        harmony_io::write_json(
+            &out.join("protocols.json"),
+            &serde_json::json!({"scores": scores, "objects": objects}),
+        )?;
         harmony_io::write_atomic(&out.join("protocols.csv"), protocols::csv(&scores).as_bytes())?;
         harmony_io::write_atomic(&out.join("protocol_objects.csv"), protocols::objects_csv(&objects).as_bytes())?;
     }

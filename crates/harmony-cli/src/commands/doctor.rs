@@ -82,7 +82,9 @@ pub fn run(args: &Args) -> Result<u8> {
     } else {
         print(&report, profile)?;
         if profile == Profile::Files {
-            say!("\nquestions are written to <run folder>/questions, one folder each, and wait there for an answer.json;")?;
+            say!(
+                "\nquestions are written to <run folder>/questions, one folder each, and wait there for an answer.json;"
+            )?;
             say!("docs/players.md, \"Answering by hand\", tells how it goes")?;
         }
         say!("\nnetworks inside this program")?;

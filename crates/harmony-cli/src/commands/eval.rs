@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use harmony_calls::{BookOptions, CallBook, CallOptions, Calls};
 use harmony_bench::ablate::{FULL, variants};
+use harmony_calls::{BookOptions, CallBook, CallOptions, Calls};
 use harmony_eval::ablate::{self, AblateRequest, ablate_photos, subjects};
 use harmony_eval::baked::{BakedOptions, export_baked};
 use harmony_eval::judge::{self, JudgeOptions, Judgement, agreement, pairs};
@@ -314,7 +314,10 @@ fn judges(args: &JudgeArgs) -> Result<u8> {
     tell!("pictures and what was said: {}", args.out.join("judge.html").display());
     let unanswered = judgement.trials.iter().filter(|t| t.verdicts.is_none()).count();
     if unanswered > 0 {
-        tell!("{unanswered} of {} questions have no answer; run the same command again to ask them", judgement.trials.len());
+        tell!(
+            "{unanswered} of {} questions have no answer; run the same command again to ask them",
+            judgement.trials.len()
+        );
     }
     Ok(if unanswered > 0 { EXIT_INCOMPLETE } else { EXIT_OK })
 }

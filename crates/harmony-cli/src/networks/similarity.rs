@@ -106,10 +106,9 @@ pub fn looks(store: &Store) -> Looks {
         ClipImageEncoder::open(&folder.join(files[0]), Arc::clone(&backend))
     });
     metrics.extend(clip.map(|clip| Arc::new(NClip(clip)) as Arc<dyn PictureMetric>));
-    for (id, net, model) in [
-        (MetricId::LpipsAlex, LpipsNet::Alex, "lpips-alex"),
-        (MetricId::LpipsVgg, LpipsNet::Vgg, "lpips-vgg"),
-    ] {
+    for (id, net, model) in
+        [(MetricId::LpipsAlex, LpipsNet::Alex, "lpips-alex"), (MetricId::LpipsVgg, LpipsNet::Vgg, "lpips-vgg")]
+    {
         let lpips = load(store, model, id.title(), &mut absent, |folder, files| {
             Lpips::open(&folder.join(files[0]), &folder.join(files[1]), net, Arc::clone(&backend))
         });
@@ -165,6 +164,10 @@ mod tests {
         let ids: Vec<MetricId> = found.metrics.iter().map(|m| m.id()).collect();
         assert_eq!(ids, [MetricId::Pl], "it needs no weights");
         assert_eq!(found.absent.len(), 3);
-        assert!(found.absent[2].contains("LPIPS vgg") && found.absent[2].contains("pull lpips-vgg"), "{:?}", found.absent);
+        assert!(
+            found.absent[2].contains("LPIPS vgg") && found.absent[2].contains("pull lpips-vgg"),
+            "{:?}",
+            found.absent
+        );
     }
 }

@@ -74,7 +74,7 @@ fn doubted(state: &SceneState) -> Vec<HostedObject> {
     let decorations = placed.iter().filter(|p| p.item.level == Level::Decoration && !is_flat(&p.item.label));
     decorations
         .filter_map(|p| {
-            let near = p.item.mask.bounds()?.padded(0.5, state.partial.camera.size);
+            let near = p.item.mask.bounds()?.padded(1.0, state.partial.camera.size);
             let could = |q: &&Placed| {
                 let carries = q.item.id != p.item.id && q.item.level != Level::Ceiling && !is_flat(&q.item.label);
                 carries && q.item.mask.bounds().is_some_and(|b| b.intersection(&near).area() > 0.0)
@@ -150,11 +150,11 @@ mod tests {
         let near = add(&mut state, "table_01", Level::Furniture, table, DVec3::new(1.6, 0.0, 2.0), Support::Floor);
         let on = |id: &ObjectId| Support::Object { id: id.clone() };
         let small = DVec3::new(0.15, 0.3, 0.15);
-        let at = DVec3::new(1.6, 0.5, 2.0);
+        let at = DVec3::new(1.85, 0.5, 2.0);
         let vase = add(&mut state, "vase_01", Level::Decoration, small, at, on(&near));
         said(&mut state, &vase, |item| item.relations.on_top_of = Some(ObjectId::new("table_01").unwrap()));
         assert_eq!(doubted(&state), [], "there is no other table");
-        let other = add(&mut state, "table_02", Level::Furniture, table, DVec3::new(2.4, 0.0, 1.7), Support::Floor);
+        let other = add(&mut state, "table_02", Level::Furniture, table, DVec3::new(2.35, 0.0, 2.0), Support::Floor);
         let asked = doubted(&state);
         assert_eq!(asked.len(), 1);
         assert_eq!((&asked[0].id, &asked[0].current), (&vase, &Some(near.clone())));

@@ -185,7 +185,7 @@ async fn try_together(
     for answer in answers {
         match typed(state, answer) {
             Ok(action) => actions.push(action),
-            Err(reason) => return Ok(untried(answers, reason)),
+            Err(reason) => return Ok(untried(answers, &reason)),
         }
     }
     let name = answers.iter().map(|a| format!("{:?}", a.action)).collect::<Vec<_>>().join(" + ");
@@ -193,7 +193,7 @@ async fn try_together(
     let before = shown(state, answers);
     let together = attempt(ctx, state, actions.clone()).await?;
     let (verdict, alone) = match together {
-        Err(error) => return Ok(untried(answers, error.to_string())),
+        Err(error) => return Ok(untried(answers, &error.to_string())),
         Ok(Attempt { verdict, .. }) if !verdict.kept && actions.len() > 1 => {
             let mut kept = Vec::new();
             for (answer, action) in answers.iter().zip(actions) {
@@ -229,7 +229,7 @@ async fn try_together(
     Ok(Tried { kept, record, told: format!("- {}: {came}", asked.join(" and ")) })
 }
 
-fn untried(answers: &[&ReviewActionAnswer], reason: String) -> Tried {
+fn untried(answers: &[&ReviewActionAnswer], reason: &str) -> Tried {
     let asked: Vec<String> = answers.iter().map(|a| in_words(a)).collect();
     let told = format!("- {}: not tried, {reason}", asked.join(" and "));
     Tried { kept: false, record: json!({ "asked": answers, "kept": false, "reason": reason }), told }

@@ -120,9 +120,9 @@ fn person(code: &str, answers: &[&Answer], finished: bool, study: &PrivateStudy,
             let first = rank_of(PHOTO_ITSELF).is_some_and(|(r, _)| r == 1);
             let last = rank_of(OTHER_ROOM).is_some_and(|(r, _)| usize::from(r) == order.len());
             if first && last {
-                passed += 1
+                passed += 1;
             } else {
-                failed += 1
+                failed += 1;
             }
             continue;
         }

@@ -49,7 +49,9 @@ pub fn fit(orders: &[Order], methods: usize, start: Option<&[f64]>) -> Vec<f64> 
         // Only ratios are known from rankings: without this their common factor would drift, ever more slowly.
         let mut new: Vec<f64> = chosen.iter().zip(&offered).map(|(c, o)| (c / o).ln()).collect();
         let mean = new.iter().sum::<f64>() / methods.max(1) as f64;
-        new.iter_mut().for_each(|l| *l -= mean);
+        for l in &mut new {
+            *l -= mean;
+        }
         let moved = new.iter().zip(&log).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         log = new;
         if moved < SETTLED {

@@ -175,10 +175,10 @@ fn range_below(q: f64, k: usize) -> f64 {
 fn range_quantile(p: f64, k: usize) -> f64 {
     let (mut low, mut high) = (0.0, 40.0);
     for _ in 0..60 {
-        let middle = (low + high) / 2.0;
+        let middle = f64::midpoint(low, high);
         if range_below(middle, k) < p { low = middle } else { high = middle }
     }
-    (low + high) / 2.0
+    f64::midpoint(low, high)
 }
 
 #[cfg(test)]
