@@ -1,4 +1,5 @@
 //! The full configuration beside variants that lack one part each: the paper's ablation table and further switches.
+//! Key `eval.ablation`.
 
 use std::fmt::Write;
 

@@ -359,7 +359,9 @@ mod tests {
                 put(&p.x.to_le_bytes());
                 put(&f64::from(p.y).to_le_bytes());
                 put(&p.z.to_le_bytes());
-                c.iter().for_each(|v| put(&[(v * 255.0) as u8]));
+                for v in c {
+                    put(&[(v * 255.0) as u8]);
+                }
             }
             put(&[4]);
             (0..4_i32).for_each(|i| put(&i.to_le_bytes()));

@@ -1,4 +1,5 @@
 //! Canonical views of many runs, side by side.
+//! Key `gallery.canonical`.
 //!
 //! Paper: appendix "Canonical Views": "a canonical elevated viewpoint rather than the input camera, with the ceiling
 //! and near wall removed so the full room layout is visible", so that arrangements can be compared over scenes. Every

@@ -1,4 +1,5 @@
 //! Splits, names of scenes, names of files.
+//! Key `data.layout`.
 //!
 //! Paper: "Each `<difficulty>/<room_type>_NN/` folder contains the reference photo, the physically-lit render, the
 //! reconstructed scene, and the calibrated camera", a segmentation colour map with a companion JSON, and another JSON

@@ -1,4 +1,5 @@
 //! What is published.
+//! Key `data.release`.
 //!
 //! A release is a folder of its own, made whole or not at all: the scenes (photos without metadata, faces blurred),
 //! lists for training, figures, indices, shards, licence manifest, card, Croissant metadata and the hashes of all.

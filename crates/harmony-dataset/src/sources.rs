@@ -1,4 +1,5 @@
 //! `sources.csv`: where each photo is from and what may be done with it.
+//! Key `data.sources`.
 //!
 //! Paper: "Per-scene source URLs are listed in the csv file included in the dataset." One row a scene; the columns are
 //! those of [`Source`], in any order, and no others.

@@ -1,4 +1,5 @@
 //! The paper's figure: room types and objects per scene, by level; here also objects by stage.
+//! Key `data.figure`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

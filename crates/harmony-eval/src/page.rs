@@ -50,7 +50,7 @@ pub(crate) fn page(title: &str, content: &str) -> String {
 pub(crate) fn picture_of(path: &Path, alt: &str) -> String {
     // A photo stands upright by its EXIF tag; renders have none.
     let image = harmony_io::load_photo(path).map(|p| p.image).map_err(|e| e.to_string());
-    match image.or_else(|_| picture::read(path).map(|i| i.into_rgb8()).map_err(|e| e.to_string())) {
+    match image.or_else(|_| picture::read(path).map(image::DynamicImage::into_rgb8).map_err(|e| e.to_string())) {
         Ok(image) => embedded(&image, alt),
         Err(reason) => format!("<p class=\"bad\">{}</p>", esc(&reason)),
     }

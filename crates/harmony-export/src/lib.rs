@@ -1,4 +1,5 @@
 //! A run's scene as files of other programs, and what they hold compared with the scene.
+//! Key `data.formats`.
 //!
 //! # Idea
 //! A run folder is read once into a [`World`]; each format is one module that writes it, with the same ids, metres and

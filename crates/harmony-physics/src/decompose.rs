@@ -1,4 +1,5 @@
 //! Convex decomposition: a mesh as convex hulls that follow its surface.
+//! Key `physics.colliders`.
 //!
 //! Idea: only what can be touched counts. Triangles enclosed by others are left out, the rest falls into connected parts,
 //! and a part whose hull stands off its surface is cut by an upright or level plane, the one of many that leaves the

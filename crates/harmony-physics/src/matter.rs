@@ -1,4 +1,5 @@
 //! What a thing weighs, how it slides and springs, and whether it moves at all.
+//! Key `physics.mass`.
 //!
 //! Mass comes from the scene (`material.physical.weight_kg`: the paper's question to the model, or the catalogue where no
 //! model was asked) and is checked twice: against the catalogue's mass over the bounding box of such a thing, and against

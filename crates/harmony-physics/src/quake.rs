@@ -1,4 +1,5 @@
 //! An earthquake in the room: floor and walls move with the ground, everything else by contact, friction and gravity.
+//! Key `physics.earthquake`.
 //!
 //! Paper: "Furniture and decorations are genuine dynamic bodies, moving only from gravity and friction with each object's own
 //! VLM-estimated mass and friction, so a tall bookcase topples while a heavy sofa barely shifts."

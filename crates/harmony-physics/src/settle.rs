@@ -1,4 +1,5 @@
 //! Does the scene stand? Five seconds of gravity, and what they do to each object.
+//! Key `physics.settle`.
 //!
 //! Before: how deep objects are in each other and in the room, and how far each is above what it could stand on. Then the
 //! simulation ([`crate::world`]). After: how far each has drifted (the origin of its frame) and tilted, and what it touches.

@@ -1,4 +1,5 @@
 //! The site and the private folder.
+//! Key `study.page`.
 //!
 //! Paper: "a self-contained static web page", "scenes with a successful render from every method, so each trial is a
 //! complete six-way comparison". Every panel of a trial has the same size, format and quality: pictures are encoded

@@ -1,4 +1,5 @@
 //! The append-only log: what was acknowledged is on the disk.
+//! Key `study.log`.
 //!
 //! One thread owns the file. It takes all answers that are waiting, checks each against what is stored, writes the
 //! lines in one piece, flushes them to the disk (`fdatasync`), and only then acknowledges them: a group commit, so

@@ -1,4 +1,5 @@
 //! The order of panels and trials, fixed to the bit.
+//! Key `study.shuffle`.
 //!
 //! Paper: "the letter-method mapping is reshuffled per (participant, scene) via a seed hashed from participant ID and
 //! scene name". The paper names neither hash nor generator; these are ours, and `assets/shuffle.js` is the same in

@@ -1,4 +1,5 @@
 //! Finished runs against truth by named protocols, whatever the truth was read from.
+//! Key `eval.geometry`.
 //!
 //! | protocol | truth | scale | registration | points of each side |
 //! |---|---|---|---|---|

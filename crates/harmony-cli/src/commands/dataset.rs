@@ -152,6 +152,7 @@ pub fn run(args: Args) -> Result<u8> {
     }
 }
 
+#[expect(clippy::needless_pass_by_value, reason = "for map_err")]
 pub(super) fn failed(error: DatasetError) -> anyhow::Error {
     let hint = error.hint();
     hinted(error.to_string(), hint)

@@ -235,21 +235,21 @@ fn named(text: &str, or: &str) -> (String, String) {
     }
 }
 
-fn add(sets: &mut Vec<RunSet>, name: String, sources: &[String], options: &SetOptions) -> Result<()> {
+fn add(sets: &mut Vec<RunSet>, name: &str, sources: &[String], options: &SetOptions) -> Result<()> {
     if sets.iter().any(|s| s.name == name) {
         return Err(hinted(format!("two sets are named {name}"), Some("NAME=SET gives a set a name")));
     }
-    sets.push(find_set(&name, sources, options).map_err(|e| refused(&e))?);
+    sets.push(find_set(name, sources, options).map_err(|e| refused(&e))?);
     Ok(())
 }
 
 fn scores(args: &ScoreArgs) -> Result<u8> {
     let options = SetOptions { photos: args.photos.clone(), mixed: args.mixed };
     let mut sets = Vec::new();
-    add(&mut sets, args.name.clone(), &args.runs, &options)?;
+    add(&mut sets, &args.name, &args.runs, &options)?;
     for (i, text) in args.against.iter().enumerate() {
         let (name, source) = named(text, &format!("other{}", if i == 0 { String::new() } else { (i + 1).to_string() }));
-        add(&mut sets, name, &[source], &options)?;
+        add(&mut sets, &name, &[source], &options)?;
     }
     let looks = networks::looks(&models::store(&config::load(None)?.models, None));
     let evaluation = evaluate(&sets, &looks, args.seed, &|line| tell!("{line}"));
@@ -286,7 +286,7 @@ fn judges(args: &JudgeArgs) -> Result<u8> {
     let mut sets = Vec::new();
     for (i, text) in args.sets.iter().enumerate() {
         let (name, source) = named(text, &format!("set{}", i + 1));
-        add(&mut sets, name, &[source], &options)?;
+        add(&mut sets, &name, &[source], &options)?;
     }
     let scenes = pairs(&sets, args.look).map_err(|e| hinted(e.to_string(), Some(e.hint())))?;
     // Other judgements are read first: nobody is asked for nothing.

@@ -10,6 +10,7 @@ use crate::{EXIT_ERROR, EXIT_OK, say, tell};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 pub struct Args {
     /// Run folder.
     run: PathBuf,

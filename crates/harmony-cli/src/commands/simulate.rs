@@ -30,6 +30,7 @@ pub enum View {
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 pub struct Args {
     /// Run folder.
     run: PathBuf,

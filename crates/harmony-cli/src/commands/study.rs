@@ -215,6 +215,7 @@ pub fn run(args: Args) -> Result<u8> {
     }
 }
 
+#[expect(clippy::needless_pass_by_value, reason = "for map_err")]
 fn failed(error: StudyError) -> anyhow::Error {
     let hint = error.hint();
     hinted(error.to_string(), hint)

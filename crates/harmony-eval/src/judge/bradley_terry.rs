@@ -37,7 +37,9 @@ pub fn strengths(wins: &[Vec<f64>], prior: f64) -> Vec<f64> {
             }
         }
         let mean = next.iter().sum::<f64>() / n.max(1) as f64;
-        next.iter_mut().for_each(|l| *l -= mean);
+        for l in &mut next {
+            *l -= mean;
+        }
         let moved = next.iter().zip(&log).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         log = next;
         if moved < SETTLED {

@@ -1,4 +1,5 @@
 //! A judge that looks: pairs of renders beside their photo, put to a vision-language model or a person.
+//! Key `eval.judge`.
 //!
 //! # How a pair is judged
 //! The judge gets the photo, and of each reconstruction the photo's view and, where both have one, an elevated view, all

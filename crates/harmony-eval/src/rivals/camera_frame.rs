@@ -110,7 +110,9 @@ pub fn regen(folder: &Path) -> Result<RivalScene, RivalError> {
     let mut read = vec![scene];
     if let Some(ground) = files::named(&all, &["ground_aligned.glb"]) {
         let mut shell = glb::parts(&ground, DMat3::IDENTITY, &mut notes)?;
-        shell.iter_mut().for_each(|p| p.kind = PartKind::Shell);
+        for part in &mut shell {
+            part.kind = PartKind::Shell;
+        }
         notes
             .push("the room's mesh has no texture outside its .blend file: it is drawn in its plain colour".to_owned());
         parts.extend(shell);

@@ -1,4 +1,5 @@
 //! How much a render looks like its photo, over a set of scenes.
+//! Key `eval.pictures`.
 //!
 //! # What is compared
 //! A scene's flat and lit render from the recovered camera, each with the photo, as VIGA's evaluation does it (the
@@ -33,7 +34,7 @@ use std::path::Path;
 
 use harmony_io::{FileError, write_atomic, write_json};
 
-/// Writes `eval.json`, `scenes.csv`, `table.csv` and `eval.html`.
+/// Writes `eval.json`, `scenes.csv`, `table.csv` and eval.html.
 ///
 /// # Errors
 /// A file that cannot be written.

@@ -1,4 +1,4 @@
-//! `eval.html`: the tables, then every scene with its pictures side by side, the worst on top.
+//! eval.html: the tables, then every scene with its pictures side by side, the worst on top.
 
 use std::fmt::Write;
 

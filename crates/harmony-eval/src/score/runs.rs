@@ -282,7 +282,7 @@ fn list(path: &Path) -> Result<Vec<(String, PathBuf)>, RunsError> {
     let bytes = read_bounded(path, MAX_LIST_BYTES).map_err(read)?;
     let bad = |line: usize, reason: String| RunsError::List { path: path.to_owned(), line, reason };
     let text = std::str::from_utf8(&bytes).map_err(|e| {
-        let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count();
+        let line = bytes[..e.valid_up_to()].split(|b| *b == b'\n').count();
         bad(line, "this is no text".to_owned())
     })?;
     let folder = path.parent().unwrap_or(Path::new(""));

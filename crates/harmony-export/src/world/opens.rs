@@ -244,6 +244,7 @@ mod tests {
 
     use super::*;
 
+    #[expect(clippy::needless_pass_by_value, reason = "a helper of tests")]
     fn of(label: &str, size: [f64; 3], params: TemplateParams) -> Result<Vec<Opens>, String> {
         let size = Size { width: size[0], height: size[1], depth: size[2] };
         let mesh = template(label, &params, size).build(size).unwrap().mesh;

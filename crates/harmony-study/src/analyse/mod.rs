@@ -1,4 +1,5 @@
 //! What a study found: the paper's table, with intervals and tests.
+//! Key `study.table`.
 //!
 //! Rankings of one person are not independent, nor are those of one scene. Intervals therefore draw people *and*
 //! scenes with replacement (a two-way bootstrap), and tests take people, or scenes, as blocks, never single rankings.
