@@ -172,7 +172,7 @@ impl ReviewAnswer {
             |a: &&ReviewActionAnswer| std::iter::once(&a.id).chain(&a.other).any(|id| !known.contains(id.as_str()));
         let lost = self.actions.iter().filter(nobody).count();
         if 2 * lost > self.actions.len() {
-            return Err(format!("{lost} actions name objects that are not there; the ids are {}", ids.join(", ")));
+            return Err(format!("{lost} actions name what is no object of the scene; the ids are {}", ids.join(", ")));
         }
         for a in &self.actions {
             let need = |present: bool, field: &str| {

@@ -270,7 +270,7 @@ pub fn questions() -> Vec<(String, Question)> {
             .into(),
         ),
         (
-            "second review",
+            "review after another",
             ReviewQuestion {
                 level: Level::Furniture,
                 room: room(),
