@@ -100,9 +100,9 @@ mod tests {
         let a = Cause::new("input", "cannot read /data/a 1/photo.jpg: 12 of 340 bytes of \"kitchen 3\" are there");
         let b = Cause::new("input", "cannot read /x/y.png: 7 of 9.5 bytes of \"hall\" are there");
         assert_ne!(a.message, b.message);
-        // A path with a blank is two words; that is all.
+        // A path with a blank is two words.
         assert_eq!(b.cause, "cannot read ..: # of # bytes of \"..\" are there");
-        assert_eq!(a.cause, "cannot read .. #/photo.jpg: # of # bytes of \"..\" are there");
+        assert_eq!(a.cause, "cannot read .. #..: # of # bytes of \"..\" are there");
         for odd in ["\"", "/", "é/ü 3\"", "", "a\nb"] {
             assert!(common(odd).chars().count() <= MAX_CAUSE);
         }

@@ -75,7 +75,7 @@ impl Protocol {
             Self::Gen3dsr => "m",
             Self::Harmony => "largest sides",
             Self::HarmonyIso => "sizes by rms radius",
-            Self::Midi => "half the largest side, squared",
+            Self::Midi => "square of half the largest side",
         }
     }
 }
