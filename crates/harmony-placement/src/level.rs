@@ -190,14 +190,14 @@ impl Finished {
             let back = held.settle(&carried);
             let energy = |scene: &PartialScene| placed_energy(scene, i, settings).map(|e| e.total());
             let depth = |scene: &PartialScene| deepest(scene, &solids(scene), i, settings);
-            let (Some(was), deep) = (energy(scene), depth(scene)) else { continue };
+            let Some(was) = energy(scene) else { continue };
             let mut tried = scene.clone();
             for member in subtree(scene, i) {
                 tried.placed[member].pose.position += back.position - now.position;
             }
             tried.placed[i].pose = back;
             let better = energy(&tried).is_some_and(|is| is < was - DRIFT);
-            if better && depth(&tried) <= deep {
+            if better && depth(&tried) <= depth(scene) {
                 tracing::debug!(object = %id, "held where it was");
                 *scene = tried;
             }
