@@ -37,8 +37,6 @@ pub struct Object {
     pub host_hint: Option<ObjectId>,
     /// What was said about it; until it is inspected, what its label alone says.
     pub said: InspectedObject,
-    /// The size that was said is far outside what its kind has.
-    pub size_doubted: bool,
     /// Its geometry, once there is some; always there for objects of [`SceneState::objects`].
     pub model: Option<Model>,
     /// How it looks where it is placed.
@@ -61,7 +59,6 @@ impl Object {
             mask_score: None,
             host_hint: None,
             said,
-            size_doubted: false,
             model: None,
             look: Look::default(),
         }

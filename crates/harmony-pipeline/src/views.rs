@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec3;
-use harmony_imaging::sheet::{LabelledBox, LineEnds, draw_boxes, draw_polyline, palette};
+use harmony_imaging::sheet::{LabelledBox, LineEnds, draw_boxes, draw_polyline, palette, ruled_window};
 use harmony_mesh::{Bounds, Mesh, ShellOptions, Trims, room_shell_with};
 use harmony_placement::{Placed, may_be_seen};
 use harmony_prompts::{PlacedObject, RoomSummary};
@@ -400,6 +400,28 @@ pub fn marked(state: &SceneState, marked: impl Fn(&harmony_scene::ObjectId) -> b
     draw_boxes(&drawn.flat, &boxes)
 }
 
+/// Longest side of a ruled picture, pixels.
+const RULED_PX: u32 = 1200;
+
+/// A picture of the photo's size with thousandths along its border.
+pub fn ruled(picture: &RgbImage) -> RgbImage {
+    let (width, height) = picture.dimensions();
+    let whole = PixelBox { x0: 0.0, y0: 0.0, x1: f64::from(width), y1: f64::from(height) };
+    ruled_window(picture, whole, RULED_PX)
+}
+
+/// A box in thousandths of a photo, in pixels within it.
+pub fn pixels(size: ImageSize, [x0, y0, x1, y1]: [f64; 4]) -> PixelBox {
+    let (kx, ky) = (f64::from(size.width) / 1000.0, f64::from(size.height) / 1000.0);
+    PixelBox { x0: x0 * kx, y0: y0 * ky, x1: x1 * kx, y1: y1 * ky }.clamped(size)
+}
+
+/// The inverse of [`pixels`].
+pub fn thousandths(size: ImageSize, b: &PixelBox) -> [f64; 4] {
+    let (kx, ky) = (1000.0 / f64::from(size.width), 1000.0 / f64::from(size.height));
+    [b.x0 * kx, b.y0 * ky, b.x1 * kx, b.y1 * ky]
+}
+
 /// The room and the camera in it, for questions.
 pub fn room_summary(state: &SceneState) -> RoomSummary {
     RoomSummary {
@@ -450,6 +472,14 @@ mod tests {
     use harmony_scene::Mask;
 
     use super::*;
+
+    #[test]
+    fn thousandths_are_of_the_photo() {
+        let size = ImageSize::new(320, 240);
+        let b = pixels(size, [0.0, 500.0, 250.0, 1200.0]);
+        assert_eq!([b.x0, b.y0, b.x1, b.y1], [0.0, 120.0, 80.0, 240.0]);
+        assert_eq!(thousandths(size, &b), [0.0, 500.0, 250.0, 1000.0]);
+    }
 
     #[test]
     fn an_outline_is_what_erosion_takes_away() {

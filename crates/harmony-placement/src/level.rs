@@ -12,7 +12,7 @@ use crate::measure::{measure_all, measure_posterior};
 use crate::observe::{Window, drop_strangers};
 use crate::propose::between_curtains;
 use crate::scene::attachment::{PoseConstraint, YawRule, angle_between, attachment_of};
-use crate::scene::subtree::subtree;
+use crate::scene::subtree::{subtree, take_along};
 use crate::solve::joint::refine_globally;
 use crate::solve::local::solve;
 use crate::terms::placed_energy;
@@ -151,8 +151,6 @@ pub fn place_level(
     report
 }
 
-/// How much better, in nats, a finished object must agree where it was than where a later level has put it.
-const DRIFT: f64 = 2.0;
 /// Smaller changes are no drift: metres, radians, logarithm of the scale.
 const STILL: (f64, f64, f64) = (0.01, 0.01, 0.01);
 
@@ -192,11 +190,8 @@ impl Finished {
             let depth = |scene: &PartialScene| deepest(scene, &solids(scene), i, settings);
             let Some(was) = energy(scene) else { continue };
             let mut tried = scene.clone();
-            for member in subtree(scene, i) {
-                tried.placed[member].pose.position += back.position - now.position;
-            }
-            tried.placed[i].pose = back;
-            let better = energy(&tried).is_some_and(|is| is < was - DRIFT);
+            take_along(&mut tried, i, back);
+            let better = energy(&tried).is_some_and(|is| accepts(was, is, 0.0));
             if better && depth(&tried) <= depth(scene) {
                 tracing::debug!(object = %id, "held where it was");
                 *scene = tried;

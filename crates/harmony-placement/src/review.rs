@@ -1,17 +1,22 @@
-//! Review actions: typed, tried, measured, kept only if the evidence does not speak against them.
+//! Review actions: typed, tried, measured, kept only if the evidence does not speak against them and the scene then shows what was
+//! asked for.
 
+mod effect;
+
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use harmony_scene::{Mask, Mat3, ObjectId, Pose, Relations, Size, Support, Vec3, Wall};
+use harmony_scene::{Mask, ObjectId, Pose, Relations, Size, Support, Vec3, Wall};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use self::effect::missed;
 use crate::accept::{accepts, odds, total};
 use crate::contact::collision::{collisions, relax};
 use crate::observe::Window;
 use crate::scene::Energy;
 use crate::scene::attachment::{Attachment, PoseConstraint, SAME_TURN, YawRule, angle_between, attachment_of};
-use crate::scene::subtree::subtree;
+use crate::scene::subtree::{subtree, take_along};
 use crate::solve::local::solve;
 use crate::stats::median;
 use crate::terms::{NAMED, absent_energy, scene_energy};
@@ -188,7 +193,6 @@ pub fn apply(
     for action in actions {
         step(&mut outcome, action, settings)?;
     }
-    outcome.missed = missed(scene, &outcome, actions);
     let ReviewOutcome { scene: after, touched, removed, evidence, .. } = &mut outcome;
     if settings.collision {
         // Its neighbours make room for it, and it for them.
@@ -198,7 +202,7 @@ pub fn apply(
             }
         }
     }
-    let mut seen = std::collections::BTreeSet::new();
+    let mut seen = BTreeSet::new();
     touched.retain(|id| seen.insert(id.clone()) && !removed.contains(id));
     for id in touched.iter() {
         if let Some(i) = after.position(id) {
@@ -206,6 +210,8 @@ pub fn apply(
             evidence.push(after.placed[i].evidence);
         }
     }
+    // In the end, when supports and neighbours have had their say.
+    outcome.missed = missed(scene, &outcome.scene, actions);
     Ok(outcome)
 }
 
@@ -290,87 +296,6 @@ fn step(outcome: &mut ReviewOutcome, action: &ReviewAction, settings: &Placement
     Ok(())
 }
 
-/// Share of what was asked for that must have come about.
-const CAME_ABOUT: f64 = 0.5;
-/// What is asked for in smaller steps than these need not be seen: metres, radians, logarithm of a size.
-const HARDLY: [f64; 3] = [0.01, 0.02, 0.02];
-
-/// What the actions ask for and the scene after them does not show.
-fn missed(before: &PartialScene, after: &ReviewOutcome, actions: &[ReviewAction]) -> Option<String> {
-    let both = |id: &ObjectId| Some((before.find(id)?, after.scene.find(id)?));
-    // A swap or another host puts an object somewhere else by itself.
-    let relocated = |id: &ObjectId| {
-        actions.iter().any(|a| match a {
-            ReviewAction::Swap { object, with } => object == id || with == id,
-            ReviewAction::Rehost { object, .. } => object == id,
-            _ => false,
-        })
-    };
-    for action in actions {
-        match action {
-            ReviewAction::Move { object, .. } if !relocated(object) => {
-                let (old, new) = both(object)?;
-                let asked: Vec3 = actions
-                    .iter()
-                    .filter_map(|a| match a {
-                        ReviewAction::Move { object: o, by_m } if o == object => Some(Vec3::from_array(*by_m)),
-                        _ => None,
-                    })
-                    .sum();
-                let far = asked.length();
-                let along = (new.pose.position - old.pose.position).dot(asked) / far.max(1e-9);
-                if far > HARDLY[0] && along < CAME_ABOUT * far {
-                    return Some(format!("{object} is held by its support: of {far:.2} m it would go {along:.2} m"));
-                }
-            }
-            ReviewAction::Rotate { object, .. } if !relocated(object) => {
-                let (old, new) = both(object)?;
-                let asked: f64 = actions
-                    .iter()
-                    .filter_map(|a| match a {
-                        ReviewAction::Rotate { object: o, by_deg } if o == object => Some(by_deg.to_radians()),
-                        _ => None,
-                    })
-                    .sum();
-                let off = angle_between(new.pose.yaw, old.pose.yaw + asked).abs();
-                let whole = angle_between(old.pose.yaw + asked, old.pose.yaw).abs();
-                // What hangs on a wall is turned as the wall is, which is near enough.
-                if whole > HARDLY[1] && off > CAME_ABOUT * whole {
-                    return Some(format!(
-                        "{object} is held by its support: {:.0} degrees of the turn would be missing",
-                        off.to_degrees()
-                    ));
-                }
-            }
-            ReviewAction::Rescale { object, .. } => {
-                let (old, new) = both(object)?;
-                let asked: Vec3 = actions
-                    .iter()
-                    .filter_map(|a| match a {
-                        ReviewAction::Rescale { object: o, factor } if o == object => {
-                            Some(Vec3::from_array(factor.map(f64::ln)))
-                        }
-                        _ => None,
-                    })
-                    .sum();
-                let got = (new.size().as_vec() / old.size().as_vec()).map(f64::ln);
-                let off = (asked - got).abs().max_element();
-                if off > HARDLY[2].max((1.0 - CAME_ABOUT) * asked.abs().max_element()) {
-                    return Some(format!("{object} would not take the size that was asked for"));
-                }
-            }
-            ReviewAction::Rehost { object, host } => {
-                let on_it = |p: &Placed| matches!(&p.support, Support::Object { id } if id == host);
-                if !after.scene.find(object).is_some_and(on_it) {
-                    return Some(format!("{object} finds no place on {host}"));
-                }
-            }
-            _ => {}
-        }
-    }
-    None
-}
-
 /// Tries another shape for a placed object, whose units are metres: it takes the old one's place, turn and support.
 ///
 /// What rests on the object is lifted or lowered with its top.
@@ -448,17 +373,7 @@ fn carry(scene: &mut PartialScene, object: usize, settings: &PlacementSettings, 
     let noise = &settings.noise;
     let constraint = PoseConstraint { fixed_size: true, ..PoseConstraint::new(scene, &item, attachment, yaw, noise) };
     let new = constraint.settle(&wanted);
-    let (turn, by) = (new.yaw - old.yaw, new.position - old.position);
-    for i in subtree(scene, object) {
-        let pose = &mut scene.placed[i].pose;
-        if i == object {
-            *pose = new;
-        } else {
-            let arm = pose.position - old.position;
-            pose.position = old.position + by + Mat3::from_rotation_y(turn) * arm;
-            pose.yaw += turn;
-        }
-    }
+    take_along(scene, object, new);
 }
 
 /// A move off a wall by more than this takes what stands at it away from it, metres.
@@ -507,20 +422,12 @@ fn exchange(scene: &mut PartialScene, i: usize, j: usize, settings: &PlacementSe
     };
     (scene.placed[i], scene.placed[j]) = (moved(&p, &q), moved(&q, &p));
     // What rests there stays, on whoever is there now.
-    let renamed = |id: &ObjectId| match () {
-        () if *id == p.item.id => Some(q.item.id.clone()),
-        () if *id == q.item.id => Some(p.item.id.clone()),
-        () => None,
-    };
-    for (_, other) in scene.placed.iter_mut().enumerate().filter(|(k, _)| *k != i && *k != j) {
-        if let Support::Object { id } = &other.support
-            && let Some(now) = renamed(id)
-        {
-            let mut item = (*other.item).clone();
-            item.relations.on_top_of = Some(now.clone());
-            other.item = Arc::new(item);
-            other.support = Support::Object { id: now };
-        }
+    let (a, b) = (&p.item.id, &q.item.id);
+    for k in (0..scene.placed.len()).filter(|k| *k != i && *k != j) {
+        let Support::Object { id } = &scene.placed[k].support else { continue };
+        let Some(now) = (if id == a { Some(b) } else { (id == b).then_some(a) }) else { continue };
+        scene.placed[k].support = Support::Object { id: now.clone() };
+        renamed(scene, k, |item| item.relations.on_top_of = Some(now.clone()));
     }
     for k in [i, j] {
         let item = (*scene.placed[k].item).clone();

@@ -11,7 +11,7 @@
 //! * Times are milliseconds since 1970 of the database's clock.
 //!
 //! Limits: two digits of workers on one SQLite file, which must be on a local disk; hundreds of claims a second on
-//! PostgreSQL. Why not a queue library: `docs/decisions/0036-batch-queue.md`.
+//! PostgreSQL. Why not a queue library: `docs/decisions/0033-batch-queue.md`.
 
 mod jobs;
 mod report;

@@ -1,13 +1,5 @@
 //! Rooms with truth, oracle, metrics, tables.
-#![allow(
-    clippy::unwrap_used,
-    clippy::semicolon_if_nothing_returned,
-    clippy::format_push_string,
-    clippy::type_complexity,
-    clippy::needless_for_each,
-    clippy::needless_range_loop,
-    reason = "helpers of tests"
-)]
+#![allow(clippy::unwrap_used, clippy::format_push_string, clippy::type_complexity, reason = "helpers of tests")]
 
 mod calibration;
 mod generate;

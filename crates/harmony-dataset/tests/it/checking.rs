@@ -74,23 +74,23 @@ fn files_that_contradict_each_other_are_found() {
         picture::write_rgb_png(&s.join("segmentation.png"), &image).unwrap();
     });
     finds(Kind::Wrong, "pixels in segmentation.png", |s| {
-        json(&s.join("segmentation.json"), |v| v["objects"][0]["pixels"] = json!(5))
+        json(&s.join("segmentation.json"), |v| v["objects"][0]["pixels"] = json!(5));
     });
     finds(Kind::Wrong, "unknown stage", |s| {
-        json(&s.join("segmentation.json"), |v| v["objects"][1]["stage"] = json!("roof"))
+        json(&s.join("segmentation.json"), |v| v["objects"][1]["stage"] = json!("roof"));
     });
     finds(Kind::Wrong, "the mask of", |s| std::fs::remove_file(s.join("masks/lamp_01.png")).unwrap());
     finds(Kind::Wrong, "name other objects", |s| {
-        json(&s.join("objects.json"), |v| v["objects"][0]["id"] = json!("sofa_01"))
+        json(&s.join("objects.json"), |v| v["objects"][0]["id"] = json!("sofa_01"));
     });
     finds(Kind::Wrong, "stands on sofa_09", |s| {
-        json(&s.join("objects.json"), |v| v["objects"][1]["on_top_of"] = json!("sofa_09"))
+        json(&s.join("objects.json"), |v| v["objects"][1]["on_top_of"] = json!("sofa_09"));
     });
     finds(Kind::Wrong, "no size or no place", |s| {
-        json(&s.join("objects.json"), |v| v["objects"][0]["size_m"]["width"] = json!(-1.0))
+        json(&s.join("objects.json"), |v| v["objects"][0]["size_m"]["width"] = json!(-1.0));
     });
     finds(Kind::Wrong, "unknown wall", |s| {
-        json(&s.join("objects.json"), |v| v["objects"][0]["wall_affinity"] = json!("north"))
+        json(&s.join("objects.json"), |v| v["objects"][0]["wall_affinity"] = json!("north"));
     });
     finds(Kind::Wrong, "no camera", |s| json(&s.join("camera.json"), |v| v["R"][0] = json!([2.0, 0.0, 0.0])));
     finds(Kind::Wrong, "camera.json has another size", |s| json(&s.join("camera.json"), |v| v["width"] = json!(97)));
@@ -111,7 +111,7 @@ fn what_is_not_licensed_is_found() {
     finds(Kind::Licence, "no web address", |s| row(s, |r| r.source_url = "C:/photos/1.jpg".into()));
     finds(Kind::Licence, "does not let the photo be published", |s| row(s, |r| r.licence = "3D-FRONT-research".into()));
     finds(Kind::Licence, "asks for the author", |s| {
-        row(s, |r| (r.licence, r.author) = ("CC-BY-4.0".into(), String::new()))
+        row(s, |r| (r.licence, r.author) = ("CC-BY-4.0".into(), String::new()));
     });
     finds(Kind::Licence, "forbids changed copies", |s| row(s, |r| r.licence = "CC-BY-ND-4.0".into()));
     finds(Kind::Licence, "does not go into", |s| row(s, |r| r.licence = "CC-BY-NC-SA-4.0".into()));

@@ -417,7 +417,9 @@ fn files_without_axes_are_read_as_told() {
         let scene = load(RivalKind::Generic, &file, &options).unwrap();
         let (found, volume) = corners(&scene.parts[0].mesh, |p| scene.camera.unwrap().to_camera(p));
         let mut whole = Mesh::default();
-        truth().iter().for_each(|(_, m)| whole.append(m));
+        for (_, mesh) in &truth() {
+            whole.append(mesh);
+        }
         let (wanted, known) = corners(&whole, |p| FLIP * p);
         let off = found.iter().zip(&wanted).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
         assert!(

@@ -6,7 +6,7 @@ use glam::DVec2;
 use harmony_scene::{Level, OpeningKind, Support, Wall};
 
 use super::drawing::{Anchor, Drawing, Layer, Shape};
-use super::floor::{DOUBLE_M, WALL_M, begins_left};
+use super::floor::{DOUBLE_M, WALL_M, begins_left, strokes};
 use super::labels::{Rect, Wanted, place};
 use super::outline::{Drawn, drawn, visible};
 use super::page;
@@ -129,17 +129,7 @@ fn elevation(drawing: &mut Drawing, world: &World, rows: &[Row], wall: Wall, ori
         }
     }
     let lines = visible(&things);
-    for stroke in &lines {
-        let level = world.items[rows[stroke.thing].item].object.level;
-        let layer = match (stroke.outer, level) {
-            (false, _) => Layer::Details,
-            (true, Level::Decoration) => Layer::Decoration,
-            (true, Level::Wall) => Layer::WallMounted,
-            (true, _) => Layer::Furniture,
-        };
-        let points: Vec<DVec2> = stroke.points.iter().map(|p| DVec2::from_array(*p)).collect();
-        drawing.line(layer, &points);
-    }
+    strokes(drawing, world, rows, &lines);
     dimensions(drawing, world, wall, origin);
     let wanted: Vec<Wanted<'_>> =
         things.iter().map(|d| Wanted { number: rows[d.thing].number, name: None, outline: &d.outline }).collect();

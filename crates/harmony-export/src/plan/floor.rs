@@ -7,7 +7,7 @@ use harmony_scene::{Level, Opening, OpeningKind, Wall};
 
 use super::drawing::{Anchor, Drawing, Layer, Shape};
 use super::labels::{Rect, Wanted, place};
-use super::outline::{Drawn, drawn, visible};
+use super::outline::{Drawn, Stroke, drawn, visible};
 use super::page;
 use super::schedule::Row;
 use crate::World;
@@ -94,17 +94,7 @@ pub(crate) fn plan(world: &World, rows: &[Row]) -> Drawing {
     }
     let things = things(world, rows);
     let lines = visible(&things);
-    for stroke in &lines {
-        let level = world.items[rows[stroke.thing].item].object.level;
-        let layer = match (stroke.outer, level) {
-            (false, _) => Layer::Details,
-            (true, Level::Decoration) => Layer::Decoration,
-            (true, Level::Wall) => Layer::WallMounted,
-            (true, _) => Layer::Furniture,
-        };
-        let points: Vec<DVec2> = stroke.points.iter().map(|p| DVec2::from_array(*p)).collect();
-        drawing.line(layer, &points);
-    }
+    strokes(&mut drawing, world, rows, &lines);
     let mut labelled: Vec<Drawn> = things;
     labelled.extend(overhead(world, rows, &mut drawing));
     for wall in Wall::ALL {
@@ -149,6 +139,21 @@ pub(crate) fn plan(world: &World, rows: &[Row]) -> Drawing {
     ];
     page::title(&mut drawing, world, "Floor plan", &notes);
     drawing
+}
+
+/// Draws what is seen of things, each on the layer of its level; what is within an outline is detail.
+pub(crate) fn strokes(drawing: &mut Drawing, world: &World, rows: &[Row], lines: &[Stroke]) {
+    for stroke in lines {
+        let level = world.items[rows[stroke.thing].item].object.level;
+        let layer = match (stroke.outer, level) {
+            (false, _) => Layer::Details,
+            (true, Level::Decoration) => Layer::Decoration,
+            (true, Level::Wall) => Layer::WallMounted,
+            (true, _) => Layer::Furniture,
+        };
+        let points: Vec<DVec2> = stroke.points.iter().map(|p| DVec2::from_array(*p)).collect();
+        drawing.line(layer, &points);
+    }
 }
 
 fn walls(drawing: &mut Drawing, run: &Run<'_>) {

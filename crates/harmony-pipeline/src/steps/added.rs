@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use harmony_roles::{Detection, SegmentPrompt, SegmentRequest};
-use harmony_scene::{Level, Mask, ObjectId, PixelBox, WarningKind};
+use harmony_scene::{Level, Mask, ObjectId, WarningKind};
 
 use super::{inspect, place, prepare, texture};
 use crate::before::Before;
@@ -26,13 +26,6 @@ pub struct Wanted {
     pub like: Option<ObjectId>,
     /// What it rests on.
     pub host: Option<ObjectId>,
-}
-
-/// A box in thousandths of the photo, in pixels.
-pub fn pixels(state: &SceneState, [x0, y0, x1, y1]: [f64; 4]) -> PixelBox {
-    let size = state.partial.camera.size;
-    let (kx, ky) = (f64::from(size.width) / 1000.0, f64::from(size.height) / 1000.0);
-    PixelBox { x0: x0 * kx, y0: y0 * ky, x1: x1 * kx, y1: y1 * ky }.clamped(size)
 }
 
 /// Adds what is wanted of a level; the ids of what was placed. `ctx` is that of a look within the level's phase.
@@ -162,7 +155,7 @@ fn copy_of(like: &Object, object: Object) -> Object {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use harmony_scene::Support;
+    use harmony_scene::{PixelBox, Support};
 
     use super::*;
     use crate::testing::{add, empty_room};
@@ -192,12 +185,5 @@ mod tests {
         let model = copy.model.unwrap();
         assert!(Arc::ptr_eq(&model.mesh, &twin.model.unwrap().mesh));
         assert!(model.source.starts_with("copy of chair_01"));
-    }
-
-    #[test]
-    fn thousandths_are_of_the_photo() {
-        let state = empty_room();
-        let b = pixels(&state, [0.0, 500.0, 250.0, 1200.0]);
-        assert_eq!([b.x0, b.y0, b.x1, b.y1], [0.0, 120.0, 80.0, 240.0]);
     }
 }

@@ -3,11 +3,10 @@
 
 use std::sync::Arc;
 
-use harmony_imaging::sheet::ruled_window;
 use harmony_placement::ReviewAction;
 use harmony_prompts::{CountedKind, CountsQuestion};
 use harmony_roles::{Detection, Picture};
-use harmony_scene::{Level, ObjectId, PixelBox};
+use harmony_scene::{Level, ObjectId};
 use serde_json::json;
 
 use super::added::{self, Wanted};
@@ -17,9 +16,6 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::settings::Questions;
 use crate::state::SceneState;
 use crate::views;
-
-/// Longest side of the pictures, pixels.
-const LONGEST: u32 = 1200;
 
 /// Counts once, and mends what the counts say.
 ///
@@ -38,23 +34,16 @@ pub async fn settle(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), Ph
     let shown = state.clone();
     let pictures = ctx
         .computed(move || {
-            let size = shown.partial.camera.size;
-            let whole = PixelBox { x0: 0.0, y0: 0.0, x1: f64::from(size.width), y1: f64::from(size.height) };
             let scene = views::marked(&shown, |_| true);
-            [
-                ("IMAGE 1: the photo", ruled_window(&shown.photo, whole, LONGEST)),
-                ("IMAGE 2: the reconstruction with ids", scene),
-            ]
-            .map(|(caption, image)| Picture { caption: caption.into(), image: Arc::new(image) })
+            [("IMAGE 1: the photo", views::ruled(&shown.photo)), ("IMAGE 2: the reconstruction with ids", scene)]
+                .map(|(caption, image)| Picture { caption: caption.into(), image: Arc::new(image) })
         })
         .await?;
     let answer = ctx.ask("counts", question, pictures.to_vec()).await?;
     let mut surplus = Vec::new();
     for id in answer.kinds.iter().flat_map(|kind| &kind.surplus).filter_map(|id| ObjectId::new(id).ok()) {
-        let remove = vec![ReviewAction::Remove { object: id.clone() }];
-        let tried = review::try_on(ctx, state, remove, Some(id.clone()), "Removal of one too many").await?;
-        let kept = tried.as_ref().is_ok_and(|verdict| verdict.kept);
-        let reason = tried.map_or_else(|error| error.to_string(), |verdict| verdict.reason);
+        let remove = ReviewAction::Remove { object: id.clone() };
+        let (kept, reason) = review::try_on(ctx, state, remove, &id, "Removal of one too many").await?;
         surplus.push(json!({ "id": id, "removed": kept, "reason": reason }));
     }
     let mut placed = Vec::new();
@@ -75,7 +64,7 @@ fn wanted(state: &SceneState, kind: &CountedKind) -> Vec<Wanted> {
             detection: Detection {
                 label: label.clone(),
                 phrase: label.clone(),
-                bounds: added::pixels(state, missing.bounds),
+                bounds: views::pixels(state.partial.camera.size, missing.bounds),
                 score: None,
                 outline: None,
             },

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use harmony_imaging::sheet::{LabelledBox, draw_boxes, grid_overlay, palette};
 use harmony_prompts::{ListAnswer, ListQuestion, ListedItem, PlacedObject, RoomView};
 use harmony_roles::{DetectRequest, Detection, PhraseRequest, Picture, SegmentPrompt, SegmentRequest};
-use harmony_scene::{ImageSize, Level, Mask, ObjectId, PixelBox, WarningKind};
+use harmony_scene::{ImageSize, Level, Mask, ObjectId, WarningKind};
 use image::RgbImage;
 use serde_json::json;
 
@@ -217,8 +217,7 @@ fn listed_boxes(wanted: &ListAnswer, size: ImageSize) -> (Vec<Detection>, BTreeM
     let mut hosts = BTreeMap::new();
     for item in &wanted.items {
         for instance in &item.instances {
-            let [x0, y0, x1, y1] = instance.bounds;
-            let bounds = PixelBox { x0: x0 * kx, y0: y0 * ky, x1: x1 * kx, y1: y1 * ky }.clamped(size);
+            let bounds = crate::views::pixels(size, instance.bounds);
             let outline = (instance.outline.len() >= 3)
                 .then(|| instance.outline.iter().map(|p| [p[0] * kx, p[1] * ky]).collect());
             let detection =
@@ -357,6 +356,8 @@ pub fn boxed(photo: &RgbImage, candidates: &[Object]) -> RgbImage {
 
 #[cfg(test)]
 mod tests {
+    use harmony_scene::PixelBox;
+
     use super::*;
 
     fn at(label: &str, x0: f64, x1: f64) -> Detection {

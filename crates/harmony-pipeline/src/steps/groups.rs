@@ -4,11 +4,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use harmony_imaging::sheet::ruled_window;
 use harmony_placement::ReviewAction;
 use harmony_prompts::{GroupsQuestion, MatchedSet};
 use harmony_roles::{Detection, Picture};
-use harmony_scene::{Level, ObjectId, PixelBox};
+use harmony_scene::{Level, ObjectId};
 use serde_json::json;
 
 use super::added::{self, Wanted};
@@ -17,9 +16,6 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::settings::Questions;
 use crate::state::SceneState;
 use crate::views;
-
-/// Longest side of the pictures, pixels.
-const LONGEST: u32 = 1200;
 
 /// Asks about the sets of a level, and mends their order.
 ///
@@ -34,24 +30,17 @@ pub async fn order(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> 
     let (shown, asked) = (state.clone(), sets.clone());
     let pictures = ctx
         .computed(move || {
-            let size = shown.partial.camera.size;
-            let whole = PixelBox { x0: 0.0, y0: 0.0, x1: f64::from(size.width), y1: f64::from(size.height) };
             let scene = views::marked(&shown, |id| asked.iter().any(|set| set.members.contains(id)));
-            [
-                ("IMAGE 1: the photo", ruled_window(&shown.photo, whole, LONGEST)),
-                ("IMAGE 2: the reconstruction", ruled_window(&scene, whole, LONGEST)),
-            ]
-            .map(|(caption, image)| Picture { caption: caption.into(), image: Arc::new(image) })
+            [("IMAGE 1: the photo", views::ruled(&shown.photo)), ("IMAGE 2: the reconstruction", views::ruled(&scene))]
+                .map(|(caption, image)| Picture { caption: caption.into(), image: Arc::new(image) })
         })
         .await?;
     let answer = ctx.ask("groups", GroupsQuestion { sets }, pictures.to_vec()).await?;
     let mut swaps = Vec::new();
     for swap in &answer.swaps {
         let (Ok(object), Ok(with)) = (ObjectId::new(&swap.id), ObjectId::new(&swap.with)) else { continue };
-        let action = vec![ReviewAction::Swap { object: object.clone(), with }];
-        let tried = review::try_on(ctx, state, action, Some(object), "A swap within a set").await?;
-        let kept = tried.as_ref().is_ok_and(|verdict| verdict.kept);
-        let reason = tried.map_or_else(|error| error.to_string(), |verdict| verdict.reason);
+        let action = ReviewAction::Swap { object: object.clone(), with };
+        let (kept, reason) = review::try_on(ctx, state, action, &object, "A swap within a set").await?;
         swaps.push(json!({ "asked": swap, "kept": kept, "reason": reason }));
     }
     let missing: Vec<Wanted> = answer
@@ -60,7 +49,7 @@ pub async fn order(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> 
         .filter_map(|missing| {
             let like = ObjectId::new(&missing.like).ok()?;
             let object = state.objects.get(&like)?;
-            let bounds = added::pixels(state, missing.bounds);
+            let bounds = views::pixels(state.partial.camera.size, missing.bounds);
             let detection = Detection { bounds, score: None, outline: None, ..object.detection.clone() };
             let host = state.partial.find(&like)?.item.relations.on_top_of.clone();
             Some(Wanted { detection, like: Some(like), host })

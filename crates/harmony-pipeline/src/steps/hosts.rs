@@ -51,10 +51,8 @@ pub async fn verify(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), Ph
             if state.partial.find(&object).is_none_or(|p| on(p) == Some(&host)) {
                 continue;
             }
-            let action = vec![ReviewAction::Rehost { object: object.clone(), host }];
-            let tried = review::try_on(ctx, state, action, Some(object.clone()), "Another host").await?;
-            let kept = tried.as_ref().is_ok_and(|verdict| verdict.kept);
-            let reason = tried.map_or_else(|error| error.to_string(), |verdict| verdict.reason);
+            let action = ReviewAction::Rehost { object: object.clone(), host };
+            let (kept, reason) = review::try_on(ctx, state, action, &object, "Another host").await?;
             results.push(json!({ "asked": found, "kept": kept, "reason": reason }));
         }
     }

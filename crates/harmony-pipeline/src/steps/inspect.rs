@@ -112,8 +112,7 @@ async fn ask_sizes(ctx: &PhaseCtx<'_>, before: &Before, objects: &mut [Object]) 
             }
         }
     }
-    for object in objects.iter_mut().filter(|object| is_unusual(object)) {
-        object.size_doubted = true;
+    for object in objects.iter().filter(|object| is_unusual(object)) {
         let Size { width, height, depth } = object.size();
         let message = format!(
             "size {width:.2} x {height:.2} x {depth:.2} m is unusual for a {}: it is doubted",
@@ -124,7 +123,8 @@ async fn ask_sizes(ctx: &PhaseCtx<'_>, before: &Before, objects: &mut [Object]) 
     Ok(())
 }
 
-fn is_unusual(object: &Object) -> bool {
+/// Whether a size is far outside what its kind has: placement thinks little of it.
+pub fn is_unusual(object: &Object) -> bool {
     let (low, high) = harmony_catalogue::size_range(&object.said.kind);
     let size = object.size().as_vec();
     size.cmplt(low.as_vec() * BEYOND.0).any() || size.cmpgt(high.as_vec() * BEYOND.1).any()

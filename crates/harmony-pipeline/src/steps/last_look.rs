@@ -229,16 +229,11 @@ async fn try_action(
         }
         (kind, Some(id)) => {
             let Some(wanted) = pose(id.clone()) else { return Ok(told(false, "it says too little".into())) };
-            match review::try_on(ctx, state, vec![wanted], Some(id.clone()), &format!("{kind:?}")).await? {
-                Ok(verdict) => {
-                    let gone = state.partial.find(&id).is_none();
-                    if verdict.kept && !gone {
-                        super::texture::only(ctx, state, vec![id]).await?;
-                    }
-                    told(verdict.kept, verdict.reason)
-                }
-                Err(error) => told(false, error.to_string()),
+            let (kept, reason) = review::try_on(ctx, state, wanted, &id, &format!("{kind:?}")).await?;
+            if kept && state.partial.find(&id).is_some() {
+                super::texture::only(ctx, state, vec![id]).await?;
             }
+            told(kept, reason)
         }
     })
 }

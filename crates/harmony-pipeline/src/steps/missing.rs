@@ -9,7 +9,6 @@ use harmony_prompts::{MissingQuestion, NamedObject, PresentDecoration};
 use harmony_roles::{Detection, Picture};
 use harmony_scene::{Level, ObjectId, PixelBox};
 
-use super::added;
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::settings::Questions;
 use crate::state::{SceneState, is_flat};
@@ -92,12 +91,8 @@ async fn piece(
     let Some(own) = placed.item.mask.bounds() else { return Ok(Vec::new()) };
     // What was listed for the whole room and lies over the piece is there.
     let over = |d: &&Detection| d.bounds.covered_by(&with_what_stands_on(own)) > SAME;
-    let size = state.partial.camera.size;
-    let (kx, ky) = (1000.0 / f64::from(size.width), 1000.0 / f64::from(size.height));
-    let present = found.iter().filter(over).map(|d| PresentDecoration {
-        label: d.label.clone(),
-        bounds: [d.bounds.x0 * kx, d.bounds.y0 * ky, d.bounds.x1 * kx, d.bounds.y1 * ky],
-    });
+    let of_photo = |d: &Detection| views::thousandths(state.partial.camera.size, &d.bounds);
+    let present = found.iter().filter(over).map(|d| PresentDecoration { label: d.label.clone(), bounds: of_photo(d) });
     let question = MissingQuestion {
         room_type: state.layout.answer.room.room_type.clone(),
         furniture: NamedObject { id: id.to_string(), about: placed.item.label.clone() },
@@ -109,7 +104,7 @@ async fn piece(
     let boxed = answer.missing_decorations.into_iter().map(|missing| {
         let label = missing.name.trim().to_lowercase();
         let phrase = if missing.description.is_empty() { label.clone() } else { missing.description };
-        let bounds = added::pixels(state, missing.bounds);
+        let bounds = views::pixels(state.partial.camera.size, missing.bounds);
         (Detection { label, phrase, bounds, score: None, outline: None }, id.clone())
     });
     Ok(boxed.filter(|(d, _)| d.bounds.area() >= 4.0).collect())

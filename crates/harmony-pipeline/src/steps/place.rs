@@ -9,6 +9,7 @@ use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, OpeningKind, Placement, Relations, Support, WallAffinity, WarningKind};
 use serde_json::{Value, json};
 
+use super::inspect::is_unusual;
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::settings::Questions;
 use crate::state::{Left, Object, SceneState, is_flat};
@@ -174,7 +175,7 @@ fn item(level: Level, state: &SceneState, object: &Object) -> Option<Item> {
             may_stretch: object.is_modelled(),
             as_wide_as_deep: !is(Trait::Planar) && (o.size_m.width / o.size_m.depth - 1.0).abs() < 0.02,
             heavily_occluded: o.occlusion == Occlusion::Heavily,
-            size_doubted: object.size_doubted,
+            size_doubted: is_unusual(object),
             has_front,
         },
         yaw,

@@ -294,26 +294,29 @@ async fn attempt(
     .await
 }
 
-/// Tries actions on the scene together and keeps them, if the evidence does not speak against them; if it does, a warning
-/// about the object says so.
+/// Tries an action on an object and keeps it, if the evidence does not speak against it; tells whether it stays and why. One
+/// that does not stay is warned of.
 ///
 /// # Errors
-/// Only that of a computation that broke; inside, that of an action that cannot be tried.
+/// Only that of a computation that broke.
 pub async fn try_on(
     ctx: &PhaseCtx<'_>,
     state: &mut SceneState,
-    actions: Vec<ReviewAction>,
-    object: Option<ObjectId>,
+    action: ReviewAction,
+    object: &ObjectId,
     name: &str,
-) -> Result<Result<Verdict, ActionError>, PhaseError> {
-    Ok(attempt(ctx, state, actions).await?.map(|attempt| {
-        let verdict = attempt.verdict.clone();
-        if !attempt.adopted(state) {
-            let message = format!("{name} was proposed and refused: {}", verdict.reason);
-            ctx.warn(WarningKind::ActionRefused, object, message);
+) -> Result<(bool, String), PhaseError> {
+    let (kept, reason, refused) = match attempt(ctx, state, vec![action]).await? {
+        Ok(attempt) => {
+            let reason = attempt.verdict.reason.clone();
+            (attempt.adopted(state), reason, "was proposed and refused")
         }
-        verdict
-    }))
+        Err(error) => (false, error.to_string(), "cannot be tried"),
+    };
+    if !kept {
+        ctx.warn(WarningKind::ActionRefused, Some(object.clone()), format!("{name} {refused}: {reason}"));
+    }
+    Ok((kept, reason))
 }
 
 /// Copies that an action added get an entry among the objects, like the one they copy.

@@ -8,7 +8,7 @@ use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_placement::{Placed, ReviewAction};
 use harmony_prompts::{FrontPanel, NamedObject, OrientQuestion, TurnPanel, TurnedObject, TurnsQuestion};
 use harmony_roles::Picture;
-use harmony_scene::{Level, ObjectId, Support, WarningKind};
+use harmony_scene::{Level, ObjectId, Support};
 use image::{RgbImage, RgbaImage};
 use serde_json::json;
 
@@ -122,14 +122,8 @@ async fn turn(
     by_deg: f64,
     name: &str,
 ) -> Result<bool, PhaseError> {
-    let action = vec![ReviewAction::Rotate { object: object.clone(), by_deg }];
-    Ok(match review::try_on(ctx, state, action, Some(object.clone()), name).await? {
-        Ok(verdict) => verdict.kept,
-        Err(error) => {
-            ctx.warn(WarningKind::ActionRefused, Some(object.clone()), format!("{name} cannot be tried: {error}"));
-            false
-        }
-    })
+    let action = ReviewAction::Rotate { object: object.clone(), by_deg };
+    Ok(review::try_on(ctx, state, action, object, name).await?.0)
 }
 
 /// A row an object: the photo around it and renders of the scene with it turned; and the objects shown.

@@ -1,6 +1,6 @@
 //! What rests on what.
 
-use harmony_scene::Support;
+use harmony_scene::{Mat3, Pose, Support};
 
 use crate::PartialScene;
 
@@ -24,4 +24,20 @@ pub(crate) fn rests_on(scene: &PartialScene, object: usize, by: usize) -> bool {
 /// An object and everything that rests on it.
 pub(crate) fn subtree(scene: &PartialScene, object: usize) -> Vec<usize> {
     (0..scene.placed.len()).filter(|i| *i == object || rests_on(scene, *i, object)).collect()
+}
+
+/// Gives an object another pose, and takes along what rests on it.
+pub(crate) fn take_along(scene: &mut PartialScene, object: usize, new: Pose) {
+    let old = scene.placed[object].pose;
+    let (turn, by) = (new.yaw - old.yaw, new.position - old.position);
+    for i in subtree(scene, object) {
+        let pose = &mut scene.placed[i].pose;
+        if i == object {
+            *pose = new;
+        } else {
+            let arm = pose.position - old.position;
+            pose.position = old.position + by + Mat3::from_rotation_y(turn) * arm;
+            pose.yaw += turn;
+        }
+    }
 }

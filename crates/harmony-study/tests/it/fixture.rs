@@ -50,8 +50,8 @@ pub fn picture(path: &Path, scene: usize, method: usize, size: (u32, u32)) {
 pub fn sets(folder: &Path, methods: usize, scenes: usize) -> Vec<(String, PathBuf)> {
     for s in 0..scenes {
         picture(&folder.join(format!("photos/room_{s:02}.png")), s, 6, (48, 36));
-        for m in 0..methods {
-            picture(&folder.join(format!("{}/room_{s:02}.png", METHODS[m])), s, m, (64, 48));
+        for (m, method) in METHODS[..methods].iter().enumerate() {
+            picture(&folder.join(format!("{method}/room_{s:02}.png")), s, m, (64, 48));
         }
     }
     METHODS[..methods].iter().map(|m| ((*m).to_owned(), folder.join(m))).collect()

@@ -179,7 +179,9 @@ fn what_was_acknowledged_survives_kills_at_any_moment() {
         server.kill();
         busy += begun.elapsed();
         stop.store(true, Ordering::Relaxed);
-        clients.into_iter().for_each(|c| c.join().unwrap());
+        for client in clients {
+            client.join().unwrap();
+        }
         let got = std::mem::take(&mut *got.lock().unwrap());
         posts += got.len();
         acknowledged.extend(got);
