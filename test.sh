@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# All tests of HARMONY, and the installation of what they need. About 35 minutes on two cores from scratch.
+# All tests of HARMONY, and the installation of what they need. Longer than 35 minutes on two cores from scratch; each step prints its time.
 #
 #   ./test.sh            everything
 #   ./test.sh --quick    format, lints, maps and Rust tests only
@@ -53,9 +53,9 @@ if [ "${1:-}" != "--quick" ]; then
 fi
 step "Rust tests"
 if cargo nextest --version >/dev/null 2>&1; then
-  cargo nextest run --workspace --features "$NETS" --no-fail-fast
+  cargo nextest run --workspace --lib --bins --tests --features "$NETS" --no-fail-fast
 else
-  cargo test --workspace --features "$NETS" --no-fail-fast
+  cargo test --workspace --lib --bins --tests --features "$NETS" --no-fail-fast
 fi
 if [ "${1:-}" = "--quick" ]; then exit 0; fi
 

@@ -1,26 +1,9 @@
 //! Crops and resizes.
 
-use fast_image_resize::images::{TypedImage, TypedImageRef};
-use fast_image_resize::pixels::{U8x3, U8x4};
-use fast_image_resize::{FilterType, PixelTrait, ResizeAlg, ResizeOptions, Resizer};
+use harmony_resample::Filter;
+pub(crate) use harmony_resample::Window;
 use harmony_scene::ImageSize;
 use image::{RgbImage, RgbaImage};
-
-/// A whole-pixel rectangle inside an image.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Window {
-    pub x: u32,
-    pub y: u32,
-    pub width: u32,
-    pub height: u32,
-}
-
-impl Window {
-    /// The whole image.
-    pub(crate) fn whole(size: ImageSize) -> Self {
-        Self { x: 0, y: 0, width: size.width, height: size.height }
-    }
-}
 
 /// The window of the photo at another size; triangle filter, averaging when smaller.
 pub(crate) fn resize_window(photo: &RgbImage, window: Window, to: ImageSize) -> RgbImage {
@@ -29,8 +12,7 @@ pub(crate) fn resize_window(photo: &RgbImage, window: Window, to: ImageSize) -> 
     if window.width == width && window.height == height {
         return crop(window);
     }
-    resize_bytes::<U8x3>(photo.as_raw(), photo.dimensions(), window, (width, height))
-        .and_then(|bytes| RgbImage::from_raw(width, height, bytes))
+    harmony_resample::resize_rgb(photo, window, (width, height), Filter::Triangle)
         .unwrap_or_else(|| RgbImage::new(width, height))
 }
 
@@ -40,30 +22,8 @@ pub(crate) fn resize_rgba(source: &RgbaImage, to: ImageSize) -> RgbaImage {
     if source.dimensions() == (width, height) {
         return source.clone();
     }
-    let window = Window { x: 0, y: 0, width: source.width(), height: source.height() };
-    resize_bytes::<U8x4>(source.as_raw(), source.dimensions(), window, (width, height))
-        .and_then(|bytes| RgbaImage::from_raw(width, height, bytes))
+    harmony_resample::resize_rgba(source, Window::whole(source.dimensions()), (width, height), Filter::Triangle)
         .unwrap_or_else(|| RgbaImage::new(width, height))
-}
-
-/// `None` for empty images and windows outside. Typed, for the untyped call compiles the filters of all pixel kinds.
-fn resize_bytes<P: PixelTrait>(
-    bytes: &[u8],
-    (source_width, source_height): (u32, u32),
-    window: Window,
-    (width, height): (u32, u32),
-) -> Option<Vec<u8>> {
-    let source = TypedImageRef::<P>::from_buffer(source_width, source_height, bytes).ok()?;
-    let mut resized = vec![0; width as usize * height as usize * P::size()];
-    let mut target = TypedImage::<P>::from_buffer(width, height, &mut resized).ok()?;
-    let options = ResizeOptions::new().resize_alg(ResizeAlg::Convolution(FilterType::Bilinear)).crop(
-        f64::from(window.x),
-        f64::from(window.y),
-        f64::from(window.width),
-        f64::from(window.height),
-    );
-    Resizer::new().resize_typed(&source, &mut target, &options).ok()?;
-    Some(resized)
 }
 
 #[cfg(test)]

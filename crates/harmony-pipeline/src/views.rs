@@ -418,8 +418,8 @@ pub fn pixels(size: ImageSize, [x0, y0, x1, y1]: [f64; 4]) -> PixelBox {
 
 /// The inverse of [`pixels`].
 pub fn thousandths(size: ImageSize, b: &PixelBox) -> [f64; 4] {
-    let (kx, ky) = (1000.0 / f64::from(size.width), 1000.0 / f64::from(size.height));
-    [b.x0 * kx, b.y0 * ky, b.x1 * kx, b.y1 * ky]
+    let (width, height) = (f64::from(size.width), f64::from(size.height));
+    [b.x0 * 1000.0 / width, b.y0 * 1000.0 / height, b.x1 * 1000.0 / width, b.y1 * 1000.0 / height]
 }
 
 /// The room and the camera in it, for questions.

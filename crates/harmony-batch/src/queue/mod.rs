@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use sqlx::any::{AnyPoolOptions, AnyRow};
-use sqlx::{AnyConnection, AnyPool, AssertSqlSafe, Executor as _, Row as _};
+use sqlx::{AnyConnection, AnyPool, AssertSqlSafe, Connection as _, Executor as _, Row as _};
 
 use crate::BatchError;
 
@@ -143,6 +143,11 @@ impl Queue {
                 (Kind::Sqlite, url)
             }
         };
+        if kind == Kind::Postgres {
+            // A pool tries for as long as it has patience; a server that is not there is told at once.
+            let first = AnyConnection::connect(&url).await.map_err(|e| failed(address, &e))?;
+            first.close().await.map_err(|e| failed(address, &e))?;
+        }
         let options = AnyPoolOptions::new()
             .max_connections(connections.max(1))
             .acquire_timeout(PATIENCE)

@@ -1,7 +1,7 @@
 //! Generated rooms keep the rules that make them usable as truth.
 
 use std::collections::BTreeMap;
-use std::sync::LazyLock;
+use std::sync::OnceLock;
 
 use glam::{DMat3, DVec2, DVec3};
 use harmony_bench::generate::{GeneratedObject, GeneratedRoom, GeneratorSettings, Level, generate, write};
@@ -18,10 +18,10 @@ fn small() -> GeneratorSettings {
     }
 }
 
-fn rooms() -> &'static [GeneratedRoom] {
-    static ROOMS: LazyLock<Vec<GeneratedRoom>> =
-        LazyLock::new(|| (100..120).map(|seed| generate(seed, &small())).collect());
-    &ROOMS
+/// The rooms of so many seeds, each made when a test of this process first asks for it.
+fn rooms(count: usize) -> impl Iterator<Item = &'static GeneratedRoom> {
+    static ROOMS: [OnceLock<GeneratedRoom>; 20] = [const { OnceLock::new() }; 20];
+    (100..).zip(&ROOMS[..count]).map(|(seed, room)| room.get_or_init(|| generate(seed, &small())))
 }
 
 fn files(room: &GeneratedRoom) -> BTreeMap<String, Vec<u8>> {
@@ -75,20 +75,30 @@ fn a_seed_means_the_same_bytes_and_another_one_another_room() {
 
 #[test]
 fn archives_are_read_back() {
-    let files = files(&rooms()[0]);
+    let room = rooms(1).next().unwrap();
+    let files = files(room);
     let points = harmony_io::npz::parse_npz(&files["points.npz"], |_| true).unwrap();
     assert_eq!(points["xyz"].shape, [2000, 3]);
     assert_eq!(points["shell_xyz"].shape, [500, 3]);
     assert!(points["id"].integer && points["id"].values.iter().all(|id| *id >= 10.0));
     assert!(points["shell_id"].values.iter().all(|id| (1.0..=6.0).contains(id)));
     let meshes = harmony_io::npz::parse_npz(&files["meshes.npz"], |_| true).unwrap();
-    let visible = rooms()[0].objects.iter().filter(|o| o.visible_pixels > 0).count();
+    let visible = room.objects.iter().filter(|o| o.visible_pixels > 0).count();
     assert_eq!(meshes.len(), 2 * visible);
 }
 
+/// One test, for making the rooms takes most of its time.
 #[test]
-fn rooms_hold_between_5_and_30_objects_of_few_triangles() {
-    for room in rooms() {
+fn twenty_rooms_keep_the_rules() {
+    let rooms: Vec<_> = rooms(20).collect();
+    rooms_hold_between_5_and_30_objects_of_few_triangles(&rooms);
+    meshes_are_canonical_and_inside_the_room(&rooms);
+    things_stand_on_what_carries_them(&rooms);
+    cameras_face_the_back_wall_from_inside(&rooms);
+}
+
+fn rooms_hold_between_5_and_30_objects_of_few_triangles(rooms: &[&GeneratedRoom]) {
+    for room in rooms {
         assert!((5..=30).contains(&room.objects.len()), "{}: {}", room.name, room.objects.len());
         for o in &room.objects {
             assert!((1..=2500).contains(&o.mesh.triangle_count()), "{} {}", room.name, o.id);
@@ -99,9 +109,8 @@ fn rooms_hold_between_5_and_30_objects_of_few_triangles() {
     }
 }
 
-#[test]
-fn meshes_are_canonical_and_inside_the_room() {
-    for room in rooms() {
+fn meshes_are_canonical_and_inside_the_room(rooms: &[&GeneratedRoom]) {
+    for room in rooms {
         let size = room.extents.as_vec();
         for o in &room.objects {
             let b = o.mesh.bounds().unwrap();
@@ -119,10 +128,9 @@ fn meshes_are_canonical_and_inside_the_room() {
     }
 }
 
-#[test]
-fn things_stand_on_what_carries_them() {
+fn things_stand_on_what_carries_them(rooms: &[&GeneratedRoom]) {
     let mut carried = 0;
-    for room in rooms() {
+    for room in rooms {
         for o in &room.objects {
             match o.level {
                 Level::Furniture => assert!(o.position.y.abs() <= 1e-9),
@@ -144,6 +152,16 @@ fn things_stand_on_what_carries_them() {
     assert!(carried > 50, "{carried}");
 }
 
+fn cameras_face_the_back_wall_from_inside(rooms: &[&GeneratedRoom]) {
+    for room in rooms {
+        let c = room.camera.centre();
+        assert!(room.extents.contains(c, 0.0) && (1.2..=1.75).contains(&c.y), "{c}");
+        assert!(room.camera_yaw.to_degrees().abs() < 40.0);
+        assert!((0.0..=18.0).contains(&room.camera_pitch.to_degrees()));
+        assert!((59.9..=90.1).contains(&room.camera.horizontal_fov().to_degrees()));
+    }
+}
+
 /// Highest surface of an object below a room point.
 fn surface_below(host: &GeneratedObject, point: DVec3) -> f64 {
     let local = DMat3::from_rotation_y(-host.yaw) * (point - host.position);
@@ -152,7 +170,7 @@ fn surface_below(host: &GeneratedObject, point: DVec3) -> f64 {
 
 #[test]
 fn objects_do_not_cut_each_other() {
-    for room in &rooms()[..10] {
+    for room in rooms(10) {
         for (i, a) in room.objects.iter().enumerate() {
             for b in &room.objects[..i] {
                 let meet = a.aabb.min.cmple(b.aabb.max).all() && b.aabb.min.cmple(a.aabb.max).all();
@@ -169,7 +187,7 @@ fn objects_do_not_cut_each_other() {
 
 #[test]
 fn a_cut_is_measured() {
-    let room = &rooms()[0];
+    let room = rooms(1).next().unwrap();
     let o = room.objects.iter().find(|o| o.level == Level::Furniture && o.label != "rug").unwrap();
     let mut other = o.clone();
     other.position += DVec3::new(0.01, 0.012, 0.009);
@@ -180,7 +198,7 @@ fn a_cut_is_measured() {
 
 #[test]
 fn depth_and_ids_agree_with_the_meshes() {
-    for room in &rooms()[..6] {
+    for room in rooms(6) {
         let camera = &room.camera;
         let width = camera.size.width as usize;
         for o in room.objects.iter().filter(|o| o.visible_pixels > 0) {
@@ -199,23 +217,12 @@ fn depth_and_ids_agree_with_the_meshes() {
     }
 }
 
-#[test]
-fn cameras_face_the_back_wall_from_inside() {
-    for room in rooms() {
-        let c = room.camera.centre();
-        assert!(room.extents.contains(c, 0.0) && (1.2..=1.75).contains(&c.y), "{c}");
-        assert!(room.camera_yaw.to_degrees().abs() < 40.0);
-        assert!((0.0..=18.0).contains(&room.camera_pitch.to_degrees()));
-        assert!((59.9..=90.1).contains(&room.camera.horizontal_fov().to_degrees()));
-    }
-}
-
 /// What the photo and a view both show looks alike in both, for light, exposure and frames are one room's.
 #[test]
 fn views_show_the_same_room_at_the_photos_exposure() {
     let folder = tempfile::tempdir().unwrap();
     let mut shares = Vec::new();
-    for room in &rooms()[..6] {
+    for room in rooms(6) {
         let folder = folder.path().join(&room.name);
         write(room, &folder).unwrap();
         let truth = harmony_bench::truth::TruthRoom::load(&folder).unwrap();

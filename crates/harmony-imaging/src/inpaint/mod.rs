@@ -63,7 +63,7 @@ pub fn fill(photo: &RgbImage, hole: &Mask, sources: Sources<'_>, settings: &Fill
     let mask = mask.map(|m| crate::fitted(m, photo));
     let labels = labels.filter(|l| l.len() == size.pixels());
     let work = size.fit_within(settings.working_px.clamp(32, 8192));
-    let small = resize_window(photo, Window::whole(size), work);
+    let small = resize_window(photo, Window::whole((size.width, size.height)), work);
     let mut canvas = canvas(&small, size, &hole, mask.as_deref(), labels);
     let matches = complete(&mut canvas, MOST_OFFSET, settings.seed);
     let mut filled = photo.clone();

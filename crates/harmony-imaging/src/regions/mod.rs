@@ -148,7 +148,7 @@ impl Picture {
     fn new(photo: &RgbImage, surfaces: &[u8], work: ImageSize) -> Self {
         let size = crate::size_of(photo);
         let (w, h) = (work.width as usize, work.height as usize);
-        let small = resize_window(photo, Window::whole(size), work);
+        let small = resize_window(photo, Window::whole((size.width, size.height)), work);
         let lab: Vec<[f32; 3]> = small.pixels().map(|p| lab_from_rgb8(p.0)).collect();
         let surfaces: Vec<u8> = if surfaces.len() == size.pixels() {
             (0..w * h)

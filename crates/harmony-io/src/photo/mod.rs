@@ -6,7 +6,7 @@ mod exif;
 use std::io::Cursor;
 use std::path::Path;
 
-use fast_image_resize as fir;
+use harmony_resample::{Filter, Window, resize_rgb};
 use harmony_scene::{ImageSize, Warning, WarningKind};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageReader, Limits, RgbImage};
 
@@ -219,19 +219,10 @@ fn shrink(image: RgbImage, notes: &mut Notes) -> RgbImage {
         from.width, from.height, to.width, to.height
     ));
     // Lanczos in sRGB values: as photo programs do it.
-    let small = shrunk(&image, to);
+    let whole = Window::whole(image.dimensions());
+    let small = resize_rgb(&image, whole, (to.width, to.height), Filter::Lanczos3);
     // Cannot fail for an RGB image with pixels; the slower filter is a safe answer all the same.
     small.unwrap_or_else(|| DynamicImage::ImageRgb8(image).thumbnail_exact(to.width, to.height).into_rgb8())
-}
-
-/// Typed, for the untyped call compiles the filters of all pixel kinds.
-fn shrunk(image: &RgbImage, to: ImageSize) -> Option<RgbImage> {
-    type Pixel = fir::pixels::U8x3;
-    let large = fir::images::TypedImageRef::<Pixel>::from_buffer(image.width(), image.height(), image.as_raw()).ok()?;
-    let mut small = RgbImage::new(to.width, to.height);
-    let mut target = fir::images::TypedImage::<Pixel>::from_buffer(to.width, to.height, &mut small).ok()?;
-    fir::Resizer::new().resize_typed(&large, &mut target, None).ok()?;
-    Some(small)
 }
 
 /// Collects what was unusual.
