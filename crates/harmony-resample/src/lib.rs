@@ -57,6 +57,9 @@ fn resize<P: PixelTrait>(
     (width, height): (u32, u32),
     filter: Filter,
 ) -> Option<Vec<u8>> {
+    if [source_width, source_height, window.width, window.height, width, height].contains(&0) {
+        return None;
+    }
     let source = TypedImageRef::<P>::from_buffer(source_width, source_height, bytes).ok()?;
     let mut resized = vec![0; width as usize * height as usize * P::size()];
     let mut target = TypedImage::<P>::from_buffer(width, height, &mut resized).ok()?;
