@@ -235,7 +235,7 @@ fn step(outcome: &mut ReviewOutcome, action: &ReviewAction, settings: &Placement
                 hang_elsewhere(after, i, wall, wanted, settings)?;
             } else {
                 // The reviewer's answer takes the place of the one before.
-                renamed(after, i, |item| item.yaw = YawHint::About(wanted));
+                edit_item(after, i, |item| item.yaw = YawHint::About(wanted));
                 carry(after, i, settings, |pose| pose.yaw = wanted);
             }
             touched.push(object.clone());
@@ -348,7 +348,7 @@ fn in_range(what: &'static str, value: f64, min: f64, max: f64) -> Result<(), Ac
 }
 
 /// Changes what is said of a placed object.
-fn renamed(scene: &mut PartialScene, object: usize, change: impl Fn(&mut Item)) {
+fn edit_item(scene: &mut PartialScene, object: usize, change: impl Fn(&mut Item)) {
     let mut item = (*scene.placed[object].item).clone();
     change(&mut item);
     scene.placed[object].item = Arc::new(item);
@@ -388,7 +388,7 @@ fn pulled_off(scene: &PartialScene, old: &Pose, wanted: &Pose, wall: Wall) -> bo
 /// Multiplies the sides of an object; what was said about its size follows.
 fn rescale(scene: &mut PartialScene, object: usize, factor: Vec3, settings: &PlacementSettings) {
     let common = (factor.x * factor.y * factor.z).cbrt();
-    renamed(scene, object, |item| item.size = Size::from_vec(item.size.as_vec() * factor));
+    edit_item(scene, object, |item| item.size = Size::from_vec(item.size.as_vec() * factor));
     carry(scene, object, settings, |pose| {
         pose.scale *= common;
         pose.stretch *= factor / common;
@@ -427,7 +427,7 @@ fn exchange(scene: &mut PartialScene, i: usize, j: usize, settings: &PlacementSe
         let Support::Object { id } = &scene.placed[k].support else { continue };
         let Some(now) = (if id == a { Some(b) } else { (id == b).then_some(a) }) else { continue };
         scene.placed[k].support = Support::Object { id: now.clone() };
-        renamed(scene, k, |item| item.relations.on_top_of = Some(now.clone()));
+        edit_item(scene, k, |item| item.relations.on_top_of = Some(now.clone()));
     }
     for k in [i, j] {
         let item = (*scene.placed[k].item).clone();
