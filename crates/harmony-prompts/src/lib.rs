@@ -37,8 +37,8 @@ pub use last_look::{
     MOST_LAST_ACTIONS, PaintedObject,
 };
 pub use layout::{
-    BackWallSide, FloorTexture, KnownDepth, LayoutAnswer, LayoutCamera, LayoutOpening, LayoutPart, LayoutPartKind,
-    LayoutPattern, LayoutPatternKind, LayoutPin, LayoutQuestion, LayoutRoom, LayoutSurface, LayoutTrim, LayoutTrims,
+    BackWallSide, FloorTexture, KnownDepth, LayoutAnswer, LayoutCamera, LayoutFeature, LayoutFeatureKind, LayoutOpening, LayoutPart, LayoutPartKind,
+    LayoutPattern, LayoutPatternKind, LayoutPin, LayoutQuestion, LayoutReach, LayoutRoom, LayoutSurface, LayoutTrim, LayoutTrims,
     LayoutWall, PinKind, SurfaceName, UnaidedRoom, WallTexture,
 };
 pub use lighting::{LightingReviewQuestion, LightsQuestion, SeenObject};

@@ -244,6 +244,8 @@ mod tests {
             folder: PathBuf::new(),
             camera,
             extents,
+            shape: harmony_scene::RoomShape::default(),
+            origin: DVec3::ZERO,
             walls: Vec::new(),
             openings: Vec::new(),
             objects: Vec::new(),

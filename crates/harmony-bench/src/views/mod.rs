@@ -248,6 +248,8 @@ mod tests {
             folder: folder.path().to_owned(),
             camera,
             extents,
+            shape: harmony_scene::RoomShape::default(),
+            origin: DVec3::ZERO,
             walls: Vec::new(),
             openings: Vec::new(),
             objects: Vec::new(),

@@ -40,6 +40,7 @@ pub fn openings(state: &SceneState) -> Vec<Opening> {
             let Support::Wall { wall } = p.support else { return None };
             let size = p.size();
             let at = wall.coordinates(p.pose.position);
+            let plane = state.partial.room.plane_behind(wall, p.pose.position);
             // The frame covers the wall's edge all around.
             let inset = 0.03_f64.min(size.width * 0.1);
             let u = [
@@ -53,6 +54,7 @@ pub fn openings(state: &SceneState) -> Vec<Opening> {
                 wall,
                 u,
                 y,
+                inset: plane.inset,
                 object: Some(p.item.id.clone()),
             })
         })
@@ -133,6 +135,7 @@ pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<Rg
 /// All faces in their materials, and the boards along the walls.
 fn painted(state: &SceneState, bare: Option<&RgbImage>, finest: f64) -> (Painted, Trims, Vec<Face>) {
     let (camera, extents) = (state.partial.camera, state.partial.room.extents);
+    let room_faces = state.partial.room.faces();
     let visible = match bare {
         Some(_) => {
             let all = Mask::from_fn(camera.size, |_, _| true).minus(&state.photo_frame);
@@ -146,12 +149,12 @@ fn painted(state: &SceneState, bare: Option<&RgbImage>, finest: f64) -> (Painted
     let px_per_m = finest.min(LONGEST_PX / longest);
     let mut faces: Vec<Face> = Surface::ALL
         .par_iter()
-        .map(|surface| Face::seen(source, &camera, &extents, *surface, px_per_m, &visible))
+        .map(|surface| Face::seen(source, &camera, &room_faces, *surface, px_per_m, &visible))
         .collect();
     let answer = &state.layout.answer;
     let trims = trim::trims(&answer.trims, &faces, &extents);
     faces.par_iter_mut().for_each(|face| {
-        face.without_seams(&camera, &extents);
+        face.without_seams(&camera, &room_faces);
         if face.surface.wall().is_some() {
             // What the boards cover, and their shadow.
             if let Some(board) = trims.skirting {
