@@ -75,22 +75,14 @@ const THINNEST: f64 = 0.04;
 const SIDE: f64 = 0.15;
 
 /// Measures what a layout answer says of the room's shape.
-pub fn measure_shape(
-    hints: &[ShapeHint],
-    camera: &Camera,
-    extents: &Extents,
-    map: Option<MapInRoom>,
-) -> MeasuredShape {
+pub fn measure_shape(hints: &[ShapeHint], camera: &Camera, extents: &Extents, map: Option<MapInRoom>) -> MeasuredShape {
     let mut out = MeasuredShape::default();
     let view = View { camera, extents, map };
     let uprights: Vec<&ShapeHint> = hints.iter().filter(|h| h.kind != ShapeKind::Slope).collect();
     // Walls first: what one feature says of its wall holds for all on it.
     for wall in Wall::ALL {
-        let moves: Vec<f64> = uprights
-            .iter()
-            .filter(|h| h.wall == wall)
-            .filter_map(|h| view.wall_behind(h, hints))
-            .collect();
+        let moves: Vec<f64> =
+            uprights.iter().filter(|h| h.wall == wall).filter_map(|h| view.wall_behind(h, hints)).collect();
         if let Some(by) = median(&moves) {
             out.moved.push((wall, by));
         }
@@ -144,6 +136,13 @@ impl MeasuredShape {
         for block in &mut self.shape.blocks {
             fit(&mut block.min, false);
             fit(&mut block.max, false);
+        }
+        for slope in &mut self.shape.slopes {
+            // The same plane, from where its wall is now.
+            let outward = self.moved.iter().find(|(w, _)| *w == slope.wall).map_or(0.0, |m| m.1);
+            let rise = (old.height - slope.low) / slope.run;
+            slope.low -= rise * outward;
+            slope.run += outward;
         }
         for niche in &mut self.shape.niches {
             fit(&mut niche.min, true);
@@ -251,7 +250,8 @@ impl View<'_> {
             out.notes.push(format!("{}: its depth of {:.2} m is as told, nothing measures it", hint.what, hint.depth));
         } else if measured != Some(inset) {
             let found = measured.unwrap_or_default();
-            out.notes.push(format!("{}: told as {told:+.2} m from its wall, measured as {found:+.2} m; as told", hint.what));
+            out.notes
+                .push(format!("{}: told as {told:+.2} m from its wall, measured as {found:+.2} m; as told", hint.what));
         }
         // The outline lies on the block's face, or on the wall's plane that a niche opens.
         let plane = if hint.kind == ShapeKind::Niche { -outward } else { inset - outward };
@@ -259,9 +259,7 @@ impl View<'_> {
             out.notes.push(format!("{}: its outline is not on the {:?} wall; left out", hint.what, hint.wall));
             return;
         };
-        let (from, to) = if inset > 0.0 { (-outward, inset - outward) } else { (inset - outward, -outward) };
-        // Blocks begin at the wall, wherever that is: at the box's old side, which `shape_in_moved_box` follows.
-        let from = if inset > 0.0 { 0.0 } else { from };
+        let (from, to) = (inset.min(0.0) - outward, inset.max(0.0) - outward);
         let corner = |u: f64, y: f64, d: f64| hint.wall.point(self.extents, u, y) + hint.wall.normal() * d;
         let (a, b) = (corner(u[0], y[0], from), corner(u[1], y[1], to));
         let (min, max) = (a.min(b), a.max(b));
@@ -271,7 +269,7 @@ impl View<'_> {
         }
         let kind = hint.what.clone();
         match hint.kind {
-            ShapeKind::Niche => out.shape.niches.push(Niche { kind, wall: hint.wall, min, max }),
+            ShapeKind::Niche => out.shape.niches.push(Niche { kind, wall: hint.wall, sides: None, min, max }),
             _ => out.shape.blocks.push(Block { kind, min, max }),
         }
     }
@@ -493,8 +491,7 @@ mod tests {
         let mut moved_camera = camera;
         moved_camera.translation += moved_camera.rotation * origin;
         let xyz = map(&room, &camera, origin);
-        let found =
-            measure_shape(&hints, &moved_camera, &taken, Some(MapInRoom { size: camera.size, xyz: &xyz }));
+        let found = measure_shape(&hints, &moved_camera, &taken, Some(MapInRoom { size: camera.size, xyz: &xyz }));
         assert_eq!(found.moved.len(), 1);
         assert!((found.moved[0].1 - 1.9).abs() < 0.02, "{:?}", found.moved);
         let (after, shift) = found.box_after(&taken);
@@ -505,8 +502,13 @@ mod tests {
 
     #[test]
     fn recesses_and_slopes_are_measured() {
-        let niche =
-            Niche { kind: "recess".into(), wall: Wall::Back, min: Vec3::new(2.0, 0.5, -0.3), max: Vec3::new(3.4, 2.1, 0.0) };
+        let niche = Niche {
+            kind: "recess".into(),
+            wall: Wall::Back,
+            sides: None,
+            min: Vec3::new(2.0, 0.5, -0.3),
+            max: Vec3::new(3.4, 2.1, 0.0),
+        };
         let slope = Slope { wall: Wall::Left, low: 1.2, run: 1.5 };
         let (room, camera) =
             (room(RoomShape { niches: vec![niche], slopes: vec![slope], ..RoomShape::default() }), camera());
@@ -517,8 +519,7 @@ mod tests {
             ShapeHint { wall: Wall::Left, low: 1.0, ..hint(ShapeKind::Slope, plane, 1.2, [false; 4]) },
         ];
         let xyz = map(&room, &camera, Vec3::ZERO);
-        let found =
-            measure_shape(&hints, &camera, &room.extents, Some(MapInRoom { size: camera.size, xyz: &xyz }));
+        let found = measure_shape(&hints, &camera, &room.extents, Some(MapInRoom { size: camera.size, xyz: &xyz }));
         let got = &found.shape.niches[0];
         assert!((got.min - Vec3::new(2.0, 0.5, -0.3)).length() < 0.02, "{got:?}");
         assert!((got.max - Vec3::new(3.4, 2.1, 0.0)).length() < 0.02, "{got:?}");

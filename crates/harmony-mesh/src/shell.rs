@@ -67,7 +67,7 @@ pub fn room_shell_with(
         let mut material = Material::plain(shell_material_name(surface), color);
         material.texture = texture;
         let mut sheet = Sheet::new(surface, &room.extents, &mut mesh);
-        for face in faces.iter().filter(|f| f.surface == surface) {
+        for face in faces.iter().filter(|f| f.surface == surface && sides(room, f).is_none()) {
             let holes = holes(room, face);
             sheet.face(face, &holes);
         }
@@ -78,8 +78,23 @@ pub fn room_shell_with(
         mesh.groups.push(Group { material: mesh.materials.len(), triangles });
         mesh.materials.push(material);
     }
+    for (k, niche) in room.shape.niches.iter().enumerate() {
+        let Some(color) = niche.sides.filter(|_| !options.omit.contains(&niche.wall.surface())) else { continue };
+        let mut sheet = Sheet::new(niche.wall.surface(), &room.extents, &mut mesh);
+        for face in faces.iter().filter(|f| f.side_of == Some(k)) {
+            sheet.polygon(&face.polygon, face.normal);
+        }
+        let triangles = sheet.triangles;
+        mesh.groups.push(Group { material: mesh.materials.len(), triangles });
+        mesh.materials.push(Material::plain(&format!("niche_{:02}", k + 1), color));
+    }
     trim::add(&mut mesh, room, &options.trims, &options.omit);
     mesh
+}
+
+/// The colour of a niche's side that has one of its own.
+fn sides(room: &Room, face: &RoomFace) -> Option<[f32; 3]> {
+    room.shape.niches.get(face.side_of?)?.sides
 }
 
 /// A rectangle on a face, in face coordinates, metres.

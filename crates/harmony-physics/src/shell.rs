@@ -38,9 +38,11 @@ fn others(room: &Room) -> Vec<(Surface, Hull)> {
         let before = (low.min(low - out_of_room), high.max(high - out_of_room));
         let inside_room = |(min, max): &(Vec3, Vec3)| e.contains((*min + *max) / 2.0, 0.0);
         let pieces = without(jacket, before).into_iter().filter(|p| !inside_room(p));
-        out.extend(pieces.flat_map(|p| without(p, (Vec3::ZERO, e.as_vec()))).map(|(min, max)| {
-            (niche.wall.surface(), Hull::cuboid(min, max))
-        }));
+        out.extend(
+            pieces
+                .flat_map(|p| without(p, (Vec3::ZERO, e.as_vec())))
+                .map(|(min, max)| (niche.wall.surface(), Hull::cuboid(min, max))),
+        );
     }
     for slope in &room.shape.slopes {
         let length = slope.wall.length(e);
@@ -142,8 +144,22 @@ mod tests {
     fn openings_are_open_and_the_rest_is_wall() {
         let mut room = room();
         room.openings = vec![
-            Opening { kind: OpeningKind::Door, wall: Wall::Left, u: [1.0, 1.9], y: [0.0, 2.0], inset: 0.0, object: None },
-            Opening { kind: OpeningKind::Window, wall: Wall::Left, u: [2.5, 9.9], y: [0.9, 2.0], inset: 0.0, object: None },
+            Opening {
+                kind: OpeningKind::Door,
+                wall: Wall::Left,
+                u: [1.0, 1.9],
+                y: [0.0, 2.0],
+                inset: 0.0,
+                object: None,
+            },
+            Opening {
+                kind: OpeningKind::Window,
+                wall: Wall::Left,
+                u: [2.5, 9.9],
+                y: [0.9, 2.0],
+                inset: 0.0,
+                object: None,
+            },
         ];
         let all = shell(&room);
         assert_eq!(all.len(), 6);
@@ -173,15 +189,16 @@ mod tests {
         room.shape.niches.push(harmony_scene::Niche {
             kind: "niche".into(),
             wall: Wall::Back,
+            sides: None,
             min: Vec3::new(0.5, 0.5, -0.3),
             max: Vec3::new(1.0, 1.5, 0.0),
         });
         room.shape.slopes.push(harmony_scene::Slope { wall: Wall::Front, low: 1.0, run: 1.0 });
         let all: Vec<Hull> = shell(&room).into_iter().flat_map(|(_, hulls)| hulls).collect();
-        // A grid over room and walls: solid exactly where the room is not free.
+        // A grid over the box: solid exactly where the room is not free.
         for k in 0..24 * 16 * 24 {
             let share = Vec3::new(f64::from(k % 24), f64::from(k / 24 % 16), f64::from(k / 24 / 16)) + 0.37;
-            let p = share / Vec3::new(24.0, 16.0, 24.0) * (e.as_vec() + 0.2) - 0.1;
+            let p = share / Vec3::new(24.0, 16.0, 24.0) * e.as_vec();
             assert_eq!(inside(&all, p), !room.is_free(p), "{p}");
         }
         let (jamb, back) = (Vec3::new(0.45, 1.0, -0.15), Vec3::new(0.7, 1.0, -0.4));

@@ -422,7 +422,11 @@ impl LayoutAnswer {
 impl LayoutFeature {
     fn check(&self) -> Result<(), String> {
         if self.face.len() < 3 {
-            return Err(format!("the face of the {} has {} corner(s); three or more are needed", self.what, self.face.len()));
+            return Err(format!(
+                "the face of the {} has {} corner(s); three or more are needed",
+                self.what,
+                self.face.len()
+            ));
         }
         for p in &self.face {
             in_range("a face corner's x", p[0], -500.0, 1500.0)?;

@@ -48,6 +48,9 @@ pub struct Niche {
     pub kind: String,
     /// The wall that it opens from.
     pub wall: Wall,
+    /// Linear colour of its sides, where the photo shows them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sides: Option<[f32; 3]>,
     /// Its smallest coordinates, metres.
     #[schemars(with = "[f64; 3]")]
     pub min: DVec3,
@@ -133,6 +136,8 @@ pub struct RoomFace {
     pub normal: DVec3,
     /// Corners in order, metres.
     pub polygon: Vec<DVec3>,
+    /// Which niche's side, sill or lintel it is.
+    pub side_of: Option<usize>,
 }
 
 impl RoomFace {
@@ -180,6 +185,8 @@ pub struct Exit {
     pub normal: DVec3,
     /// Where.
     pub point: DVec3,
+    /// Which niche's side, sill or lintel is there.
+    pub side_of: Option<usize>,
 }
 
 impl Exit {
@@ -212,11 +219,16 @@ impl RoomFaces {
             }
         }
         match best {
-            Some((k, face)) => Some(Exit { surface: face.surface, normal: face.normal, point: ray.at(k) }),
-            None => self
-                .extents
-                .exit(ray)
-                .map(|(surface, point)| Exit { surface, normal: surface.normal(), point }),
+            Some((k, face)) => {
+                let RoomFace { surface, normal, side_of, .. } = *face;
+                Some(Exit { surface, normal, point: ray.at(k), side_of })
+            }
+            None => self.extents.exit(ray).map(|(surface, point)| Exit {
+                surface,
+                normal: surface.normal(),
+                point,
+                side_of: None,
+            }),
         }
     }
 
@@ -244,6 +256,11 @@ impl RoomFaces {
     /// Whether the room is its box.
     pub fn is_box(&self) -> bool {
         self.faces.is_empty()
+    }
+
+    /// The faces; none for a box.
+    pub fn all(&self) -> &[RoomFace] {
+        &self.faces
     }
 
     /// The box.
@@ -343,7 +360,9 @@ impl Room {
         });
         let cells = lines.each_ref().map(|l| l.len().saturating_sub(1));
         let mut out = Vec::new();
-        for index in (0..cells[0] * cells[1] * cells[2]).map(|k| [k % cells[0], k / cells[0] % cells[1], k / cells[0] / cells[1]]) {
+        for index in (0..cells[0] * cells[1] * cells[2])
+            .map(|k| [k % cells[0], k / cells[0] % cells[1], k / cells[0] / cells[1]])
+        {
             let low = DVec3::from_array(std::array::from_fn(|a| lines[a][index[a]]));
             let high = DVec3::from_array(std::array::from_fn(|a| lines[a][index[a] + 1]));
             let here = self.at((low + high) / 2.0);
@@ -358,14 +377,19 @@ impl Room {
                 if matches!(behind, At::Block(_) | At::Outside) {
                     let surface = self.belongs(side, here, behind, low.y);
                     let polygon = self.under_slopes(cell_side(side, low, high), None);
-                    out.extend((polygon.len() > 2).then_some(RoomFace { surface, normal, polygon }));
+                    // Ledges at floor level and a niche's bottom are no sides of it.
+                    let side_of = match here {
+                        At::Niche(n) if surface != side => self.shape.niches.iter().position(|o| o == n),
+                        _ => None,
+                    };
+                    out.extend((polygon.len() > 2).then_some(RoomFace { surface, normal, polygon, side_of }));
                 }
             }
             for k in 0..self.shape.slopes.len() {
                 let polygon = self.slope_in(k, low, high);
                 if polygon.len() > 2 {
                     let normal = self.shape.slopes[k].normal(&self.extents);
-                    out.push(RoomFace { surface: Surface::Ceiling, normal, polygon });
+                    out.push(RoomFace { surface: Surface::Ceiling, normal, polygon, side_of: None });
                 }
             }
         }
@@ -472,72 +496,11 @@ impl Room {
             .unwrap_or(wall.into())
     }
 
-    /// Outline of the free floor as `(x, z)`, counter-clockwise in `(x, z)`, metres: at `height` above the floor.
-    ///
-    /// Only the piece that the box's middle, or else the largest face of the floor, belongs to; holes (columns) are left
-    /// out.
-    pub fn outline(&self, height: f64) -> Vec<DVec2> {
-        let e = &self.extents;
-        if self.shape.is_box() {
-            return vec![DVec2::ZERO, DVec2::new(e.width, 0.0), DVec2::new(e.width, e.depth), DVec2::new(0.0, e.depth)];
-        }
-        // Edges between free and solid at that height, the free side on the left.
-        let mut edges: Vec<[DVec2; 2]> = Vec::new();
-        for face in self.all_faces() {
-            let Some(plane) = face.plane(e) else { continue };
-            let ys = face.polygon.iter().map(|p| p.y);
-            let (low, high) = ys.fold((f64::MAX, f64::MIN), |(l, h), y| (l.min(y), h.max(y)));
-            if height < low || height >= high {
-                continue;
-            }
-            let us = face.polygon.iter().map(|p| plane.coordinates(*p).x);
-            let (from, to) = us.fold((f64::MAX, f64::MIN), |(l, h), u| (l.min(u), h.max(u)));
-            let at = |u: f64| {
-                let p = plane.point(e, u, height);
-                DVec2::new(p.x, p.z)
-            };
-            let edge = [at(from), at(to)];
-            let normal = DVec2::new(plane.normal().x, plane.normal().z);
-            let left = (edge[1] - edge[0]).perp();
-            edges.push(if left.dot(normal) > 0.0 { edge } else { [edge[1], edge[0]] });
-        }
-        longest_loop(edges)
+    /// Area of the free floor, metres squared.
+    pub fn floor_area(&self) -> f64 {
+        let floor = |f: &&RoomFace| f.normal == DVec3::Y && f.polygon.iter().all(|p| p.y.abs() < EPS);
+        self.all_faces().iter().filter(floor).map(|f| area(&f.polygon)).sum()
     }
-}
-
-/// Chains edges into loops; the one that encloses most, without the points on its straight stretches.
-fn longest_loop(mut edges: Vec<[DVec2; 2]>) -> Vec<DVec2> {
-    let mut best: Vec<DVec2> = Vec::new();
-    while let Some(first) = edges.pop() {
-        let mut chain = vec![first[0], first[1]];
-        while let Some(k) = chain
-            .last()
-            .and_then(|end| edges.iter().position(|e| e[0].distance(*end) < 1e-4))
-            .filter(|_| chain[0].distance(chain[chain.len() - 1]) > 1e-4)
-        {
-            chain.push(edges.swap_remove(k)[1]);
-        }
-        if chain[0].distance(chain[chain.len() - 1]) > 1e-4 {
-            continue;
-        }
-        chain.pop();
-        if shoelace(&chain) > shoelace(&best) {
-            best = chain;
-        }
-    }
-    let n = best.len();
-    (0..n)
-        .filter(|i| {
-            let (a, b, c) = (best[(i + n - 1) % n], best[*i], best[(i + 1) % n]);
-            (b - a).perp_dot(c - b).abs() > 1e-9
-        })
-        .map(|i| best[i])
-        .collect()
-}
-
-fn shoelace(polygon: &[DVec2]) -> f64 {
-    let n = polygon.len();
-    (0..n).map(|i| polygon[i].perp_dot(polygon[(i + 1) % n])).sum::<f64>() / 2.0
 }
 
 fn area(polygon: &[DVec3]) -> f64 {
@@ -603,7 +566,7 @@ mod tests {
     }
 
     fn niche(wall: Wall, min: [f64; 3], max: [f64; 3]) -> Niche {
-        Niche { kind: "niche".into(), wall, min: min.into(), max: max.into() }
+        Niche { kind: "niche".into(), wall, sides: None, min: min.into(), max: max.into() }
     }
 
     /// Volume inside closed faces by the divergence theorem; wrong when a face is missing or doubled.
@@ -656,7 +619,8 @@ mod tests {
         let r = room(shape);
         let faces = r.faces();
         let eye = DVec3::new(2.5, 1.3, 3.5);
-        let exit = |to: [f64; 3]| faces.exit(&Ray { origin: eye, direction: (DVec3::from(to) - eye).normalize() }).unwrap();
+        let exit =
+            |to: [f64; 3]| faces.exit(&Ray { origin: eye, direction: (DVec3::from(to) - eye).normalize() }).unwrap();
         let front = exit([4.0, 1.0, 1.5]);
         assert_eq!((front.surface, front.normal), (Surface::Back, DVec3::Z));
         assert!(front.point.distance(DVec3::new(4.0, 1.0, 1.5)) < 1e-9);
@@ -666,6 +630,7 @@ mod tests {
         assert!(bottom.point.distance(DVec3::new(1.5, 1.0, -0.3)) < 1e-9);
         let jamb = exit([1.0, 1.2, -0.2]);
         assert_eq!((jamb.surface, jamb.normal), (Surface::Back, DVec3::X), "the side of a niche belongs to its wall");
+        assert_eq!((jamb.side_of, bottom.side_of), (Some(0), None));
         // Each point is found again by its coordinates on its surface, where that is seen head-on.
         for hit in [front, side, bottom] {
             let (p, normal) = faces.point(hit.surface, hit.surface.coordinates(hit.point));
@@ -675,7 +640,8 @@ mod tests {
 
     #[test]
     fn objects_find_the_plane_behind_them() {
-        let r = room(RoomShape { blocks: vec![block("corner", [3.0, 0.0, 0.0], [5.0, 2.6, 1.5])], ..RoomShape::default() });
+        let r =
+            room(RoomShape { blocks: vec![block("corner", [3.0, 0.0, 0.0], [5.0, 2.6, 1.5])], ..RoomShape::default() });
         let back: Vec<f64> = r.planes(Wall::Back).iter().map(|p| p.inset).collect();
         assert_eq!(back.len(), 2);
         assert!(back.contains(&0.0) && back.contains(&1.5));
@@ -687,19 +653,18 @@ mod tests {
     }
 
     #[test]
-    fn the_outline_of_an_l_has_six_corners() {
-        let r = room(RoomShape { blocks: vec![block("corner", [3.0, 0.0, 0.0], [5.0, 2.6, 1.5])], ..RoomShape::default() });
-        let outline = r.outline(0.0);
-        assert_eq!(outline.len(), 6, "{outline:?}");
-        assert!((shoelace(&outline) - (20.0 - 3.0)).abs() < 1e-6);
-        assert!(outline.iter().any(|p| p.distance(DVec2::new(3.0, 1.5)) < 1e-9));
+    fn the_floor_of_an_l_lacks_its_corner() {
+        let r =
+            room(RoomShape { blocks: vec![block("corner", [3.0, 0.0, 0.0], [5.0, 2.6, 1.5])], ..RoomShape::default() });
+        assert!((r.floor_area() - (20.0 - 3.0)).abs() < 1e-6);
     }
 
     #[test]
     fn what_touches_a_wall_goes_with_it() {
         let old = Extents { width: 5.0, height: 2.6, depth: 4.0 };
         let new = Extents { width: 5.5, height: 2.7, depth: 4.0 };
-        let mut shape = RoomShape { blocks: vec![block("corner", [3.0, 0.0, 0.0], [5.0, 2.6, 1.5])], ..RoomShape::default() };
+        let mut shape =
+            RoomShape { blocks: vec![block("corner", [3.0, 0.0, 0.0], [5.0, 2.6, 1.5])], ..RoomShape::default() };
         shape.fitted(&old, &new, 0.0);
         assert_eq!(shape.blocks[0].min, DVec3::new(3.0, 0.0, 0.0));
         assert_eq!(shape.blocks[0].max, DVec3::new(5.5, 2.7, 1.5));

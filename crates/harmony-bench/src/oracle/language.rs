@@ -6,8 +6,8 @@ use async_trait::async_trait;
 use glam::{DVec2, DVec3};
 use harmony_prompts::{
     BackWallSide, FrontPanel, FrontsAnswer, FrontsObject, InspectAnswer, InspectQuestion, InspectedObject,
-    InspectedSize, LayoutAnswer, LayoutFeature, LayoutFeatureKind, LayoutPin, LayoutReach, ListAnswer, ListedInstance, ListedItem, NamedObject, Occlusion, PinKind,
-    Question,
+    InspectedSize, LayoutAnswer, LayoutFeature, LayoutFeatureKind, LayoutPin, LayoutReach, ListAnswer, ListedInstance,
+    ListedItem, NamedObject, Occlusion, PinKind, Question,
 };
 use harmony_roles::{PlayerCard, RoleError, Usage, VisionLanguage, VlmAnswer, VlmRequest};
 use harmony_scene::{DepthPosition, Level, PlacementType, Support, SurfacePosition, Wall, WallAffinity};
@@ -196,8 +196,7 @@ impl Oracle {
             let face = self.outline(&format!("slope {k}"), &corners);
             if face.len() > 2 {
                 let end = (DVec3::ZERO, DVec3::ZERO);
-                let mut feature =
-                    self.feature(LayoutFeatureKind::Slope, "slope", slope.wall, face, slope.run, end);
+                let mut feature = self.feature(LayoutFeatureKind::Slope, "slope", slope.wall, face, slope.run, end);
                 feature.low_m = Some(slope.low * self.factor("slope", self.noise.hints));
                 feature.reaches.clear();
                 out.push(feature);
@@ -232,8 +231,7 @@ impl Oracle {
         inside
             .iter()
             .map(|p| {
-                let shaken =
-                    p.truncate() + DVec2::new(normal(&mut rng), normal(&mut rng)) * self.noise.pins * w.max(h);
+                let shaken = p.truncate() + DVec2::new(normal(&mut rng), normal(&mut rng)) * self.noise.pins * w.max(h);
                 [shaken.x * 1000.0 / w, shaken.y * 1000.0 / h]
             })
             .collect()

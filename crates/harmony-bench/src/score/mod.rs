@@ -225,12 +225,12 @@ fn plan(truth: &TruthRoom, run: &Prediction) -> Option<PlanScore> {
 /// Whether a side wall's foot or top is in view, seen from the truth.
 fn shift(truth: &TruthRoom, run: &Prediction) -> f64 {
     let (left, right) = (truth.walls.contains(&Wall::Left), truth.walls.contains(&Wall::Right));
-    if right && !left { truth.extents.width - run.extents.width } else { 0.0 }
+    if right && !left { truth.extents.width - run.room.extents.width } else { 0.0 }
 }
 
 fn extents(truth: &TruthRoom, run: &Prediction) -> [Option<f64>; 3] {
     let seen = |wall: Wall| truth.walls.contains(&wall);
-    let (t, r) = (truth.extents, run.extents);
+    let (t, r) = (truth.extents, run.room.extents);
     [
         (seen(Wall::Left) && seen(Wall::Right)).then(|| r.width / t.width - 1.0),
         Some(r.height / t.height - 1.0),

@@ -24,7 +24,7 @@ pub(super) fn read(room: &Value, extents: Extents) -> (RoomShape, Extents, DVec3
         .iter()
         .filter_map(|v| {
             let (min, max) = corners(v)?;
-            Some(Niche { kind: text(v, "kind"), wall: wall_named(v["wall"].as_str()?)?, min, max })
+            Some(Niche { kind: text(v, "kind"), wall: wall_named(v["wall"].as_str()?)?, sides: None, min, max })
         })
         .collect();
     let size = extents.as_vec();

@@ -260,7 +260,7 @@ mod tests {
         let run = Prediction {
             folder: folder.path().to_owned(),
             camera,
-            extents,
+            room: truth.room(),
             corner: DVec3::ZERO,
             objects: Vec::new(),
             shell: Arc::new(shell),

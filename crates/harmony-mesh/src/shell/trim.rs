@@ -85,7 +85,8 @@ fn boards(name: &str, trim: &Trim, room: &Room, wall: Surface) -> Vec<(WallPlane
         "cornice" => along([(height - trim.height).max(0.0), height], Edge::Bottom),
         _ => {
             let length = wall.size(&room.extents).x;
-            wall.wall().map_or_else(Vec::new, |w| room.planes(w))
+            wall.wall()
+                .map_or_else(Vec::new, |w| room.planes(w))
                 .into_iter()
                 .flat_map(|plane| doors(room, plane).into_iter().map(move |d| (plane, d)))
                 .flat_map(|(plane, d)| {
@@ -206,9 +207,22 @@ mod tests {
     use crate::{Bvh, ShellOptions, room_shell_with};
 
     fn room() -> Room {
-        let door = Opening { kind: OpeningKind::Door, wall: Wall::Left, u: [3.0, 3.9], y: [0.0, 2.0], inset: 0.0, object: None };
-        let window =
-            Opening { kind: OpeningKind::Window, wall: Wall::Back, u: [1.0, 2.0], y: [0.9, 2.0], inset: 0.0, object: None };
+        let door = Opening {
+            kind: OpeningKind::Door,
+            wall: Wall::Left,
+            u: [3.0, 3.9],
+            y: [0.0, 2.0],
+            inset: 0.0,
+            object: None,
+        };
+        let window = Opening {
+            kind: OpeningKind::Window,
+            wall: Wall::Back,
+            u: [1.0, 2.0],
+            y: [0.9, 2.0],
+            inset: 0.0,
+            object: None,
+        };
         Room {
             room_type: "bedroom".into(),
             extents: Extents { width: 4.0, height: 2.5, depth: 5.0 },

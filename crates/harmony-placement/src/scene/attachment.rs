@@ -157,7 +157,11 @@ pub(crate) fn attachment_of(scene: &PartialScene, object: usize, noise: &Noise) 
             Some(wall) => {
                 let plane = scene.room.plane_behind(wall, placed.pose.position);
                 let known = plane.inset != 0.0 || !scene.is_loose(wall);
-                if known && at_wall(scene, placed, plane, noise) { Attachment::AgainstWall(plane) } else { Attachment::Floor }
+                if known && at_wall(scene, placed, plane, noise) {
+                    Attachment::AgainstWall(plane)
+                } else {
+                    Attachment::Floor
+                }
             }
             None => Attachment::Floor,
         },

@@ -209,8 +209,7 @@ fn face_point(surface: Surface, extents: &Extents, size: ImageSize, x: f64, y: f
 fn sharp(camera: &Camera, faces: &RoomFaces, surface: Surface, size: ImageSize) -> Vec<bool> {
     let (width, height) = (size.width as usize, size.height as usize);
     let across = width.div_ceil(BLOCK);
-    let at =
-        |x: f64, y: f64| camera.project(faces.point(surface, face_point(surface, faces.extents(), size, x, y)).0);
+    let at = |x: f64, y: f64| camera.project(faces.point(surface, face_point(surface, faces.extents(), size, x, y)).0);
     let blocks: Vec<bool> = (0..across * height.div_ceil(BLOCK))
         .map(|i| {
             let (x, y) = (((i % across) * BLOCK + BLOCK / 2) as f64, ((i / across) * BLOCK + BLOCK / 2) as f64);
