@@ -8,7 +8,7 @@ use std::fmt::Write;
 use harmony_scene::Level;
 use serde::{Deserialize, Serialize};
 
-use crate::score::{GeometryScore, MidiFigures, ObjectScore, RoomScore, SurfaceScore};
+use crate::score::{GeometryScore, MidiFigures, ObjectScore, PlanScore, RoomScore, SurfaceScore};
 use crate::views::{LitScore, PictureScore, RegionScore, ViewScore};
 
 /// One line of the table.
@@ -260,6 +260,7 @@ pub fn summary(rooms: &[RoomScore]) -> Vec<Figure> {
     let extent =
         |i: usize| -> Vec<f64> { rooms.iter().filter_map(|r| r.extents[i]).map(|v| 100.0 * v.abs()).collect() };
     let walls: Vec<&ObjectScore> = objects.iter().copied().filter(|o| o.level == Level::Wall).collect();
+    let plans = |f: fn(&PlanScore) -> f64| rooms.iter().filter_map(|r| r.plan.as_ref()).map(f).collect::<Vec<_>>();
     let seconds: Vec<f64> = camera(|r| r.seconds).into_iter().filter(|s| *s > 0.0).collect();
     let mut figures = vec![
         spread("camera rotation", "deg", &camera(|r| r.camera.rotation_deg), [Some(0.7), Some(2.0)]),
@@ -267,6 +268,8 @@ pub fn summary(rooms: &[RoomScore]) -> Vec<Figure> {
         spread("focal length", "%", &camera(|r| 100.0 * r.camera.focal.abs()), [None, None]),
         spread("room width (both walls seen)", "%", &extent(0), [None, None]),
         spread("room height", "%", &extent(1), [None, None]),
+        spread("seen walls off by (median of a room)", "m", &plans(|p| p.median_m), [Some(0.1), None]),
+        spread("seen walls off by (90th percentile of a room)", "m", &plans(|p| p.p90_m), [None, None]),
         spread(POSITION, "m", &values(&large, |o| o.position_m), [Some(0.05), Some(0.15)]),
         spread("  furniture", "m", &of_level(Level::Furniture), [None, None]),
         spread("  wall", "m", &of_level(Level::Wall), [None, None]),

@@ -8,9 +8,12 @@ use std::sync::Arc;
 use glam::{DMat3, DVec2, DVec3};
 use harmony_mesh::{Group, Material, Mesh};
 use harmony_scene::{
-    Camera, Extents, ImageSize, Intrinsics, Level, Mask, ObjectId, Opening, OpeningKind, PixelBox, Support, Wall,
+    Camera, Extents, ImageSize, Intrinsics, Level, Mask, ObjectId, Opening, OpeningKind, PixelBox, Room, RoomShape,
+    Support, Wall,
 };
 use serde_json::Value;
+
+mod shape;
 
 /// Objects with fewer visible pixels are neither asked for nor counted in the recall.
 pub const FEWEST_PIXELS: u64 = 50;
@@ -98,6 +101,10 @@ pub struct TruthRoom {
     pub camera: Camera,
     /// Size.
     pub extents: Extents,
+    /// What makes it other than a box.
+    pub shape: RoomShape,
+    /// Where the frame begins in that of the files: behind thick walls these begin at the box's own corner.
+    pub origin: DVec3,
     /// Walls in view.
     pub walls: Vec<Wall>,
     /// Doors and windows.
@@ -143,15 +150,17 @@ pub fn wall_named(text: &str) -> Option<Wall> {
     }
 }
 
-/// The camera of a `camera.json`.
-fn camera(path: &Path) -> Result<Camera, TruthError> {
+/// The camera of a `camera.json`, in a frame that begins at `origin` in the file's.
+fn camera(path: &Path, origin: DVec3) -> Result<Camera, TruthError> {
     let c = json(path)?;
     let k = mat3(&c["K"]).ok_or_else(|| bad(path, "K is no 3 x 3 matrix"))?;
+    let rotation = mat3(&c["R"]).ok_or_else(|| bad(path, "R is no 3 x 3 matrix"))?;
+    let translation = vec3(&c["t"]).ok_or_else(|| bad(path, "t is no vector"))?;
     Ok(Camera {
         size: ImageSize::new(number(path, &c, "width")? as u32, number(path, &c, "height")? as u32),
         intrinsics: Intrinsics { fx: k.x_axis.x, fy: k.y_axis.y, cx: k.z_axis.x, cy: k.z_axis.y },
-        rotation: mat3(&c["R"]).ok_or_else(|| bad(path, "R is no 3 x 3 matrix"))?,
-        translation: vec3(&c["t"]).ok_or_else(|| bad(path, "t is no vector"))?,
+        rotation,
+        translation: translation + rotation * origin,
     })
 }
 
@@ -188,12 +197,12 @@ pub struct TruthView {
 }
 
 impl TruthView {
-    /// Loads a view.
+    /// Loads a view of a room whose frame begins at `origin` in that of the files ([`TruthRoom::origin`]).
     ///
     /// # Errors
     /// A file that is missing or not in the format.
-    pub fn load(folder: &Path) -> Result<Self, TruthError> {
-        let camera = camera(&folder.join("camera.json"))?;
+    pub fn load(folder: &Path, origin: DVec3) -> Result<Self, TruthError> {
+        let camera = camera(&folder.join("camera.json"), origin)?;
         let (ids, depth) = buffers(folder, camera.size)?;
         let name = folder.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
         Ok(Self { name, folder: folder.to_owned(), camera, ids, depth })
@@ -219,7 +228,7 @@ impl TruthRoom {
         let mut folders: Vec<PathBuf> =
             entries.filter_map(Result::ok).map(|e| e.path()).filter(|p| p.join("camera.json").is_file()).collect();
         folders.sort();
-        folders.iter().map(|f| TruthView::load(f)).collect()
+        folders.iter().map(|f| TruthView::load(f, self.origin)).collect()
     }
 
     /// Loads a room.
@@ -227,14 +236,15 @@ impl TruthRoom {
     /// # Errors
     /// A file that is missing or not in the format.
     pub fn load(folder: &Path) -> Result<Self, TruthError> {
-        let camera = camera(&folder.join("camera.json"))?;
         let path = folder.join("room.json");
         let r = json(&path)?;
-        let extents =
+        let whole =
             Extents { width: number(&path, &r, "W")?, height: number(&path, &r, "H")?, depth: number(&path, &r, "D")? };
         let list = |v: &Value| v.as_array().cloned().unwrap_or_default();
+        let (shape, extents, origin) = shape::read(&r, whole);
+        let camera = camera(&folder.join("camera.json"), origin)?;
         let walls = list(&r["walls_visible"]).iter().filter_map(|w| wall_named(w.as_str()?)).collect();
-        let openings = list(&r["openings"]).iter().filter_map(opening).collect();
+        let openings = list(&r["openings"]).iter().filter_map(|o| opening(o, &whole, &extents, origin)).collect();
         let path = folder.join("objects.json");
         let described = json(&path)?;
         let meshes = meshes(&folder.join("meshes.npz"))?;
@@ -245,7 +255,9 @@ impl TruthRoom {
             }
             let id = o["id"].as_str().unwrap_or_default();
             let Some((v, f)) = meshes.get(id) else { continue };
-            objects.push(object(&o, v, f).ok_or_else(|| bad(&path, format!("{id} is incomplete")))?);
+            let mut found = object(&o, v, f).ok_or_else(|| bad(&path, format!("{id} is incomplete")))?;
+            found.position -= origin;
+            objects.push(found);
         }
         let (ids, depth) = buffers(folder, camera.size)?;
         Ok(Self {
@@ -253,6 +265,8 @@ impl TruthRoom {
             folder: folder.to_owned(),
             camera,
             extents,
+            shape,
+            origin,
             walls,
             openings,
             objects,
@@ -264,6 +278,19 @@ impl TruthRoom {
     /// The photo.
     pub fn photo(&self) -> PathBuf {
         self.folder.join("photo.jpg")
+    }
+
+    /// The empty room.
+    pub fn room(&self) -> Room {
+        Room {
+            room_type: String::new(),
+            extents: self.extents,
+            shape: self.shape.clone(),
+            seen: Vec::new(),
+            openings: self.openings.clone(),
+            floor_texture: None,
+            wall_texture: None,
+        }
     }
 
     /// Pixels that show an object.
@@ -288,6 +315,10 @@ impl TruthRoom {
             .into_iter()
             .filter_map(|(wall, at)| {
                 let pixel = self.camera.project(at)?;
+                let middle = self.extents.as_vec() / 2.0;
+                if !self.room().is_free(at + (middle - at).normalize() * 0.05) {
+                    return None;
+                }
                 self.camera.contains(pixel).then_some((wall, pixel, self.camera.depth(at)))
             })
             .max_by(|a, b| a.2.total_cmp(&b.2))
@@ -317,18 +348,23 @@ impl TruthObject {
     }
 }
 
-fn opening(v: &Value) -> Option<Opening> {
+fn opening(v: &Value, whole: &Extents, within: &Extents, origin: DVec3) -> Option<Opening> {
     let kind = match v["kind"].as_str()? {
         "door" => OpeningKind::Door,
         "window" => OpeningKind::Window,
         _ => return None,
     };
     let n = |k: &str| v[k].as_f64();
+    let wall = wall_named(v["wall"].as_str()?)?;
+    // On a block's face the file gives the plane; else the opening is in the file's box, perhaps at a niche's bottom.
+    let along = wall.coordinates(origin).x;
+    let plane = n("plane").map_or_else(|| wall.point(whole, 0.0, 0.0), |at| wall.normal().abs() * at);
     Some(Opening {
         kind,
-        wall: wall_named(v["wall"].as_str()?)?,
-        u: [n("u0")?, n("u1")?],
+        wall,
+        u: [n("u0")? - along, n("u1")? - along],
         y: [n("y0")?, n("y1")?],
+        inset: wall.distance(within, plane - origin),
         object: v["object"].as_str().and_then(|s| ObjectId::new(s).ok()),
     })
 }

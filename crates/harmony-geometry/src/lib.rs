@@ -4,6 +4,7 @@
 //!   (paper Sec. 3.1, App. B.2, Algorithm 1);
 //! * [`estimate_view`]: one photo without depth -> line segments -> vanishing points -> focal length and rotation;
 //! * [`estimate_room_box`], [`solve_from_pins`]: view + prior (+ pinned room edges) -> camera and box in metres;
+//! * [`measure_shape`]: blocks, niches and slopes of rooms that are not boxes;
 //! * small tools: homography, PCA, de-tilt, robust means, Levenberg-Marquardt.
 //!
 //! Nothing here knows that models exist: what a model said arrives as a [`LayoutPrior`].
@@ -20,6 +21,7 @@ mod pca;
 pub mod planes;
 mod prior;
 mod room_box;
+mod room_shape;
 mod stats;
 pub mod surfels;
 mod vanishing;
@@ -34,6 +36,7 @@ pub use lines::{LineSegment, detect_segments};
 pub use pca::{Axes, detilt, pca};
 pub use prior::{CameraHints, LayoutPins, LayoutPrior, PinnedCorner, PinnedEdge, RoomCorner, RoomEdge, WallSide};
 pub use room_box::{RoomBox, RoomBoxEvidence, RoomBoxMethod, SolveError, estimate_room_box, solve_from_pins};
+pub use room_shape::{MapInRoom, MeasuredShape, ShapeHint, ShapeKind, measure_shape};
 pub use stats::{front_surface_mean, median, median_absolute_deviation, percentile, robust_mean, robust_mean_scalar};
 pub use vanishing::{
     FocalPrior, FocalSource, ViewEstimate, camera_rotation, estimate_view, estimate_view_from_segments,

@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     sheet::grid_overlay(&photo, 100).picture.save(save("grid"))?;
 
-    let labels = surface_labels(&camera, &extents);
+    let labels = surface_labels(&camera, &extents.into());
     let started = Instant::now();
     let regions = propose_regions(&photo, &labels, &RegionSettings::default());
     println!("{} regions in {:.1?}", regions.len(), started.elapsed());
@@ -93,7 +93,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         let rect = SurfaceRect::whole(surface, &extents);
         let started = Instant::now();
-        let texture = surface_texture(&photo, &camera, &extents, &rect, 150.0, &visible);
+        let texture = surface_texture(&photo, &camera, &extents.into(), &rect, 150.0, &visible);
         let rectified = started.elapsed();
         let started = Instant::now();
         let whole = complete_surface(&texture, &TextureSettings::default());

@@ -8,7 +8,7 @@ use glam::DVec3;
 use harmony_catalogue::{Emission, emission};
 use harmony_mesh::{Bounds, Mesh};
 use harmony_scene::{
-    Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Room, SceneObject, ViewTransform,
+    Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Room, SceneObject, ViewTransform, WallPlane,
 };
 
 use crate::delta::bounds;
@@ -138,16 +138,14 @@ fn window_light(
         return None;
     }
     let normal = opening.wall.normal();
-    let plane = opening.wall.point(&room.extents, 0.0, 0.0).dot(normal);
+    let own = WallPlane { wall: opening.wall, inset: opening.inset };
+    let plane = own.point(&room.extents, 0.0, 0.0).dot(normal);
     let gap = object.map_or(PANE_GAP_M, |o| {
         let reach = corners(o, mesh).map(|p| p.dot(normal) - plane).fold(0.0, f64::max);
         if reach <= MAX_PANE_GAP_M { reach.max(0.0) + 0.5 * PANE_GAP_M } else { PANE_GAP_M }
     });
-    let centre = opening.wall.point(
-        &room.extents,
-        f64::midpoint(opening.u[0], opening.u[1]),
-        f64::midpoint(opening.y[0], opening.y[1]),
-    );
+    let centre =
+        own.point(&room.extents, f64::midpoint(opening.u[0], opening.u[1]), f64::midpoint(opening.y[0], opening.y[1]));
     let kind = LightKind::Area { direction: normal.to_array(), size_m: size };
     Some(Light {
         id,

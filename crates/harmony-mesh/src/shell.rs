@@ -1,9 +1,10 @@
 //! The empty room as a mesh: floor, ceiling and walls that face inward, with the openings cut out.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec2};
-use harmony_scene::{Extents, Room, Surface};
+use harmony_scene::{Extents, Room, RoomFace, Surface, WallPlane, clipped};
 use image::RgbaImage;
 
 pub use trim::{Trim, Trims};
@@ -45,8 +46,9 @@ pub fn shell_material_name(surface: Surface) -> &'static str {
 
 /// The room's shell in room coordinates, one group and material a face, single-sided, normals inward.
 ///
-/// Texture coordinates cover each whole face: on walls u runs with [`Surface::point`]'s u and v = 0 is the top;
-/// on floor and ceiling u runs along x and v along z. The reveals of a wall's openings belong to its group.
+/// Texture coordinates cover each whole face of the box: on walls u runs with [`Surface::point`]'s u and v = 0 is the
+/// top; on floor and ceiling u runs along x and v along z. Faces of blocks and niches have those of the place that lies
+/// before them on their surface. The reveals of a wall's openings belong to its group.
 pub fn room_shell(room: &Room, textures: &dyn Fn(Surface) -> Option<Arc<RgbaImage>>) -> Mesh {
     room_shell_with(room, textures, &ShellOptions::default())
 }
@@ -58,23 +60,41 @@ pub fn room_shell_with(
     options: &ShellOptions,
 ) -> Mesh {
     let mut mesh = Mesh::default();
+    let faces = room.all_faces();
     for surface in Surface::ALL.into_iter().filter(|s| !options.omit.contains(s)) {
         let texture = textures(surface);
         let color = if texture.is_some() { [1.0; 3] } else { options.plain };
         let mut material = Material::plain(shell_material_name(surface), color);
         material.texture = texture;
-        let mut face = Face::new(surface, &room.extents, &mut mesh);
-        let holes = holes(room, surface);
-        face.sheet(&holes);
-        for hole in &holes {
-            face.reveals(hole, options.reveal);
+        let mut sheet = Sheet::new(surface, &room.extents, &mut mesh);
+        for face in faces.iter().filter(|f| f.surface == surface && sides(room, f).is_none()) {
+            let holes = holes(room, face);
+            sheet.face(face, &holes);
         }
-        let triangles = face.triangles;
+        for (plane, hole) in all_holes(room, surface) {
+            sheet.reveals(plane, &hole, options.reveal);
+        }
+        let triangles = sheet.triangles;
         mesh.groups.push(Group { material: mesh.materials.len(), triangles });
         mesh.materials.push(material);
     }
+    for (k, niche) in room.shape.niches.iter().enumerate() {
+        let Some(color) = niche.sides.filter(|_| !options.omit.contains(&niche.wall.surface())) else { continue };
+        let mut sheet = Sheet::new(niche.wall.surface(), &room.extents, &mut mesh);
+        for face in faces.iter().filter(|f| f.side_of == Some(k)) {
+            sheet.polygon(&face.polygon, face.normal);
+        }
+        let triangles = sheet.triangles;
+        mesh.groups.push(Group { material: mesh.materials.len(), triangles });
+        mesh.materials.push(Material::plain(&format!("niche_{:02}", k + 1), color));
+    }
     trim::add(&mut mesh, room, &options.trims, &options.omit);
     mesh
+}
+
+/// The colour of a niche's side that has one of its own.
+fn sides(room: &Room, face: &RoomFace) -> Option<[f32; 3]> {
+    room.shape.niches.get(face.side_of?)?.sides
 }
 
 /// A rectangle on a face, in face coordinates, metres.
@@ -90,100 +110,129 @@ impl Rect {
     }
 }
 
-/// The openings of a wall, cut to it; those without area are left out.
-fn holes(room: &Room, surface: Surface) -> Vec<Rect> {
+/// Openings this near to a plane are cut into it, metres.
+const SAME_PLANE: f64 = 0.01;
+
+/// The openings of a wall with their planes, cut to the wall; those without area are left out.
+fn all_holes(room: &Room, surface: Surface) -> Vec<(WallPlane, Rect)> {
     let size = surface.size(&room.extents);
-    room.openings
-        .iter()
-        .filter(|o| Some(o.wall) == surface.wall())
-        .map(|o| Rect { min: DVec2::new(o.u[0], o.y[0]), max: DVec2::new(o.u[1], o.y[1]) })
-        .filter(|r| r.min.is_finite() && r.max.is_finite())
-        .map(|r| Rect { min: r.min.max(DVec2::ZERO), max: r.max.min(size) })
-        .filter(|r| (r.max - r.min).min_element() > 1e-6)
+    let holes = room.openings.iter().filter(|o| o.wall.surface() == surface).map(|o| {
+        let rect = Rect { min: DVec2::new(o.u[0], o.y[0]), max: DVec2::new(o.u[1], o.y[1]) };
+        (WallPlane { wall: o.wall, inset: o.inset }, rect)
+    });
+    holes
+        .filter(|(_, r)| r.min.is_finite() && r.max.is_finite())
+        .map(|(plane, r)| (plane, Rect { min: r.min.max(DVec2::ZERO), max: r.max.min(size) }))
+        .filter(|(_, r)| (r.max - r.min).min_element() > 1e-6)
         .collect()
 }
 
-/// One face while its triangles are made.
-struct Face<'a> {
+/// The openings that are cut into a face.
+fn holes(room: &Room, face: &RoomFace) -> Vec<Rect> {
+    let Some(plane) = face.plane(&room.extents) else { return Vec::new() };
+    let own = |p: &WallPlane| p.wall == plane.wall && (p.inset - plane.inset).abs() < SAME_PLANE;
+    all_holes(room, plane.wall.surface()).into_iter().filter(|(p, _)| own(p)).map(|(_, r)| r).collect()
+}
+
+/// The faces of one surface while their triangles are made.
+struct Sheet<'a> {
     surface: Surface,
     extents: &'a Extents,
     mesh: &'a mut Mesh,
     triangles: Vec<[u32; 3]>,
+    /// Vertices by place and normal: faces of one plane share theirs.
+    welded: HashMap<[i64; 6], u32>,
 }
 
-impl<'a> Face<'a> {
+impl<'a> Sheet<'a> {
     fn new(surface: Surface, extents: &'a Extents, mesh: &'a mut Mesh) -> Self {
-        Self { surface, extents, mesh, triangles: Vec::new() }
+        Self { surface, extents, mesh, triangles: Vec::new(), welded: HashMap::new() }
     }
 
-    /// The face itself: a grid along the edges of all holes, without the cells inside a hole.
+    /// A face: cells along the edges of its holes, without those inside a hole.
     ///
-    /// Neighbouring cells share their vertices, so the sheet has no T-junctions.
-    fn sheet(&mut self, holes: &[Rect]) {
-        let size = self.surface.size(self.extents);
+    /// Neighbouring cells share their vertices, so a face has no T-junctions.
+    fn face(&mut self, face: &RoomFace, holes: &[Rect]) {
+        let Some(plane) = face.plane(self.extents).filter(|_| !holes.is_empty()) else {
+            self.polygon(&face.polygon, face.normal);
+            return;
+        };
+        let wall = plane.wall;
+        let corners = face.polygon.iter().map(|p| wall.coordinates(*p));
+        let (low, high) = corners.fold((DVec2::MAX, DVec2::MIN), |(l, h), c| (l.min(c), h.max(c)));
         let lines = |axis: usize| {
-            let mut at = vec![0.0, size[axis]];
-            at.extend(holes.iter().flat_map(|h| [h.min[axis], h.max[axis]]));
+            let inside = |at: &f64| *at > low[axis] && *at < high[axis];
+            let mut at = vec![low[axis], high[axis]];
+            at.extend(holes.iter().flat_map(|h| [h.min[axis], h.max[axis]]).filter(inside));
             at.sort_by(f64::total_cmp);
             at.dedup();
             at
         };
         let (us, vs) = (lines(0), lines(1));
-        let first = self.mesh.positions.len() as u32;
-        for v in &vs {
-            for u in &us {
-                self.vertex(DVec2::new(*u, *v), DVec3::ZERO, self.surface.normal());
-            }
-        }
-        let row = us.len() as u32;
-        for j in 0..vs.len().saturating_sub(1) {
-            for i in 0..us.len().saturating_sub(1) {
-                let centre = DVec2::new(us[i] + us[i + 1], vs[j] + vs[j + 1]) / 2.0;
-                if !holes.iter().any(|h| h.contains(centre)) {
-                    let a = first + j as u32 * row + i as u32;
-                    self.quad([a, a + 1, a + row + 1, a + row]);
+        for v in vs.windows(2) {
+            for u in us.windows(2) {
+                let (min, max) = (DVec2::new(u[0], v[0]), DVec2::new(u[1], v[1]));
+                if holes.iter().any(|h| h.contains((min + max) / 2.0)) {
+                    continue;
                 }
+                let cell = clipped(&face.polygon, |p| wall.coordinates(p).x - min.x);
+                let cell = clipped(&cell, |p| max.x - wall.coordinates(p).x);
+                let cell = clipped(&cell, |p| p.y - min.y);
+                let cell = clipped(&cell, |p| max.y - p.y);
+                self.polygon(&cell, face.normal);
             }
         }
     }
 
     /// The four sides of a hole, from the face outward, a door's threshold among them.
-    fn reveals(&mut self, hole: &Rect, depth: f64) {
+    fn reveals(&mut self, plane: WallPlane, hole: &Rect, depth: f64) {
         // NaN makes no reveals either.
         if depth.is_nan() || depth <= 0.0 {
             return;
         }
-        let outward = -self.surface.normal() * depth;
+        let outward = -plane.normal() * depth;
         let Rect { min, max } = *hole;
         let corners = [min, DVec2::new(max.x, min.y), max, DVec2::new(min.x, max.y)];
-        let centre = self.surface.point(self.extents, (min + max) / 2.0);
-        for i in 0..4 {
-            let (a, b) = (corners[i], corners[(i + 1) % 4]);
-            let middle = self.surface.point(self.extents, (a + b) / 2.0);
-            let normal = (centre - middle).normalize_or(DVec3::Y);
-            let first = self.mesh.positions.len() as u32;
-            for (at, shift) in [(a, DVec3::ZERO), (b, DVec3::ZERO), (b, outward), (a, outward)] {
-                self.vertex(at, shift, normal);
-            }
-            self.quad([first, first + 1, first + 2, first + 3]);
+        let at = |p: DVec2| plane.point(self.extents, p.x, p.y);
+        let sides: Vec<([DVec3; 4], DVec3)> = (0..4)
+            .map(|i| {
+                let (a, b) = (corners[i], corners[(i + 1) % 4]);
+                let normal = (at((min + max) / 2.0) - at((a + b) / 2.0)).normalize_or(DVec3::Y);
+                ([at(a), at(b), at(b) + outward, at(a) + outward], normal)
+            })
+            .collect();
+        for (side, normal) in sides {
+            self.polygon(&side, normal);
         }
     }
 
-    fn vertex(&mut self, at: DVec2, shift: DVec3, normal: DVec3) {
-        let size = self.surface.size(self.extents);
-        let share = (at / size).as_vec2();
-        let uv = if self.surface.wall().is_some() { Vec2::new(share.x, 1.0 - share.y) } else { share };
-        self.mesh.positions.push((self.surface.point(self.extents, at) + shift).as_vec3());
-        self.mesh.normals.push(normal.as_vec3());
-        self.mesh.uvs.push(uv);
+    fn vertex(&mut self, at: DVec3, normal: DVec3) -> u32 {
+        let key = |v: DVec3| (v * 1e6).round().to_array().map(|c| c as i64);
+        let ([x, y, z], [a, b, c]) = (key(at), key(normal));
+        let (mesh, surface, extents) = (&mut *self.mesh, self.surface, self.extents);
+        *self.welded.entry([x, y, z, a, b, c]).or_insert_with(|| {
+            let share = (surface.coordinates(at) / surface.size(extents)).clamp(DVec2::ZERO, DVec2::ONE).as_vec2();
+            let uv = if surface.wall().is_some() { Vec2::new(share.x, 1.0 - share.y) } else { share };
+            mesh.positions.push(at.as_vec3());
+            mesh.normals.push(normal.as_vec3());
+            mesh.uvs.push(uv);
+            mesh.positions.len() as u32 - 1
+        })
     }
 
-    /// Two triangles, wound so that their normal agrees with that of their first vertex.
-    fn quad(&mut self, [a, b, c, d]: [u32; 4]) {
-        let [pa, pb, pc] = [a, b, c].map(|i| self.mesh.positions[i as usize]);
-        let agrees = (pb - pa).cross(pc - pa).dot(self.mesh.normals[a as usize]) >= 0.0;
-        let (b, d) = if agrees { (b, d) } else { (d, b) };
-        self.triangles.extend([[a, b, c], [a, c, d]]);
+    /// A convex polygon as a fan, wound so that its normal agrees with the one given.
+    fn polygon(&mut self, corners: &[DVec3], normal: DVec3) {
+        if corners.len() < 3 {
+            return;
+        }
+        let turned: DVec3 =
+            (1..corners.len() - 1).map(|i| (corners[i] - corners[0]).cross(corners[i + 1] - corners[0])).sum();
+        let agrees = turned.dot(normal) >= 0.0;
+        let ids: Vec<u32> = corners.iter().map(|p| self.vertex(*p, normal)).collect();
+        for i in 1..ids.len() - 1 {
+            let (b, c) = if agrees { (ids[i], ids[i + 1]) } else { (ids[i + 1], ids[i]) };
+            self.triangles.push([ids[0], b, c]);
+        }
     }
 }
 
@@ -194,10 +243,11 @@ mod tests {
     use harmony_scene::{Opening, OpeningKind, Wall};
 
     fn room() -> Room {
-        let opening = |kind, wall, u, y| Opening { kind, wall, u, y, object: None };
+        let opening = |kind, wall, u, y| Opening { kind, wall, u, y, inset: 0.0, object: None };
         Room {
             room_type: "bedroom".into(),
             extents: Extents { width: 4.0, height: 2.5, depth: 5.0 },
+            shape: harmony_scene::RoomShape::default(),
             seen: vec![],
             openings: vec![
                 opening(OpeningKind::Window, Wall::Back, [1.0, 2.0], [0.9, 2.0]),

@@ -7,7 +7,7 @@
 
 use std::collections::VecDeque;
 
-use harmony_scene::{OpeningKind, Scene, Vec2, Vec3};
+use harmony_scene::{OpeningKind, Room, Scene, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::bodies::Bodies;
@@ -194,6 +194,13 @@ impl Footprint {
     }
 }
 
+/// Whether a person has room at a place of the floor, as far as the room itself goes.
+fn stands_free(room: &Room, at: Vec2) -> bool {
+    let around = [Vec2::X, Vec2::NEG_X, Vec2::Y, Vec2::NEG_Y].map(|d| at + d * PERSON_M);
+    let heights = [0.1, 1.0, 1.7].map(|y: f64| y.min(0.9 * room.extents.height));
+    around.iter().all(|p| heights.iter().all(|y| room.is_free(Vec3::new(p.x, *y, p.y))))
+}
+
 /// The floor in cells.
 struct Floor {
     columns: usize,
@@ -212,8 +219,7 @@ impl Floor {
         let mut walkable = vec![true; columns * rows];
         for (i, cell) in walkable.iter_mut().enumerate() {
             let at = Vec2::new((i % columns) as f64 + 0.5, (i / columns) as f64 + 0.5) * CELL_M;
-            let wall = at.x.min(at.y).min(e.width - at.x).min(e.depth - at.y);
-            *cell = wall >= PERSON_M && !footprints.iter().any(|f| f.meets(at, PERSON_M));
+            *cell = stands_free(&scene.room, at) && !footprints.iter().any(|f| f.meets(at, PERSON_M));
         }
         let mut floor = Self { columns, rows, walkable, largest: Vec::new() };
         floor.largest = floor.largest_part();
@@ -276,7 +282,8 @@ impl Floor {
                 let at = Vec2::new((i % self.columns) as f64 + 0.5, (i / self.columns) as f64 + 0.5) * CELL_M;
                 let p = Vec3::new(at.x, 0.0, at.y);
                 let u = door.wall.coordinates(p).x;
-                door.wall.distance(e, p) <= near && u >= door.u[0] && u <= door.u[1]
+                let away = door.wall.distance(e, p) - door.inset;
+                (0.0..=near).contains(&away) && u >= door.u[0] && u <= door.u[1]
             });
             any = Some(any.unwrap_or(false) || reached);
         }
@@ -292,7 +299,7 @@ fn swings(scene: &Scene, footprints: &[Footprint]) -> Vec<DoorSwing> {
         .map(|door| {
             let width = door.u[1] - door.u[0];
             let flat = |u: f64| {
-                let p = door.wall.point(e, u, 0.0);
+                let p = door.wall.point(e, u, 0.0) + door.wall.normal() * door.inset;
                 Vec2::new(p.x, p.z)
             };
             let n = door.wall.normal();
@@ -362,7 +369,7 @@ mod tests {
     }
 
     fn door(wall: Wall, u: [f64; 2]) -> Opening {
-        Opening { kind: OpeningKind::Door, wall, u, y: [0.0, 2.0], object: None }
+        Opening { kind: OpeningKind::Door, wall, u, y: [0.0, 2.0], inset: 0.0, object: None }
     }
 
     #[test]

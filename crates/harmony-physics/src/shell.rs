@@ -1,7 +1,8 @@
-//! The room as colliders: floor, ceiling and walls as boxes outside the room's box, walls with their openings cut out.
+//! The room as colliders: floor, ceiling and walls as boxes outside the room's box, walls with their openings and niches
+//! cut out; blocks as they are; slopes as wedges.
 
 use harmony_mesh::shell_material_name;
-use harmony_scene::{Room, Surface, Vec2};
+use harmony_scene::{Room, Surface, Vec2, Vec3, Wall};
 
 use crate::hull::Hull;
 
@@ -10,7 +11,72 @@ pub const SHELL_M: f64 = 0.2;
 
 /// Hulls of each face by the name of its node, in the room frame.
 pub fn shell(room: &Room) -> Vec<(String, Vec<Hull>)> {
-    Surface::ALL.into_iter().map(|s| (shell_material_name(s).to_owned(), face(room, s))).collect()
+    let mut shell: Vec<(Surface, Vec<Hull>)> = Surface::ALL.into_iter().map(|s| (s, face(room, s))).collect();
+    for (surface, hull) in others(room) {
+        shell.iter_mut().filter(|(s, _)| *s == surface).for_each(|(_, hulls)| hulls.push(hull.clone()));
+    }
+    shell.into_iter().map(|(s, hulls)| (shell_material_name(s).to_owned(), hulls)).collect()
+}
+
+/// Blocks, the backs and sides of niches, and what is solid above slopes, with the surface that each belongs to.
+fn others(room: &Room) -> Vec<(Surface, Hull)> {
+    let e = &room.extents;
+    let mut out = Vec::new();
+    for block in &room.shape.blocks {
+        let touched = |w: &Wall| w.distance(e, block.min).min(w.distance(e, block.max)) < 1e-3;
+        let wall = Wall::ALL.into_iter().find(touched).unwrap_or(Wall::Back);
+        let solids = room.shape.niches.iter().fold(vec![(block.min, block.max)], |solids, niche| {
+            solids.into_iter().flat_map(|solid| without(solid, (niche.min, niche.max))).collect()
+        });
+        out.extend(solids.into_iter().map(|(min, max)| (wall.surface(), Hull::cuboid(min, max))));
+    }
+    for niche in &room.shape.niches {
+        // A jacket as thick as the walls, less the niche and what is free before it.
+        let out_of_room = -niche.wall.normal() * SHELL_M;
+        let jacket = (niche.min - SHELL_M, niche.max + SHELL_M);
+        let (low, high) = (niche.min, niche.max);
+        let before = (low.min(low - out_of_room), high.max(high - out_of_room));
+        let inside_room = |(min, max): &(Vec3, Vec3)| e.contains((*min + *max) / 2.0, 0.0);
+        let pieces = without(jacket, before).into_iter().filter(|p| !inside_room(p));
+        out.extend(
+            pieces
+                .flat_map(|p| without(p, (Vec3::ZERO, e.as_vec())))
+                .map(|(min, max)| (niche.wall.surface(), Hull::cuboid(min, max))),
+        );
+    }
+    for slope in &room.shape.slopes {
+        let length = slope.wall.length(e);
+        let wedge: Vec<Vec3> = [0.0, length]
+            .into_iter()
+            .flat_map(|u| {
+                let at = |d: f64, y: f64| slope.wall.point(e, u, y) + slope.wall.normal() * d;
+                [at(0.0, slope.low), at(0.0, e.height), at(slope.run, e.height)]
+            })
+            .collect();
+        out.extend(Hull::of(&wedge).map(|hull| (Surface::Ceiling, hull)));
+    }
+    out
+}
+
+/// A box less another, as boxes.
+fn without((min, max): (Vec3, Vec3), (low, high): (Vec3, Vec3)) -> Vec<(Vec3, Vec3)> {
+    let (low, high) = (low.max(min), high.min(max));
+    if (high - low).min_element() <= 1e-6 {
+        return vec![(min, max)];
+    }
+    let (mut rest_min, mut rest_max) = (min, max);
+    let mut out = Vec::new();
+    for axis in 0..3 {
+        let mut below = rest_max;
+        below[axis] = low[axis];
+        out.push((rest_min, below));
+        let mut above = rest_min;
+        above[axis] = high[axis];
+        out.push((above, rest_max));
+        (rest_min[axis], rest_max[axis]) = (low[axis], high[axis]);
+    }
+    out.retain(|(a, b)| (*b - *a).min_element() > 1e-6);
+    out
 }
 
 fn face(room: &Room, surface: Surface) -> Vec<Hull> {
@@ -22,8 +88,12 @@ fn face(room: &Room, surface: Surface) -> Vec<Hull> {
     let holes: Vec<(Vec2, Vec2)> = room
         .openings
         .iter()
-        .filter(|o| Some(o.wall) == surface.wall())
+        .filter(|o| Some(o.wall) == surface.wall() && o.inset.abs() < 0.01)
         .map(|o| (Vec2::new(o.u[0], o.y[0]).max(low), Vec2::new(o.u[1], o.y[1]).min(high)))
+        .chain(room.shape.niches.iter().filter(|n| Some(n.wall) == surface.wall()).map(|n| {
+            let (a, b) = (n.wall.coordinates(n.min), n.wall.coordinates(n.max));
+            (a.max(low), b.min(high))
+        }))
         .filter(|(a, b)| a.is_finite() && b.is_finite() && (*b - *a).min_element() > 1e-3)
         .collect();
     rectangles(low, high, &holes)
@@ -74,8 +144,22 @@ mod tests {
     fn openings_are_open_and_the_rest_is_wall() {
         let mut room = room();
         room.openings = vec![
-            Opening { kind: OpeningKind::Door, wall: Wall::Left, u: [1.0, 1.9], y: [0.0, 2.0], object: None },
-            Opening { kind: OpeningKind::Window, wall: Wall::Left, u: [2.5, 9.9], y: [0.9, 2.0], object: None },
+            Opening {
+                kind: OpeningKind::Door,
+                wall: Wall::Left,
+                u: [1.0, 1.9],
+                y: [0.0, 2.0],
+                inset: 0.0,
+                object: None,
+            },
+            Opening {
+                kind: OpeningKind::Window,
+                wall: Wall::Left,
+                u: [2.5, 9.9],
+                y: [0.9, 2.0],
+                inset: 0.0,
+                object: None,
+            },
         ];
         let all = shell(&room);
         assert_eq!(all.len(), 6);
@@ -90,5 +174,34 @@ mod tests {
         let floor = &all.iter().find(|(n, _)| n == "floor").unwrap().1;
         assert_eq!(floor.len(), 1);
         assert!((floor[0].bounds().1.y).abs() < 1e-12 && floor[0].bounds().0.x < 0.0);
+    }
+
+    #[test]
+    fn blocks_niches_and_slopes_are_solid_around_what_is_free() {
+        let mut room = room();
+        room.openings.clear();
+        let e = room.extents;
+        room.shape.blocks.push(harmony_scene::Block {
+            kind: "corner".into(),
+            min: Vec3::new(e.width - 1.0, 0.0, 0.0),
+            max: Vec3::new(e.width, e.height, 1.0),
+        });
+        room.shape.niches.push(harmony_scene::Niche {
+            kind: "niche".into(),
+            wall: Wall::Back,
+            sides: None,
+            min: Vec3::new(0.5, 0.5, -0.3),
+            max: Vec3::new(1.0, 1.5, 0.0),
+        });
+        room.shape.slopes.push(harmony_scene::Slope { wall: Wall::Front, low: 1.0, run: 1.0 });
+        let all: Vec<Hull> = shell(&room).into_iter().flat_map(|(_, hulls)| hulls).collect();
+        // A grid over the box: solid exactly where the room is not free.
+        for k in 0..24 * 16 * 24 {
+            let share = Vec3::new(f64::from(k % 24), f64::from(k / 24 % 16), f64::from(k / 24 / 16)) + 0.37;
+            let p = share / Vec3::new(24.0, 16.0, 24.0) * e.as_vec();
+            assert_eq!(inside(&all, p), !room.is_free(p), "{p}");
+        }
+        let (jamb, back) = (Vec3::new(0.45, 1.0, -0.15), Vec3::new(0.7, 1.0, -0.4));
+        assert!(inside(&all, jamb) && inside(&all, back) && !inside(&all, Vec3::new(0.7, 1.0, -0.2)));
     }
 }

@@ -14,6 +14,7 @@ pub(crate) fn room() -> Room {
     Room {
         room_type: "study".into(),
         extents: Extents { width: 5.0, height: 2.6, depth: 4.0 },
+        shape: harmony_scene::RoomShape::default(),
         seen: vec![],
         openings: vec![],
         floor_texture: None,

@@ -31,6 +31,7 @@ pub fn empty_room() -> SceneState {
     let room = Room {
         room_type: "test".to_owned(),
         extents: Extents { width: 4.0, height: 2.5, depth: 5.0 },
+        shape: harmony_scene::RoomShape::default(),
         seen: Vec::new(),
         openings: Vec::new(),
         floor_texture: None,

@@ -187,18 +187,7 @@ pub fn layout_overlay(state: &SceneState) -> RgbImage {
 }
 
 fn with_room_lines(mut picture: RgbImage, room: &Room, camera: &Camera, labels: bool) -> RgbImage {
-    let e = room.extents.as_vec();
-    let corner = |x: f64, y: f64, z: f64| DVec3::new(x * e.x, y * e.y, z * e.z);
-    let edges = [
-        (corner(0.0, 0.0, 0.0), corner(1.0, 0.0, 0.0)),
-        (corner(0.0, 1.0, 0.0), corner(1.0, 1.0, 0.0)),
-        (corner(0.0, 0.0, 0.0), corner(0.0, 1.0, 0.0)),
-        (corner(1.0, 0.0, 0.0), corner(1.0, 1.0, 0.0)),
-        (corner(0.0, 0.0, 0.0), corner(0.0, 0.0, 1.0)),
-        (corner(1.0, 0.0, 0.0), corner(1.0, 0.0, 1.0)),
-        (corner(0.0, 1.0, 0.0), corner(0.0, 1.0, 1.0)),
-        (corner(1.0, 1.0, 0.0), corner(1.0, 1.0, 1.0)),
-    ];
+    let edges = room_lines(room);
     for (a, b) in edges {
         // Many short pieces: the part behind the camera is left out.
         let points: Vec<[f64; 2]> = (0..=64)
@@ -227,15 +216,41 @@ fn with_room_lines(mut picture: RgbImage, room: &Room, camera: &Camera, labels: 
     picture
 }
 
+/// The edges of the room that lie before the front wall: where two of its faces meet at an angle.
+fn room_lines(room: &Room) -> Vec<(DVec3, DVec3)> {
+    let faces = room.all_faces();
+    let mut sides: BTreeMap<[[i64; 3]; 2], (DVec3, DVec3, Vec<DVec3>)> = BTreeMap::new();
+    for face in &faces {
+        let n = face.polygon.len();
+        for i in 0..n {
+            let (a, b) = (face.polygon[i], face.polygon[(i + 1) % n]);
+            let key = |p: DVec3| (p * 1e4).round().to_array().map(|c| c as i64);
+            let mut ends = [key(a), key(b)];
+            ends.sort_unstable();
+            sides.entry(ends).or_insert_with(|| (a, b, Vec::new())).2.push(face.normal);
+        }
+    }
+    let front = |p: DVec3| p.z >= room.extents.depth - 1e-6;
+    sides
+        .into_values()
+        .filter(|(a, b, normals)| {
+            let flat = normals.windows(2).any(|n| n[0].dot(n[1]) > 0.999);
+            !flat && !(front(*a) && front(*b))
+        })
+        .map(|(a, b, _)| (a, b))
+        .collect()
+}
+
 /// Mean pixel of the visible part of a face.
 fn visible_middle(surface: Surface, room: &Room, camera: &Camera) -> Option<glam::DVec2> {
     let size = surface.size(&room.extents);
+    let faces = room.faces();
     let mut sum = glam::DVec2::ZERO;
     let mut n = 0.0;
     for i in 0..24 {
         for j in 0..24 {
             let uv = glam::DVec2::new(f64::from(i) + 0.5, f64::from(j) + 0.5) / 24.0 * size;
-            let p = surface.point(&room.extents, uv);
+            let p = faces.point(surface, uv).0;
             if let Some(pixel) = camera.project(p).filter(|p| camera.contains(*p)) {
                 sum += pixel;
                 n += 1.0;
@@ -322,7 +337,12 @@ pub fn inner_cameras(room: &Room, photo: &Camera, size: ImageSize) -> Vec<Camera
     let reach = (0.5 * e.x.max(e.z)).min(2.5);
     let level = DVec3::new(ahead.x, 0.0, ahead.z).normalize_or(-DVec3::Z);
     let target = (at + level * reach).clamp(DVec3::splat(0.3), e - DVec3::splat(0.3));
-    let inside = |p: DVec3| p.clamp(DVec3::splat(0.25), e - DVec3::splat(0.25));
+    // Towards the photo's own place until it is free all around.
+    let inside = |p: DVec3| {
+        let p = p.clamp(DVec3::splat(0.25), e - DVec3::splat(0.25));
+        let free = |q: &DVec3| Surface::ALL.iter().all(|s| room.is_free(*q - s.normal() * 0.2));
+        (0..=10).map(|k| p.lerp(at, f64::from(k) / 10.0)).find(free).unwrap_or(p)
+    };
     let right = level.cross(DVec3::Y);
     // To the side on which there is more room.
     let space = |side: DVec3| inside(at + side * 1.4).distance(at);
@@ -458,7 +478,7 @@ pub fn apparent_size(state: &SceneState, c: &Object) -> Option<Size> {
     let b = c.mask.bounds()?;
     let foot = glam::DVec2::new(b.centre().x, b.y1);
     let ray = camera.ray(foot);
-    let (_, hit) = state.partial.room.extents.exit(&ray)?;
+    let hit = state.partial.room.faces().exit(&ray)?.point;
     let depth = camera.depth(hit);
     (depth > 0.1).then(|| Size {
         width: b.width() * depth / camera.intrinsics.fx,

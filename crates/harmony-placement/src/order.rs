@@ -212,7 +212,7 @@ fn rough_position(scene: &PartialScene, item: &Item) -> Vec3 {
         Level::Wall => b.centre(),
         Level::Ceiling => Vec2::new(b.centre().x, b.y0),
     };
-    e.exit(&scene.camera.ray(pixel)).map_or(Vec3::ZERO, |(_, p)| p)
+    scene.room.faces().exit(&scene.camera.ray(pixel)).map_or(Vec3::ZERO, |exit| exit.point)
 }
 
 fn by_points(scene: &PartialScene, mask: &Mask) -> Option<Vec3> {

@@ -6,7 +6,7 @@ mod effect;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use harmony_scene::{Mask, ObjectId, Pose, Relations, Size, Support, Vec3, Wall};
+use harmony_scene::{Mask, ObjectId, Pose, Relations, Size, Support, Vec3, Wall, WallPlane};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -380,7 +380,7 @@ fn carry(scene: &mut PartialScene, object: usize, settings: &PlacementSettings, 
 const OFF_WALL: f64 = 0.03;
 
 /// Whether a wanted place is farther from the wall than the present one.
-fn pulled_off(scene: &PartialScene, old: &Pose, wanted: &Pose, wall: Wall) -> bool {
+fn pulled_off(scene: &PartialScene, old: &Pose, wanted: &Pose, wall: WallPlane) -> bool {
     let far = |pose: &Pose| wall.distance(&scene.room.extents, pose.position);
     far(wanted) - far(old) > OFF_WALL
 }

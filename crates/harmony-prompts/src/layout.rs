@@ -90,6 +90,9 @@ pub struct LayoutAnswer {
     /// Positions of room edges in the photo (beyond the paper): they pin the camera.
     #[serde(default)]
     pub pins: Vec<LayoutPin>,
+    /// STEP 6: where the room is not a box (beyond the paper).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shape: Vec<LayoutFeature>,
 }
 
 /// Room type and dimensions.
@@ -200,6 +203,53 @@ pub struct WallTexture {
     pub finish: String,
     pub tile_size_m: f64,
     pub synthesis_prompt: String,
+}
+
+/// What makes a room other than a box.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LayoutFeatureKind {
+    /// Solid, standing out of a wall: the corner that an L-shaped room lacks, a chimney breast, a pier, a low wall.
+    Block,
+    /// Free, behind a wall's face: a niche, the recess that a window lies in, the arm of an L.
+    Niche,
+    /// A ceiling that comes down towards a wall.
+    Slope,
+}
+
+/// Where a feature's face goes on to, seen or not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum LayoutReach {
+    Floor,
+    Ceiling,
+    /// The wall at its left end, as seen in the photo.
+    LeftEnd,
+    RightEnd,
+}
+
+/// A place where the room is not a box.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LayoutFeature {
+    /// block, niche or slope.
+    pub kind: LayoutFeatureKind,
+    /// In a word or two: `chimney breast`, `window recess`, ...
+    pub what: String,
+    /// The wall that it stands out of, opens behind, or comes down to.
+    pub wall: harmony_scene::Wall,
+    /// Corners in the photo, 0..1000, in order: of a block's face that looks the same way as the wall, of a niche's
+    /// opening, of the slope.
+    pub face: Vec<[f64; 2]>,
+    /// Metres: how far a block stands out of its wall, a niche goes behind it, a slope reaches into the room.
+    pub depth_m: f64,
+    /// Where the face goes on to.
+    #[serde(default)]
+    pub reaches: Vec<LayoutReach>,
+    /// A slope's height at its wall, metres; null for others.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub low_m: Option<f64>,
 }
 
 /// Which room edge a pin lies on.
@@ -324,6 +374,15 @@ impl LayoutAnswer {
                 LayoutPin { edge: PinKind::FloorBack, points: vec![[310.0, 640.0], [980.0, 690.0]] },
                 LayoutPin { edge: PinKind::BackLeft, points: vec![[310.0, 640.0], [306.0, 60.0]] },
             ],
+            shape: vec![LayoutFeature {
+                kind: LayoutFeatureKind::Block,
+                what: "chimney breast".into(),
+                wall: harmony_scene::Wall::Back,
+                face: vec![[520.0, 70.0], [760.0, 62.0], [764.0, 672.0], [524.0, 660.0]],
+                depth_m: 0.35,
+                reaches: vec![LayoutReach::Floor, LayoutReach::Ceiling],
+                low_m: None,
+            }],
         }
     }
 
@@ -349,10 +408,35 @@ impl LayoutAnswer {
                 in_range("a pin's y", p[1], -200.0, 1200.0)?;
             }
         }
+        for feature in &self.shape {
+            feature.check()?;
+        }
         if let Some(p) = self.camera.corner_px {
             in_range("camera.corner_px x", p[0], -200.0, 1200.0)?;
             in_range("camera.corner_px y", p[1], -200.0, 1200.0)?;
         }
         Ok(())
+    }
+}
+
+impl LayoutFeature {
+    fn check(&self) -> Result<(), String> {
+        if self.face.len() < 3 {
+            return Err(format!(
+                "the face of the {} has {} corner(s); three or more are needed",
+                self.what,
+                self.face.len()
+            ));
+        }
+        for p in &self.face {
+            in_range("a face corner's x", p[0], -500.0, 1500.0)?;
+            in_range("a face corner's y", p[1], -500.0, 1500.0)?;
+        }
+        in_range("a shape's depth_m", self.depth_m, 0.02, 20.0)?;
+        match (self.kind, self.low_m) {
+            (LayoutFeatureKind::Slope, Some(low)) => in_range("a slope's low_m", low, 0.0, 8.0),
+            (LayoutFeatureKind::Slope, None) => Err(format!("the {} needs low_m, its height at its wall", self.what)),
+            _ => Ok(()),
+        }
     }
 }

@@ -37,9 +37,10 @@ pub use last_look::{
     MOST_LAST_ACTIONS, PaintedObject,
 };
 pub use layout::{
-    BackWallSide, FloorTexture, KnownDepth, LayoutAnswer, LayoutCamera, LayoutOpening, LayoutPart, LayoutPartKind,
-    LayoutPattern, LayoutPatternKind, LayoutPin, LayoutQuestion, LayoutRoom, LayoutSurface, LayoutTrim, LayoutTrims,
-    LayoutWall, PinKind, SurfaceName, UnaidedRoom, WallTexture,
+    BackWallSide, FloorTexture, KnownDepth, LayoutAnswer, LayoutCamera, LayoutFeature, LayoutFeatureKind,
+    LayoutOpening, LayoutPart, LayoutPartKind, LayoutPattern, LayoutPatternKind, LayoutPin, LayoutQuestion,
+    LayoutReach, LayoutRoom, LayoutSurface, LayoutTrim, LayoutTrims, LayoutWall, PinKind, SurfaceName, UnaidedRoom,
+    WallTexture,
 };
 pub use lighting::{LightingReviewQuestion, LightsQuestion, SeenObject};
 pub use list::{ListAnswer, ListQuestion, ListedInstance, ListedItem, RoomView};

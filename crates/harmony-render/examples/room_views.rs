@@ -12,10 +12,11 @@ use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Opening, OpeningKind
 use image::{Rgba, RgbaImage};
 
 fn room() -> Room {
-    let opening = |kind, wall, u, y| Opening { kind, wall, u, y, object: None };
+    let opening = |kind, wall, u, y| Opening { kind, wall, u, y, inset: 0.0, object: None };
     Room {
         room_type: "living_room".into(),
         extents: Extents { width: 4.5, height: 2.6, depth: 5.5 },
+        shape: harmony_scene::RoomShape::default(),
         seen: vec![],
         openings: vec![
             opening(OpeningKind::Window, Wall::Back, [1.2, 2.8], [0.9, 2.1]),

@@ -135,6 +135,7 @@ mod tests {
         Room {
             room_type: "study".into(),
             extents: Extents { width: 4.0, height: 2.6, depth: 5.5 },
+            shape: harmony_scene::RoomShape::default(),
             seen: vec![],
             openings: vec![],
             floor_texture: None,

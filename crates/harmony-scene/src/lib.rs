@@ -20,6 +20,7 @@ mod points;
 mod raster;
 mod room;
 mod scene;
+mod shape;
 mod similarity;
 mod warning;
 
@@ -36,6 +37,7 @@ pub use points::{PointMap, PointMapKind};
 pub use raster::{Mask, PixelBox};
 pub use room::{Extents, Opening, OpeningKind, Room, Surface, SurfaceTexture, Wall};
 pub use scene::{SCENE_VERSION, Scene, SceneCamera};
+pub use shape::{Block, Exit, Niche, RoomFace, RoomFaces, RoomShape, Slope, WallPlane, clipped};
 pub use similarity::Similarity;
 pub use warning::{Warning, WarningKind};
 

@@ -1,10 +1,10 @@
-//! The room: a box with openings and surface textures.
+//! The room: a box, what makes it other than a box ([`RoomShape`]), openings and surface textures.
 
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{ObjectId, Ray};
+use crate::{ObjectId, Ray, RoomShape};
 
 /// Width (x), height (y) and depth (z) of the room, metres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -234,6 +234,11 @@ pub enum OpeningKind {
     Door,
 }
 
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
 /// A rectangular hole in a wall.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Opening {
@@ -245,6 +250,9 @@ pub struct Opening {
     pub u: [f64; 2],
     /// Range of height, metres.
     pub y: [f64; 2],
+    /// How far before the wall the plane is that it is cut into, metres: on a block's face; negative in a niche.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub inset: f64,
     /// The window or door object that fills it.
     pub object: Option<ObjectId>,
 }
@@ -269,6 +277,9 @@ pub struct Room {
     pub room_type: String,
     /// Size of the box, metres.
     pub extents: Extents,
+    /// What makes it other than that box.
+    #[serde(default, skip_serializing_if = "RoomShape::is_box")]
+    pub shape: RoomShape,
     /// Faces that the photo shows, so that were measured; the others come from prior knowledge.
     pub seen: Vec<Surface>,
     /// Holes in the walls.

@@ -166,6 +166,7 @@ fn room_and_lights(v: &Value) -> Result<(Room, Lighting)> {
             wall: wall(o["wall"].as_str().unwrap_or_default()).ok_or("wall")?,
             u: [number(&o["u0"]), number(&o["u1"])],
             y: [number(&o["y0"]), number(&o["y1"])],
+            inset: 0.0,
             object: None,
         });
     }
@@ -186,6 +187,7 @@ fn room_and_lights(v: &Value) -> Result<(Room, Lighting)> {
     let room = Room {
         room_type: "benchmark_room".to_owned(),
         extents,
+        shape: harmony_scene::RoomShape::default(),
         seen: vec![Surface::Floor, Surface::Back],
         openings,
         floor_texture: None,

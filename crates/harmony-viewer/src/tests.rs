@@ -25,12 +25,14 @@ fn scene(text: &str) -> Scene {
         room: Room {
             room_type: text.into(),
             extents: Extents { width: 4.0, height: 2.5, depth: 5.0 },
+            shape: harmony_scene::RoomShape::default(),
             seen: vec![Surface::Floor, Surface::Back],
             openings: vec![Opening {
                 kind: OpeningKind::Window,
                 wall: Wall::Left,
                 u: [1.0, 2.0],
                 y: [0.9, 2.1],
+                inset: 0.0,
                 object: None,
             }],
             floor_texture: texture(),

@@ -37,6 +37,7 @@ pub(super) fn shell(dice: &mut Dice, palette: &Palette, plan: &Plan, wet: bool) 
     let room = Room {
         room_type: String::new(),
         extents: e,
+        shape: harmony_scene::RoomShape::default(),
         seen: Vec::new(),
         openings: plan.holes.iter().filter(|h| !h.door).map(opening).collect(),
         floor_texture: None,
@@ -75,7 +76,7 @@ pub(super) fn shell(dice: &mut Dice, palette: &Palette, plan: &Plan, wet: bool) 
 
 fn opening(hole: &Hole) -> Opening {
     let kind = if hole.door { OpeningKind::Door } else { OpeningKind::Window };
-    Opening { kind, wall: hole.wall, u: hole.u, y: hole.y, object: None }
+    Opening { kind, wall: hole.wall, u: hole.u, y: hole.y, inset: 0.0, object: None }
 }
 
 /// Boards of 7 cm at the foot of the walls, interrupted by doors and low windows.

@@ -6,8 +6,8 @@ use async_trait::async_trait;
 use glam::{DVec2, DVec3};
 use harmony_prompts::{
     BackWallSide, FrontPanel, FrontsAnswer, FrontsObject, InspectAnswer, InspectQuestion, InspectedObject,
-    InspectedSize, LayoutAnswer, LayoutPin, ListAnswer, ListedInstance, ListedItem, NamedObject, Occlusion, PinKind,
-    Question,
+    InspectedSize, LayoutAnswer, LayoutFeature, LayoutFeatureKind, LayoutPin, LayoutReach, ListAnswer, ListedInstance,
+    ListedItem, NamedObject, Occlusion, PinKind, Question,
 };
 use harmony_roles::{PlayerCard, RoleError, Usage, VisionLanguage, VlmAnswer, VlmRequest};
 use harmony_scene::{DepthPosition, Level, PlacementType, Support, SurfacePosition, Wall, WallAffinity};
@@ -16,6 +16,13 @@ use serde_json::{Value, json};
 
 use super::{Oracle, card, normal, synonym};
 use crate::truth::TruthObject;
+
+/// Twice the area of an outline.
+fn area(outline: &[[f64; 2]]) -> f64 {
+    let n = outline.len();
+    let cross = |i: usize| outline[i][0] * outline[(i + 1) % n][1] - outline[i][1] * outline[(i + 1) % n][0];
+    (0..n).map(cross).sum::<f64>().abs()
+}
 
 #[async_trait]
 impl VisionLanguage for Oracle {
@@ -77,6 +84,7 @@ impl Oracle {
         answer.walls.clear();
         // The example's materials are another room's.
         answer.surfaces.clear();
+        answer.shape = self.shape();
         answer.trims = harmony_prompts::LayoutTrims::default();
         answer.blocked_corners.clear();
         let (forward, centre) = (camera.forward(), camera.centre());
@@ -121,6 +129,7 @@ impl Oracle {
     /// Ends of the room's edges as far as they are in the image and nothing stands before them.
     fn pins(&self) -> Vec<(PinKind, Vec<DVec2>)> {
         let e = self.room.extents;
+        let (room, middle) = (self.room.room(), e.as_vec() / 2.0);
         let (w, h, d) = (e.width, e.height, e.depth);
         let edges = [
             (PinKind::FloorBack, DVec3::ZERO, DVec3::new(w, 0.0, 0.0)),
@@ -135,8 +144,11 @@ impl Oracle {
         edges
             .into_iter()
             .filter_map(|(kind, a, b)| {
-                let seen: Vec<DVec2> =
-                    (0..=60).filter_map(|i| self.seen_pixel(a.lerp(b, f64::from(i) / 60.0))).collect();
+                let seen: Vec<DVec2> = (0..=60)
+                    .map(|i| a.lerp(b, f64::from(i) / 60.0))
+                    .filter(|p| room.is_free(*p + (middle - *p).normalize() * 0.02))
+                    .filter_map(|p| self.seen_pixel(p))
+                    .collect();
                 let (first, last) = (*seen.first()?, *seen.last()?);
                 (first.distance(last) > 0.05 * f64::from(self.room.camera.size.width))
                     .then(|| (kind, vec![first, last]))
@@ -150,6 +162,110 @@ impl Oracle {
         let pixel = camera.project(at).filter(|p| camera.contains(*p))?;
         let z = self.room.depth[pixel.y as usize * camera.size.width as usize + pixel.x as usize];
         (f64::from(z) > camera.depth(at) - 0.12).then_some(pixel)
+    }
+
+    /// Where the room is not a box: the faces that are in the picture.
+    fn shape(&self) -> Vec<LayoutFeature> {
+        let (room, e, truth) = (self.room.room(), &self.room.extents, &self.room.shape);
+        let mut out = Vec::new();
+        for (k, block) in truth.blocks.iter().enumerate() {
+            let touched = |w: &Wall| w.distance(e, block.min).min(w.distance(e, block.max)) < 1e-3;
+            // Of two walls that a corner touches, the one whose side shows more.
+            let sides = Wall::ALL.into_iter().filter(touched).map(|wall| {
+                let depth = wall.distance(e, block.min).max(wall.distance(e, block.max));
+                (wall, depth, self.face(k, wall, depth, block.min, block.max))
+            });
+            let best = sides.max_by(|a, b| area(&a.2).total_cmp(&area(&b.2)));
+            if let Some((wall, depth, face)) = best.filter(|b| b.2.len() > 2) {
+                let feature = LayoutFeatureKind::Block;
+                out.push(self.feature(feature, &block.kind, wall, face, depth, (block.min, block.max)));
+            }
+        }
+        for (k, niche) in truth.niches.iter().enumerate() {
+            let depth = -niche.wall.distance(e, niche.min).min(niche.wall.distance(e, niche.max));
+            let face = self.face(100 + k, niche.wall, 0.0, niche.min, niche.max);
+            if face.len() > 2 && depth > 0.0 {
+                let feature = LayoutFeatureKind::Niche;
+                out.push(self.feature(feature, &niche.kind, niche.wall, face, depth, (niche.min, niche.max)));
+            }
+        }
+        for (k, slope) in truth.slopes.iter().enumerate() {
+            let normal = slope.normal(e);
+            let own = |f: &&harmony_scene::RoomFace| f.normal.dot(normal) > 0.999;
+            let corners: Vec<DVec3> = room.all_faces().iter().find(own).map_or_else(Vec::new, |f| f.polygon.clone());
+            let face = self.outline(&format!("slope {k}"), &corners);
+            if face.len() > 2 {
+                let end = (DVec3::ZERO, DVec3::ZERO);
+                let mut feature = self.feature(LayoutFeatureKind::Slope, "slope", slope.wall, face, slope.run, end);
+                feature.low_m = Some(slope.low * self.factor("slope", self.noise.hints));
+                feature.reaches.clear();
+                out.push(feature);
+            }
+        }
+        out
+    }
+
+    /// Outline of the side of a box that looks as a wall does, in thousandths.
+    fn face(&self, k: usize, wall: Wall, depth: f64, min: DVec3, max: DVec3) -> Vec<[f64; 2]> {
+        let e = &self.room.extents;
+        if wall.distance(e, self.room.camera.centre()) <= depth {
+            return Vec::new();
+        }
+        let (a, b) = (wall.coordinates(min), wall.coordinates(max));
+        let corners = [[a.x, a.y], [b.x, a.y], [b.x, b.y], [a.x, b.y]];
+        let corners = corners.map(|[u, y]| wall.point(e, u, y) + wall.normal() * depth);
+        self.outline(&format!("face {k} {wall:?}"), &corners)
+    }
+
+    /// Outline of a polygon of the room in the photo, as far as it is in the picture, in thousandths.
+    fn outline(&self, purpose: &str, corners: &[DVec3]) -> Vec<[f64; 2]> {
+        let camera = &self.room.camera;
+        let (w, h) = (f64::from(camera.size.width), f64::from(camera.size.height));
+        let before = harmony_scene::clipped(corners, |p| camera.depth(p) - 0.1);
+        let flat: Vec<DVec3> = before.iter().filter_map(|p| camera.project(*p)).map(|p| p.extend(0.0)).collect();
+        let inside = harmony_scene::clipped(&flat, |p| p.x);
+        let inside = harmony_scene::clipped(&inside, |p| w - p.x);
+        let inside = harmony_scene::clipped(&inside, |p| p.y);
+        let inside = harmony_scene::clipped(&inside, |p| h - p.y);
+        let mut rng = self.draws.rng(purpose);
+        inside
+            .iter()
+            .map(|p| {
+                let shaken = p.truncate() + DVec2::new(normal(&mut rng), normal(&mut rng)) * self.noise.pins * w.max(h);
+                [shaken.x * 1000.0 / w, shaken.y * 1000.0 / h]
+            })
+            .collect()
+    }
+
+    fn feature(
+        &self,
+        kind: LayoutFeatureKind,
+        what: &str,
+        wall: Wall,
+        face: Vec<[f64; 2]>,
+        depth: f64,
+        (min, max): (DVec3, DVec3),
+    ) -> LayoutFeature {
+        let e = &self.room.extents;
+        let (a, b) = (wall.coordinates(min), wall.coordinates(max));
+        let low_is_left = (wall.point(e, 1.0, 0.0) - wall.point(e, 0.0, 0.0)).dot(self.room.camera.right()) > 0.0;
+        let (low, high) = (a.x < 0.02, b.x > wall.length(e) - 0.02);
+        let (left, right) = if low_is_left { (low, high) } else { (high, low) };
+        let reaches = [
+            (a.y < 0.02, LayoutReach::Floor),
+            (b.y > e.height - 0.02, LayoutReach::Ceiling),
+            (left, LayoutReach::LeftEnd),
+            (right, LayoutReach::RightEnd),
+        ];
+        LayoutFeature {
+            kind,
+            what: what.replace('_', " "),
+            wall,
+            face,
+            depth_m: depth * self.factor(&format!("depth of {what}"), self.noise.extent),
+            reaches: reaches.into_iter().filter(|r| r.0).map(|r| r.1).collect(),
+            low_m: None,
+        }
     }
 
     fn list(&self, level: Level, with_boxes: bool) -> ListAnswer {

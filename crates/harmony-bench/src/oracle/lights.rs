@@ -93,6 +93,8 @@ mod tests {
             folder: std::path::PathBuf::from("/nowhere"),
             camera: Camera::looking(size, Intrinsics::centred(size, 6.0), DVec3::new(2.0, 1.5, 4.0), DVec3::NEG_Z),
             extents: Extents { width: 4.0, height: 2.6, depth: 4.5 },
+            shape: harmony_scene::RoomShape::default(),
+            origin: DVec3::ZERO,
             walls: Vec::new(),
             openings: Vec::new(),
             objects: Vec::new(),

@@ -225,6 +225,8 @@ mod tests {
             folder: std::path::PathBuf::new(),
             camera,
             extents: Extents { width: 4.0, height: 2.5, depth: 4.0 },
+            shape: harmony_scene::RoomShape::default(),
+            origin: DVec3::ZERO,
             walls: Vec::new(),
             openings: Vec::new(),
             objects: vec![object.clone()],

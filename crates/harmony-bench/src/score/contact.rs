@@ -163,7 +163,7 @@ pub fn faults(truth: &TruthRoom, run: &Prediction, scores: &[ObjectScore]) -> (V
         let host = |id: &str| run.objects.iter().position(|h| h.object.id.as_str() == id);
         let gap = match &o.object.support {
             Support::Floor => solid.bounds.min.y,
-            Support::Ceiling => run.extents.height - solid.bounds.max.y,
+            Support::Ceiling => run.room.extents.height - solid.bounds.max.y,
             Support::Wall { wall } => wall_gap(*wall, run, solid),
             Support::Object { id } => match host(id.as_str()).and_then(|h| solids[h].as_ref()) {
                 Some(host) => solid.gap_above(host).unwrap_or(solid.bounds.min.y),
@@ -180,12 +180,9 @@ pub fn faults(truth: &TruthRoom, run: &Prediction, scores: &[ObjectScore]) -> (V
 
 fn wall_gap(wall: Wall, run: &Prediction, solid: &Solid) -> f64 {
     let (low, high) = (solid.bounds.min - run.corner, solid.bounds.max - run.corner);
-    match wall {
-        Wall::Back => low.z,
-        Wall::Left => low.x,
-        Wall::Right => run.extents.width - high.x,
-        Wall::Front => run.extents.depth - high.z,
-    }
+    let (room, e) = (&run.room, &run.room.extents);
+    let plane = room.plane_behind(wall, (low + high) / 2.0);
+    plane.distance(e, low).min(plane.distance(e, high))
 }
 
 fn true_gap(truth: &TruthRoom, t: &TruthObject) -> Option<f64> {

@@ -244,14 +244,16 @@ mod tests {
             folder: PathBuf::new(),
             camera,
             extents,
+            shape: harmony_scene::RoomShape::default(),
+            origin: DVec3::ZERO,
             walls: Vec::new(),
             openings: Vec::new(),
             objects: Vec::new(),
             ids: frame.ids.iter().map(|id| *id as u8).collect(),
             depth: frame.depth,
         };
-        let run =
-            Prediction { folder: PathBuf::new(), camera, extents, corner: DVec3::ZERO, objects: Vec::new(), shell };
+        let (folder, room) = (PathBuf::new(), truth.room());
+        let run = Prediction { folder, camera, room, corner: DVec3::ZERO, objects: Vec::new(), shell };
         let (own, theirs) = backgrounds(&truth, &run);
         assert!(own.len() > 5000 && own.len() == theirs.len(), "{} {}", own.len(), theirs.len());
         let far = own.iter().flatten().zip(theirs.iter().flatten()).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);

@@ -35,6 +35,17 @@ pub struct CameraScore {
     pub focal: f64,
 }
 
+/// How far the outline of the room is off, where the photo shows it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PlanScore {
+    /// Median over the pixels of walls, metres.
+    pub median_m: f64,
+    /// 90th percentile, metres.
+    pub p90_m: f64,
+    /// Share of them within 10 cm.
+    pub within: f64,
+}
+
 /// Everything about one room.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RoomScore {
@@ -49,6 +60,9 @@ pub struct RoomScore {
     pub shift_x: f64,
     /// Camera.
     pub camera: CameraScore,
+    /// Distance of what the photo shows of the true walls to the run's walls, metres; `None` where none is in view.
+    #[serde(default)]
+    pub plan: Option<PlanScore>,
     /// Relative errors of width, height, depth; `None` where neither end of the extent is in view.
     pub extents: [Option<f64>; 3],
     /// Objects of the run, matched or not.
@@ -107,6 +121,7 @@ impl RoomScore {
             scale: 1.0,
             shift_x: 0.0,
             camera: CameraScore { rotation_deg: 180.0, centre_m: 10.0, focal: 1.0 },
+            plan: None,
             extents: [None; 3],
             objects: Vec::new(),
             missed: truth.visible().map(|o| o.id.clone()).collect(),
@@ -148,6 +163,7 @@ pub fn score(truth: &TruthRoom, run: &Prediction, options: ScoreOptions) -> Room
         scale,
         shift_x,
         camera: camera(&truth.camera, &run.camera),
+        plan: plan(truth, &run),
         extents: extents(truth, &run),
         objects,
         missed,
@@ -175,15 +191,46 @@ fn camera(truth: &Camera, found: &Camera) -> CameraScore {
     }
 }
 
+/// Ids of the walls in the id image: back, right, front, left.
+const WALL_IDS: std::ops::RangeInclusive<u8> = 3..=6;
+/// Every so many pixels a wall is probed.
+const PROBE: usize = 7;
+/// A wall this near has its outline where it is, metres.
+const PLAN: f64 = 0.10;
+
+/// Distance of the true walls, as far as the photo shows them, to the run's shell.
+fn plan(truth: &TruthRoom, run: &Prediction) -> Option<PlanScore> {
+    let shell = harmony_mesh::Bvh::new(&run.shell);
+    let width = truth.camera.size.width as usize;
+    let mut off: Vec<f64> = (0..truth.ids.len().min(truth.depth.len()))
+        .step_by(PROBE)
+        .filter(|i| WALL_IDS.contains(&truth.ids[*i]) && truth.depth[*i] > 0.0)
+        .filter_map(|i| {
+            let pixel = glam::DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+            let point = truth.camera.unproject(pixel, f64::from(truth.depth[i]));
+            Some(shell.closest_point(point)?.distance)
+        })
+        .collect();
+    if off.is_empty() {
+        return None;
+    }
+    off.sort_by(f64::total_cmp);
+    Some(PlanScore {
+        median_m: crate::summary::quantile(&off, 0.5),
+        p90_m: crate::summary::quantile(&off, 0.9),
+        within: off.iter().filter(|d| **d <= PLAN).count() as f64 / off.len() as f64,
+    })
+}
+
 /// Whether a side wall's foot or top is in view, seen from the truth.
 fn shift(truth: &TruthRoom, run: &Prediction) -> f64 {
     let (left, right) = (truth.walls.contains(&Wall::Left), truth.walls.contains(&Wall::Right));
-    if right && !left { truth.extents.width - run.extents.width } else { 0.0 }
+    if right && !left { truth.extents.width - run.room.extents.width } else { 0.0 }
 }
 
 fn extents(truth: &TruthRoom, run: &Prediction) -> [Option<f64>; 3] {
     let seen = |wall: Wall| truth.walls.contains(&wall);
-    let (t, r) = (truth.extents, run.extents);
+    let (t, r) = (truth.extents, run.room.extents);
     [
         (seen(Wall::Left) && seen(Wall::Right)).then(|| r.width / t.width - 1.0),
         Some(r.height / t.height - 1.0),

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use harmony_io::{ReadLimits, load_glb};
 use harmony_mesh::Mesh;
 use harmony_render::{Instance, RenderOptions, render_depth_ids};
-use harmony_scene::{Camera, Extents, Mask, Scene, SceneObject};
+use harmony_scene::{Camera, Extents, Mask, Room, Scene, SceneObject};
 
 use crate::metrics::depth::median_depth_scale;
 use crate::truth::TruthRoom;
@@ -42,8 +42,8 @@ pub struct Prediction {
     pub folder: PathBuf,
     /// Camera at the photo's size.
     pub camera: Camera,
-    /// Room.
-    pub extents: Extents,
+    /// The empty room, in its own frame.
+    pub room: Room,
     /// Where its floor's back left corner is: the origin, until the run is shifted.
     pub corner: DVec3,
     /// Objects.
@@ -89,7 +89,7 @@ impl Prediction {
         Ok(Self {
             folder: folder.to_owned(),
             camera,
-            extents: scene.room.extents,
+            room: scene.room,
             corner: DVec3::ZERO,
             objects,
             shell: Arc::new(shell),
@@ -98,8 +98,9 @@ impl Prediction {
 
     /// Scales the whole run about the room's origin.
     pub fn rescale(&mut self, factor: f64) {
-        let e = self.extents;
-        self.extents = Extents { width: e.width * factor, height: e.height * factor, depth: e.depth * factor };
+        let e = &mut self.room.extents;
+        *e = Extents { width: e.width * factor, height: e.height * factor, depth: e.depth * factor };
+        self.room.shape.scaled(factor);
         self.camera.translation *= factor;
         self.map(|p| p * factor);
     }

@@ -248,6 +248,8 @@ mod tests {
             folder: folder.path().to_owned(),
             camera,
             extents,
+            shape: harmony_scene::RoomShape::default(),
+            origin: DVec3::ZERO,
             walls: Vec::new(),
             openings: Vec::new(),
             objects: Vec::new(),
@@ -258,7 +260,7 @@ mod tests {
         let run = Prediction {
             folder: folder.path().to_owned(),
             camera,
-            extents,
+            room: truth.room(),
             corner: DVec3::ZERO,
             objects: Vec::new(),
             shell: Arc::new(shell),

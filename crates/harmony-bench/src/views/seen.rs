@@ -76,6 +76,8 @@ mod tests {
             folder: PathBuf::new(),
             camera: photo,
             extents: Extents { width: 4.0, height: 3.0, depth: 5.0 },
+            shape: harmony_scene::RoomShape::default(),
+            origin: DVec3::ZERO,
             walls: Vec::new(),
             openings: Vec::new(),
             objects: Vec::new(),

@@ -34,6 +34,7 @@ fn run_of(truth: &TruthRoom, made: &harmony_bench::generate::GeneratedRoom, fold
     let room = Room {
         room_type: "room".to_owned(),
         extents: truth.extents,
+        shape: harmony_scene::RoomShape::default(),
         seen: Vec::new(),
         openings: Vec::new(),
         floor_texture: None,

@@ -94,6 +94,7 @@ pub fn run(folder: &Path, room_type: &str, tint: u8, lit: bool) {
     let room = Room {
         room_type: room_type.into(),
         extents: Extents { width: 4.0, height: 2.6, depth: 3.5 },
+        shape: harmony_scene::RoomShape::default(),
         seen: vec![],
         openings: vec![],
         floor_texture: None,

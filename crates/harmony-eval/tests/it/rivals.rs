@@ -552,6 +552,7 @@ fn run(folder: &Path) -> Camera {
     let room = Room {
         room_type: "study".into(),
         extents,
+        shape: harmony_scene::RoomShape::default(),
         seen: Vec::new(),
         openings: Vec::new(),
         floor_texture: None,

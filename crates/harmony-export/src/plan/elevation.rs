@@ -3,7 +3,7 @@
 //! Drawing frame: x to the viewer's right along the wall, y up from the floor, each wall at its place on the sheet.
 
 use glam::DVec2;
-use harmony_scene::{Level, OpeningKind, Support, Wall};
+use harmony_scene::{Level, OpeningKind, Slope, Support, Wall, clipped};
 
 use super::drawing::{Anchor, Drawing, Layer, Shape};
 use super::floor::{DOUBLE_M, WALL_M, begins_left, strokes};
@@ -102,9 +102,23 @@ fn elevation(drawing: &mut Drawing, world: &World, rows: &[Row], wall: Wall, ori
         })
         .collect();
     // The room's section: floor, walls and ceiling cut.
-    let inner = [at(0.0, 0.0), at(length, 0.0), at(length, e.height), at(0.0, e.height)];
+    let room = &world.scene.room;
+    let section = [(0.0, 0.0), (length, 0.0), (length, e.height), (0.0, e.height)];
+    let section = section.map(|(u, y)| wall.point(&e, u, y)).to_vec();
+    let under = |polygon: Vec<glam::DVec3>, slope: &Slope| clipped(&polygon, |p| slope.below(&e, p));
+    let section = room.shape.slopes.iter().filter(|s| s.wall != wall).fold(section, under);
+    let drawn_at = |p: &glam::DVec3| {
+        let c = wall.coordinates(*p);
+        at(across(wall, length, c.x), c.y)
+    };
     let layer = if measured { Layer::Walls } else { Layer::WallsAssumed };
-    drawing.closed(layer, &inner);
+    drawing.closed(layer, &section.iter().map(drawn_at).collect::<Vec<_>>());
+    // Faces of blocks and niches that look the same way, and what comes down to the wall.
+    for face in room.faces().all().iter().filter(|f| f.normal.dot(wall.normal()) > 0.1) {
+        if face.plane(&e).is_none_or(|p| p.inset.abs() > 0.01) {
+            drawing.closed(Layer::Details, &face.polygon.iter().map(drawn_at).collect::<Vec<_>>());
+        }
+    }
     let ground = [at(-3.0 * WALL_M, 0.0), at(length + 3.0 * WALL_M, 0.0)];
     drawing.line(Layer::Walls, &ground).width_mm = Some(0.7);
     for opening in world.scene.room.openings.iter().filter(|o| o.wall == wall) {

@@ -33,11 +33,14 @@ fn flat(p: glam::DVec3) -> DVec2 {
 struct Run<'a> {
     world: &'a World,
     wall: Wall,
+    /// Of a plane before it (behind: negative), metres.
+    inset: f64,
 }
 
 impl Run<'_> {
     fn at(&self, u: f64, outward: f64) -> DVec2 {
-        flat(self.wall.point(&self.world.scene.room.extents, u, 0.0)) - flat(self.wall.normal()) * outward
+        flat(self.wall.point(&self.world.scene.room.extents, u, 0.0))
+            - flat(self.wall.normal()) * (outward - self.inset)
     }
 
     fn measured(&self) -> bool {
@@ -56,6 +59,49 @@ impl Run<'_> {
             .collect();
         all.sort_by(|a, b| a.u[0].total_cmp(&b.u[0]));
         all
+    }
+
+    /// Where the wall itself is open: openings in its plane, and niches that are cut at the height of the plan.
+    fn gaps(&self) -> Vec<[f64; 2]> {
+        let niches = self.world.scene.room.shape.niches.iter().filter(|n| n.wall == self.wall && cut(n.min.y, n.max.y));
+        let along = niches.map(|n| [self.wall.coordinates(n.min).x, self.wall.coordinates(n.max).x]);
+        let own = self.openings().into_iter().filter(|o| o.inset.abs() < 0.01).map(|o| o.u);
+        let mut all: Vec<[f64; 2]> = own.chain(along).collect();
+        all.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        all
+    }
+}
+
+/// Whether the plan cuts what lies between two heights.
+fn cut(low: f64, high: f64) -> bool {
+    low <= CUT_M && high >= CUT_M
+}
+
+/// What makes the room other than its box: blocks filled as walls, niches in outline, where slopes reach the ceiling
+/// dashed.
+fn shape(drawing: &mut Drawing, world: &World) {
+    let room = &world.scene.room;
+    let rectangle = |min: glam::DVec3, max: glam::DVec3| {
+        [(min.x, min.z), (max.x, min.z), (max.x, max.z), (min.x, max.z)].map(|(x, z)| DVec2::new(x, -z))
+    };
+    for block in &room.shape.blocks {
+        let points = rectangle(block.min, block.max);
+        if cut(block.min.y, block.max.y) {
+            drawing.add(Layer::Walls, Shape::Area { points: points.to_vec(), fill: FILL });
+            drawing.closed(Layer::Walls, &points);
+        } else {
+            drawing.closed(Layer::Details, &points);
+        }
+    }
+    for niche in &room.shape.niches {
+        let layer = if cut(niche.min.y, niche.max.y) { Layer::Openings } else { Layer::Details };
+        drawing.closed(layer, &rectangle(niche.min, niche.max));
+    }
+    for slope in &room.shape.slopes {
+        let run = Run { world, wall: slope.wall, inset: 0.0 };
+        let length = slope.wall.length(&room.extents);
+        let mark = drawing.line(Layer::Details, &[run.at(0.0, -slope.run), run.at(length, -slope.run)]);
+        mark.dashed = true;
     }
 }
 
@@ -90,15 +136,16 @@ pub(crate) fn plan(world: &World, rows: &[Row]) -> Drawing {
     let mut drawing = page::sheet("Floor plan", scale, origin);
     let mut taken = Vec::new();
     for wall in Wall::ALL {
-        walls(&mut drawing, &Run { world, wall });
+        walls(&mut drawing, &Run { world, wall, inset: 0.0 });
     }
+    shape(&mut drawing, world);
     let things = things(world, rows);
     let lines = visible(&things);
     strokes(&mut drawing, world, rows, &lines);
     let mut labelled: Vec<Drawn> = things;
     labelled.extend(overhead(world, rows, &mut drawing));
     for wall in Wall::ALL {
-        openings(&mut drawing, &Run { world, wall }, &mut taken);
+        openings(&mut drawing, &Run { world, wall, inset: 0.0 }, &mut taken);
     }
     taken.extend(camera(&mut drawing, world));
     dimensions(&mut drawing, world);
@@ -124,8 +171,11 @@ pub(crate) fn plan(world: &World, rows: &[Row]) -> Drawing {
     north(&mut drawing, world, north_at);
     page::scale_bar(&mut drawing, bar_at);
     page::list(&mut drawing, rows);
-    let unseen: Vec<&str> =
-        Wall::ALL.into_iter().filter(|w| !Run { world, wall: *w }.measured()).map(|w| w.surface().name()).collect();
+    let unseen: Vec<&str> = Wall::ALL
+        .into_iter()
+        .filter(|w| !Run { world, wall: *w, inset: 0.0 }.measured())
+        .map(|w| w.surface().name())
+        .collect();
     let walls = if unseen.is_empty() {
         "All four walls are in the photo".to_owned()
     } else {
@@ -162,9 +212,9 @@ fn walls(drawing: &mut Drawing, run: &Run<'_>) {
     let end = if matches!(run.wall, Wall::Back | Wall::Front) { WALL_M } else { 0.0 };
     let mut from = -end;
     let mut solid = Vec::new();
-    for opening in run.openings() {
-        solid.push([from, opening.u[0].max(from)]);
-        from = opening.u[1].max(from);
+    for gap in run.gaps() {
+        solid.push([from, gap[0].max(from)]);
+        from = gap[1].max(from);
     }
     solid.push([from, length + end]);
     for [a, b] in solid.into_iter().filter(|[a, b]| b - a > 1e-4) {
@@ -180,6 +230,7 @@ fn walls(drawing: &mut Drawing, run: &Run<'_>) {
 
 fn openings(drawing: &mut Drawing, run: &Run<'_>, taken: &mut Vec<Rect>) {
     for opening in run.openings() {
+        let run = &Run { inset: opening.inset, ..*run };
         let [a, b] = opening.u;
         match opening.kind {
             OpeningKind::Window => {
@@ -359,7 +410,7 @@ fn dimensions(drawing: &mut Drawing, world: &World) {
     let e = world.scene.room.extents;
     let (near, far) = (WALL_M + drawing.mm(9.0), WALL_M + drawing.mm(18.0));
     for wall in Wall::ALL {
-        let run = Run { world, wall };
+        let run = Run { world, wall, inset: 0.0 };
         let length = wall.length(&e);
         let mut stops = vec![0.0];
         for o in run.openings() {

@@ -64,7 +64,13 @@ pub(crate) fn title(drawing: &mut Drawing, world: &World, what: &str, notes: &[S
     row(
         drawing,
         2.4,
-        &format!("Room {:.2} x {:.2} m, height {:.2} m, {:.1} m2", e.width, e.depth, e.height, e.width * e.depth),
+        &format!(
+            "Room {:.2} x {:.2} m, height {:.2} m, {:.1} m2",
+            e.width,
+            e.depth,
+            e.height,
+            world.scene.room.floor_area()
+        ),
     );
     for note in notes.iter().take(4) {
         row(drawing, 2.0, note);

@@ -74,6 +74,7 @@ pub fn scene() -> Scene {
     let room = Room {
         room_type: "study_room".to_owned(),
         extents: Extents { width: 4.2, height: 2.6, depth: 3.6 },
+        shape: harmony_scene::RoomShape::default(),
         seen: vec![Surface::Floor, Surface::Ceiling, Surface::Back, Surface::Left, Surface::Right],
         openings: vec![
             Opening {
@@ -81,6 +82,7 @@ pub fn scene() -> Scene {
                 wall: Wall::Back,
                 u: [1.8, 3.0],
                 y: [0.9, 2.1],
+                inset: 0.0,
                 object: Some(ObjectId::new("window_01").unwrap()),
             },
             Opening {
@@ -88,6 +90,7 @@ pub fn scene() -> Scene {
                 wall: Wall::Left,
                 u: [2.15, 3.05],
                 y: [0.0, 2.05],
+                inset: 0.0,
                 object: Some(ObjectId::new("door_01").unwrap()),
             },
         ],

@@ -4,7 +4,7 @@ mod quad;
 mod sampling;
 
 use glam::DVec2;
-use harmony_scene::{Camera, Extents, ImageSize, Mask, Surface};
+use harmony_scene::{Camera, ImageSize, Mask, Ray, RoomFaces, Surface};
 use image::{RgbImage, RgbaImage};
 
 /// A rectangle of a room face, in the face's own coordinates ([`Surface::point`]).
@@ -20,7 +20,7 @@ pub struct SurfaceRect {
 
 impl SurfaceRect {
     /// The whole face.
-    pub fn whole(surface: Surface, extents: &Extents) -> Self {
+    pub fn whole(surface: Surface, extents: &harmony_scene::Extents) -> Self {
         let size = surface.size(extents);
         Self { surface, u: [0.0, size.x], v: [0.0, size.y] }
     }
@@ -55,15 +55,19 @@ pub fn min_area_quad(mask: &Mask) -> Option<[DVec2; 4]> {
     quad::fit(mask)
 }
 
+/// What lies less than this before a point does not hide it, metres.
+const HIDDEN: f64 = 0.01;
+
 /// The texture of a room face as the photo shows it; alpha 255 where observed, 0 elsewhere.
 ///
 /// Column 0 is `u = u[0]` and u grows to the right, also on the walls where that mirrors what a viewer inside the room
 /// sees (right and front: see [`Surface::point`]). Row 0 is the top of a wall (`v = v[1]`), and `v[0]` (z = 0) on floor
-/// and ceiling. `visible` are the photo's pixels that show the bare surface. `extents` places the face in the room.
+/// and ceiling. `visible` are the photo's pixels that show the bare surface. Where the room has a block, a niche or a
+/// slope before the box's face, the texel is that one's, if the camera sees it.
 pub fn surface_texture(
     photo: &RgbImage,
     camera: &Camera,
-    extents: &Extents,
+    faces: &RoomFaces,
     rect: &SurfaceRect,
     px_per_m: f64,
     visible: &Mask,
@@ -74,22 +78,27 @@ pub fn surface_texture(
     let centre = camera.centre();
     let upright = rect.surface.wall().is_some();
     let (du, dv) = (rect.u[1] - rect.u[0], rect.v[1] - rect.v[0]);
-    // A face shows its inner side only.
-    let origin = rect.surface.point(extents, DVec2::new(rect.u[0], rect.v[0]));
-    if (centre - origin).dot(rect.surface.normal()) <= 0.0 {
-        return RgbaImage::new(size.width, size.height);
-    }
     sampling::resample(photo, Some(&visible), size, |texel| {
         let (s, t) = (texel.x / f64::from(size.width), texel.y / f64::from(size.height));
         let v = if upright { rect.v[1] - t * dv } else { rect.v[0] + t * dv };
-        camera.project(rect.surface.point(extents, DVec2::new(rect.u[0] + s * du, v)))
+        let (point, normal) = faces.point(rect.surface, DVec2::new(rect.u[0] + s * du, v));
+        // A face shows its inner side only, and what nothing stands before.
+        let towards = point - centre;
+        if towards.dot(normal) >= 0.0 {
+            return None;
+        }
+        let hidden = || {
+            let ray = Ray { origin: centre, direction: towards.normalize() };
+            faces.exit(&ray).is_some_and(|e| e.point.distance(centre) < towards.length() - HIDDEN)
+        };
+        if !faces.is_box() && hidden() { None } else { camera.project(point) }
     })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use harmony_scene::Intrinsics;
+    use harmony_scene::{Extents, Intrinsics};
     use image::Rgb;
 
     #[test]
@@ -166,7 +175,7 @@ mod tests {
         let all = Mask::from_fn(size, |_, _| true);
         for surface in [Surface::Back, Surface::Left, Surface::Floor] {
             let rect = SurfaceRect::whole(surface, &extents);
-            let texture = surface_texture(&photo, &camera, &extents, &rect, 40.0, &all);
+            let texture = surface_texture(&photo, &camera, &extents.into(), &rect, 40.0, &all);
             let face = surface.size(&extents);
             assert_eq!(texture.dimensions(), ((face.x * 40.0).round() as u32, (face.y * 40.0).round() as u32));
             let mut seen = 0;
@@ -186,9 +195,9 @@ mod tests {
             assert!(seen > 2000, "{surface:?} {seen}");
         }
         let front = SurfaceRect::whole(Surface::Front, &extents);
-        let unseen = surface_texture(&photo, &camera, &extents, &front, 20.0, &all);
+        let unseen = surface_texture(&photo, &camera, &extents.into(), &front, 20.0, &all);
         assert!(unseen.pixels().all(|p| p.0[3] == 0));
-        let nothing = surface_texture(&photo, &camera, &extents, &front, f64::NAN, &Mask::empty(size));
+        let nothing = surface_texture(&photo, &camera, &extents.into(), &front, f64::NAN, &Mask::empty(size));
         assert_eq!(nothing.dimensions(), (1, 1));
     }
 }

@@ -4,7 +4,7 @@ mod background;
 mod superpixels;
 
 use glam::DVec2;
-use harmony_scene::{Camera, Extents, ImageSize, Mask, PixelBox, Surface};
+use harmony_scene::{Camera, ImageSize, Mask, PixelBox, RoomFaces, Surface};
 use image::RgbImage;
 use rayon::prelude::*;
 
@@ -26,11 +26,11 @@ pub fn surface_id(surface: Surface) -> u8 {
     }
 }
 
-/// Which room face each pixel's ray leaves the box through, row-major, as [`surface_id`].
+/// Which surface of the room each pixel's ray meets, row-major, as [`surface_id`].
 ///
-/// All [`UNKNOWN_SURFACE`] when the camera is outside the box.
-pub fn surface_labels(camera: &Camera, extents: &Extents) -> Vec<u8> {
-    if !extents.contains(camera.centre(), 1e-6) {
+/// All [`UNKNOWN_SURFACE`] when the camera is outside the room's box.
+pub fn surface_labels(camera: &Camera, faces: &RoomFaces) -> Vec<u8> {
+    if !faces.extents().contains(camera.centre(), 1e-6) {
         return vec![UNKNOWN_SURFACE; camera.size.pixels()];
     }
     let width = camera.size.width.max(1) as usize;
@@ -38,7 +38,7 @@ pub fn surface_labels(camera: &Camera, extents: &Extents) -> Vec<u8> {
         .into_par_iter()
         .map(|i| {
             let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-            extents.exit(&camera.ray(pixel)).map_or(UNKNOWN_SURFACE, |(surface, _)| surface_id(surface))
+            faces.exit(&camera.ray(pixel)).map_or(UNKNOWN_SURFACE, |exit| surface_id(exit.surface))
         })
         .collect()
 }
@@ -340,7 +340,7 @@ fn overlap(a: &[bool], b: &[bool]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use harmony_scene::{Intrinsics, Vec3};
+    use harmony_scene::{Extents, Intrinsics, Vec3};
     use image::Rgb;
 
     fn room() -> (Camera, Extents) {
@@ -353,14 +353,14 @@ mod tests {
     #[test]
     fn surface_labels_follow_the_box() {
         let (camera, extents) = room();
-        let labels = surface_labels(&camera, &extents);
+        let labels = surface_labels(&camera, &extents.into());
         let at = |x: usize, y: usize| labels[y * 320 + x];
         assert_eq!(at(160, 235), surface_id(Surface::Floor));
         assert_eq!(at(160, 90), surface_id(Surface::Back));
         assert_eq!(at(2, 100), surface_id(Surface::Left));
         assert_eq!(at(317, 100), surface_id(Surface::Right));
         let outside = Camera::looking(camera.size, camera.intrinsics, Vec3::new(2.0, 1.4, 9.0), Vec3::NEG_Z);
-        assert!(surface_labels(&outside, &extents).iter().all(|l| *l == UNKNOWN_SURFACE));
+        assert!(surface_labels(&outside, &extents.into()).iter().all(|l| *l == UNKNOWN_SURFACE));
         for (k, surface) in Surface::ALL.into_iter().enumerate() {
             assert_eq!(surface_id(surface) as usize, k);
         }
@@ -369,7 +369,7 @@ mod tests {
     #[test]
     fn a_painting_and_a_chest_are_found_and_placed() {
         let (camera, extents) = room();
-        let labels = surface_labels(&camera, &extents);
+        let labels = surface_labels(&camera, &extents.into());
         let painting = |x: u32, y: u32| (120..170).contains(&x) && (60..95).contains(&y);
         let chest = |x: u32, y: u32| (190..250).contains(&x) && (120..175).contains(&y);
         let photo = RgbImage::from_fn(320, 240, |x, y| {

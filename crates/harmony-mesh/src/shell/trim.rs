@@ -1,7 +1,7 @@
 //! Boards along the walls: skirting, cornice, casings of doors.
 
 use glam::{DVec2, DVec3, Vec2};
-use harmony_scene::{Extents, OpeningKind, Room, Surface};
+use harmony_scene::{Extents, Opening, OpeningKind, Room, Surface, WallPlane};
 
 use super::Rect;
 use crate::{Group, Material, Mesh};
@@ -55,8 +55,8 @@ pub(super) fn add(mesh: &mut Mesh, room: &Room, trims: &Trims, omit: &[Surface])
         let Some(trim) = trim.filter(|t| t.height > 0.005 && t.depth > 0.001) else { continue };
         let mut triangles = Vec::new();
         for wall in Surface::ALL.into_iter().filter(|s| s.wall().is_some() && !omit.contains(s)) {
-            for board in boards(name, &trim, room, wall) {
-                board.add(mesh, &mut triangles, wall, &room.extents, &trim);
+            for (plane, board) in boards(name, &trim, room, wall) {
+                board.add(mesh, &mut triangles, plane, &room.extents, &trim);
             }
         }
         if !triangles.is_empty() {
@@ -66,58 +66,88 @@ pub(super) fn add(mesh: &mut Mesh, room: &Room, trims: &Trims, omit: &[Surface])
     }
 }
 
-/// The boards of one kind on a wall.
-fn boards(name: &str, trim: &Trim, room: &Room, wall: Surface) -> Vec<Board> {
-    let size = wall.size(&room.extents);
-    let doors: Vec<Rect> = room
-        .openings
-        .iter()
-        .filter(|o| Some(o.wall) == wall.wall() && o.kind == OpeningKind::Door)
-        .map(|o| Rect { min: DVec2::new(o.u[0], o.y[0]), max: DVec2::new(o.u[1], o.y[1]) })
-        .filter(|r| r.min.is_finite() && r.max.is_finite())
-        .collect();
+/// The boards of one kind on all planes that look as a wall does.
+fn boards(name: &str, trim: &Trim, room: &Room, wall: Surface) -> Vec<(WallPlane, Board)> {
+    let height = room.extents.height;
     // What stands at the opening's edge is the door's own frame, or its casing.
-    match name {
-        "skirting" => {
-            let y = [0.0, trim.height.min(size.y)];
-            gaps(size.x, doors.iter().filter(|d| d.min.y < y[1]))
-                .into_iter()
-                .map(|u| Board { u, y, edge: Edge::Top })
-                .collect()
-        }
-        "cornice" => {
-            let y = [(size.y - trim.height).max(0.0), size.y];
-            gaps(size.x, doors.iter().filter(|d| d.max.y > y[0]))
-                .into_iter()
-                .map(|u| Board { u, y, edge: Edge::Bottom })
-                .collect()
-        }
-        _ => doors
-            .iter()
-            .flat_map(|d| {
-                let top = (d.max.y + trim.height).min(size.y);
-                let low = d.min.y.max(0.0);
-                [
-                    ([(d.min.x - trim.height).max(0.0), d.min.x], [low, top]),
-                    ([d.max.x, (d.max.x + trim.height).min(size.x)], [low, top]),
-                    ([d.min.x, d.max.x], [d.max.y, top]),
-                ]
+    let along = |y: [f64; 2], edge: Edge| -> Vec<(WallPlane, Board)> {
+        stretches(room, wall, if edge == Edge::Top { 0.0 } else { height })
+            .into_iter()
+            .flat_map(|(plane, stretch)| {
+                let doors = doors(room, plane);
+                let gaps = gaps(stretch, doors.iter().filter(|d| d.min.y < y[1] && d.max.y > y[0]));
+                gaps.into_iter().map(move |u| (plane, Board { u, y, edge }))
             })
-            .filter(|(u, y)| u[1] - u[0] > 0.005 && y[1] - y[0] > 0.005)
-            .map(|(u, y)| Board { u, y, edge: Edge::Sharp })
-            .collect(),
+            .collect()
+    };
+    match name {
+        "skirting" => along([0.0, trim.height.min(height)], Edge::Top),
+        "cornice" => along([(height - trim.height).max(0.0), height], Edge::Bottom),
+        _ => {
+            let length = wall.size(&room.extents).x;
+            wall.wall()
+                .map_or_else(Vec::new, |w| room.planes(w))
+                .into_iter()
+                .flat_map(|plane| doors(room, plane).into_iter().map(move |d| (plane, d)))
+                .flat_map(|(plane, d)| {
+                    let top = (d.max.y + trim.height).min(height);
+                    let low = d.min.y.max(0.0);
+                    let sides = [
+                        ([(d.min.x - trim.height).max(0.0), d.min.x], [low, top]),
+                        ([d.max.x, (d.max.x + trim.height).min(length)], [low, top]),
+                        ([d.min.x, d.max.x], [d.max.y, top]),
+                    ];
+                    sides.map(|(u, y)| (plane, Board { u, y, edge: Edge::Sharp }))
+                })
+                .filter(|(_, b)| b.u[1] - b.u[0] > 0.005 && b.y[1] - b.y[0] > 0.005)
+                .collect()
+        }
     }
 }
 
-/// What the doors leave of a wall's length.
-fn gaps<'a>(length: f64, doors: impl Iterator<Item = &'a Rect>) -> Vec<[f64; 2]> {
+/// The doors in a plane.
+fn doors(room: &Room, plane: WallPlane) -> Vec<Rect> {
+    let own = |o: &&Opening| o.wall == plane.wall && (o.inset - plane.inset).abs() < super::SAME_PLANE;
+    room.openings
+        .iter()
+        .filter(|o| o.kind == OpeningKind::Door)
+        .filter(own)
+        .map(|o| Rect { min: DVec2::new(o.u[0], o.y[0]), max: DVec2::new(o.u[1], o.y[1]) })
+        .filter(|r| r.min.is_finite() && r.max.is_finite())
+        .collect()
+}
+
+/// Where planes that look as a wall does meet the floor or the ceiling, at a height: ranges along them.
+fn stretches(room: &Room, wall: Surface, height: f64) -> Vec<(WallPlane, [f64; 2])> {
+    let mut out: Vec<(WallPlane, [f64; 2])> = Vec::new();
+    for face in room.all_faces() {
+        let Some(plane) = face.plane(&room.extents).filter(|p| p.wall.surface() == wall) else { continue };
+        let at = face.polygon.iter().filter(|p| (p.y - height).abs() < 1e-6).map(|p| plane.coordinates(*p).x);
+        let (low, high) = at.fold((f64::MAX, f64::MIN), |(l, h), u| (l.min(u), h.max(u)));
+        if high - low > SHORTEST {
+            out.push((plane, [low, high]));
+        }
+    }
+    out.sort_by(|a, b| a.0.inset.total_cmp(&b.0.inset).then(a.1[0].total_cmp(&b.1[0])));
+    out.dedup_by(|next, last| {
+        let joins = (next.0.inset - last.0.inset).abs() < 1e-6 && next.1[0] <= last.1[1] + 1e-6;
+        if joins {
+            last.1[1] = last.1[1].max(next.1[1]);
+        }
+        joins
+    });
+    out
+}
+
+/// What the doors leave of a stretch of wall.
+fn gaps<'a>([from, to]: [f64; 2], doors: impl Iterator<Item = &'a Rect>) -> Vec<[f64; 2]> {
     let mut taken: Vec<[f64; 2]> = doors.map(|d| [d.min.x, d.max.x]).collect();
     taken.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let mut from = 0.0_f64;
+    let mut from = from;
     let mut out = Vec::new();
-    for [a, b] in taken.into_iter().chain([[length, length]]) {
-        if a.min(length) - from > SHORTEST {
-            out.push([from, a.min(length)]);
+    for [a, b] in taken.into_iter().chain([[to, to]]) {
+        if a.min(to) - from > SHORTEST {
+            out.push([from, a.min(to)]);
         }
         from = from.max(b);
     }
@@ -125,7 +155,7 @@ fn gaps<'a>(length: f64, doors: impl Iterator<Item = &'a Rect>) -> Vec<[f64; 2]>
 }
 
 impl Board {
-    fn add(&self, mesh: &mut Mesh, triangles: &mut Vec<[u32; 3]>, wall: Surface, e: &Extents, trim: &Trim) {
+    fn add(&self, mesh: &mut Mesh, triangles: &mut Vec<[u32; 3]>, plane: WallPlane, e: &Extents, trim: &Trim) {
         let bevel = (trim.depth * BEVEL).min((self.y[1] - self.y[0]) * 0.5);
         let [low, high] = self.y;
         // Outline across the board, from the wall under it to the wall over it: depth and height.
@@ -138,11 +168,11 @@ impl Board {
             }
             Edge::Sharp => vec![[0.0, low], [trim.depth, low], [trim.depth, high], [0.0, high]],
         };
-        let at = |u: f64, p: [f64; 2]| wall.point(e, DVec2::new(u, p[1])) + wall.normal() * p[0];
+        let at = |u: f64, p: [f64; 2]| plane.point(e, u, p[1]) + plane.normal() * p[0];
         let along = at(1.0, [0.0; 2]) - at(0.0, [0.0; 2]);
         for pair in outline.windows(2) {
             let [a, b] = [pair[0], pair[1]];
-            let normal = wall.normal() * (b[1] - a[1]) - DVec3::Y * (b[0] - a[0]);
+            let normal = plane.normal() * (b[1] - a[1]) - DVec3::Y * (b[0] - a[0]);
             let corners = [at(self.u[0], a), at(self.u[1], a), at(self.u[1], b), at(self.u[0], b)];
             polygon(mesh, triangles, &corners, normal);
         }
@@ -171,18 +201,32 @@ fn polygon(mesh: &mut Mesh, triangles: &mut Vec<[u32; 3]>, corners: &[DVec3], no
 
 #[cfg(test)]
 mod tests {
-    use harmony_scene::{Opening, Wall};
+    use harmony_scene::Wall;
 
     use super::*;
     use crate::{Bvh, ShellOptions, room_shell_with};
 
     fn room() -> Room {
-        let door = Opening { kind: OpeningKind::Door, wall: Wall::Left, u: [3.0, 3.9], y: [0.0, 2.0], object: None };
-        let window =
-            Opening { kind: OpeningKind::Window, wall: Wall::Back, u: [1.0, 2.0], y: [0.9, 2.0], object: None };
+        let door = Opening {
+            kind: OpeningKind::Door,
+            wall: Wall::Left,
+            u: [3.0, 3.9],
+            y: [0.0, 2.0],
+            inset: 0.0,
+            object: None,
+        };
+        let window = Opening {
+            kind: OpeningKind::Window,
+            wall: Wall::Back,
+            u: [1.0, 2.0],
+            y: [0.9, 2.0],
+            inset: 0.0,
+            object: None,
+        };
         Room {
             room_type: "bedroom".into(),
             extents: Extents { width: 4.0, height: 2.5, depth: 5.0 },
+            shape: harmony_scene::RoomShape::default(),
             seen: vec![],
             openings: vec![door, window],
             floor_texture: None,

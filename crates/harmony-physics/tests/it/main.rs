@@ -99,6 +99,7 @@ fn write_run(folder: &Path) {
         room: Room {
             room_type: "study".into(),
             extents: Extents { width: 5.0, height: 2.6, depth: 4.0 },
+            shape: harmony_scene::RoomShape::default(),
             seen: vec![],
             openings: vec![],
             floor_texture: None,

@@ -4,16 +4,22 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use harmony_geometry::{
-    Calibration, CalibrationSettings, CameraHints, FocalPrior, GrayImage, LayoutPins, LayoutPrior, PinnedEdge, RoomBox,
-    RoomEdge, RoomPosterior, WallSide, calibrate_with_photo, estimate_room_box, estimate_view,
+    Calibration, CalibrationSettings, CameraHints, FocalPrior, GrayImage, LayoutPins, LayoutPrior, MapInRoom,
+    PinnedEdge, RoomBox, RoomEdge, RoomPosterior, ShapeHint, ShapeKind, WallSide, calibrate_with_photo,
+    estimate_room_box, estimate_view, measure_shape, room_unknowns,
 };
 use harmony_imaging::border::Border;
 use harmony_imaging::sheet::grid_overlay;
 use harmony_io::Photo;
 use harmony_placement::{PartialScene, RoomPoints};
-use harmony_prompts::{BackWallSide, KnownDepth, LayoutAnswer, LayoutQuestion, PinKind, UnaidedRoom};
+use harmony_prompts::{
+    BackWallSide, KnownDepth, LayoutAnswer, LayoutFeature, LayoutFeatureKind, LayoutQuestion, LayoutReach, PinKind,
+    UnaidedRoom,
+};
 use harmony_roles::{GeometryAnswer, GeometryRequest, Picture};
-use harmony_scene::{Camera, Extents, ImageSize, PointMap, Room, Similarity, Surface, SurfaceTexture, WarningKind};
+use harmony_scene::{
+    Camera, Extents, ImageSize, PointMap, Room, RoomShape, Similarity, Surface, SurfaceTexture, WarningKind,
+};
 use image::RgbImage;
 use serde_json::{Value, json};
 
@@ -68,10 +74,12 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         }
         GeometryAnswer::Points(_) | GeometryAnswer::NoDepth { .. } => by_box(),
     };
+    let (found, shape) = shaped(ctx, found, &answer, size);
     let Found { camera, extents, seen, anchor, points, posterior, evidence, method, confidence, because } = found;
     let room = Room {
         room_type: tidy(&answer.room.room_type),
         extents,
+        shape,
         seen,
         openings: Vec::new(),
         floor_texture: Some(SurfaceTexture {
@@ -191,6 +199,64 @@ fn from_box(ctx: &PhaseCtx<'_>, found: RoomBox) -> Found {
     }
 }
 
+/// What makes the room other than its box, measured; the box with the walls that had to move for it.
+fn shaped(ctx: &PhaseCtx<'_>, mut found: Found, answer: &LayoutAnswer, size: ImageSize) -> (Found, RoomShape) {
+    let hints = shape_hints(answer, size);
+    if hints.is_empty() {
+        return (found, RoomShape::default());
+    }
+    let in_room = found.points.as_ref().map(|(map, similarity)| RoomPoints::new(map, similarity));
+    let map = in_room.as_ref().filter(|p| p.is_dense()).map(|p| MapInRoom { size: p.size, xyz: &p.xyz });
+    let measured = measure_shape(&hints, &found.camera, &found.extents, map);
+    for note in &measured.notes {
+        ctx.warn(WarningKind::Fallback, None, format!("the room's shape: {note}"));
+    }
+    let (extents, shift) = measured.box_after(&found.extents);
+    found.camera.translation -= found.camera.rotation * shift;
+    found.anchor += shift;
+    if let Some((_, similarity)) = &mut found.points {
+        similarity.translation += shift;
+    }
+    if let Some(posterior) = &mut found.posterior {
+        let scale = posterior.mean[9];
+        posterior.mean = room_unknowns(&found.camera, &extents, 1.0);
+        posterior.mean[9] = scale;
+    }
+    found.extents = extents;
+    found.evidence["shape"] = json!({
+        "moved_walls_m": measured.moved.iter().map(|(wall, by)| json!({ "wall": wall, "outward": by })).collect::<Vec<_>>(),
+        "notes": measured.notes,
+    });
+    (found, measured.shape)
+}
+
+/// The shape of a layout answer in the words of the geometry, pixels of an image of this size.
+fn shape_hints(answer: &LayoutAnswer, size: ImageSize) -> Vec<ShapeHint> {
+    let reaches = |f: &LayoutFeature| {
+        [LayoutReach::Floor, LayoutReach::Ceiling, LayoutReach::LeftEnd, LayoutReach::RightEnd]
+            .map(|r| f.reaches.contains(&r))
+    };
+    let hint = |f: &LayoutFeature| ShapeHint {
+        kind: match f.kind {
+            LayoutFeatureKind::Block => ShapeKind::Block,
+            LayoutFeatureKind::Niche => ShapeKind::Niche,
+            LayoutFeatureKind::Slope => ShapeKind::Slope,
+        },
+        what: f.what.chars().take(60).collect(),
+        wall: f.wall,
+        face: f.face.iter().map(|p| pixel_of(p, size)).collect(),
+        depth: f.depth_m,
+        reaches: reaches(f),
+        low: f.low_m.unwrap_or_default(),
+    };
+    answer.shape.iter().map(hint).collect()
+}
+
+/// A place in thousandths as a pixel of an image of this size.
+fn pixel_of(p: &[f64; 2], size: ImageSize) -> glam::DVec2 {
+    glam::DVec2::new(p[0] * f64::from(size.width) / 1000.0, p[1] * f64::from(size.height) / 1000.0)
+}
+
 async fn ask(
     ctx: &PhaseCtx<'_>,
     photo: &Arc<RgbImage>,
@@ -227,8 +293,7 @@ async fn ask(
 
 /// The layout answer in the words of the calibration, pixels of an image of this size.
 pub fn layout_prior(answer: &LayoutAnswer, size: ImageSize) -> LayoutPrior {
-    let pixel =
-        |p: &[f64; 2]| glam::DVec2::new(p[0] * f64::from(size.width) / 1000.0, p[1] * f64::from(size.height) / 1000.0);
+    let pixel = |p: &[f64; 2]| pixel_of(p, size);
     let c = &answer.camera;
     let edges = answer
         .pins

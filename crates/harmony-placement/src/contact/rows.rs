@@ -23,7 +23,7 @@ pub(crate) fn narrow_rows(scene: &mut PartialScene, settings: &PlacementSettings
         else {
             continue;
         };
-        let (span_a, span_b) = (along(scene, a, wall), along(scene, b, wall));
+        let (span_a, span_b) = (along(scene, a, wall.wall), along(scene, b, wall.wall));
         let overlap = span_a[1].min(span_b[1]) - span_a[0].max(span_b[0]);
         let a_first = span_a[0] + span_a[1] < span_b[0] + span_b[1];
         let shares = [(a, span_a, a_first), (b, span_b, !a_first)].map(|(object, span, first)| {
@@ -38,7 +38,7 @@ pub(crate) fn narrow_rows(scene: &mut PartialScene, settings: &PlacementSettings
             let pose = &mut scene.placed[object].pose;
             // What the wall's axis is to the room, the width is to the object.
             pose.stretch.x *= 1.0 - taken;
-            pose.position += axis(wall) * side * (overlap / 2.0 + SEAM) / 2.0;
+            pose.position += axis(wall.wall) * side * (overlap / 2.0 + SEAM) / 2.0;
             *narrowed.entry(object).or_default() += taken;
         }
     }

@@ -8,7 +8,7 @@ mod wall;
 
 pub(crate) use wall::between_curtains;
 
-use harmony_scene::{Level, PlacementType, Pose, Vec2, Vec3, Wall};
+use harmony_scene::{Level, PlacementType, Pose, Vec2, Vec3, Wall, WallPlane};
 
 use crate::noise::surprise;
 use crate::observe::Window;
@@ -151,9 +151,11 @@ impl<'a> Proposer<'a, '_> {
             return out;
         }
         if let Some(wall) = wall {
-            let constraint = self.constraint(Attachment::AgainstWall(wall), YawRule::Fixed(wall.yaw()));
-            for position in self.wall_positions(&constraint, wall) {
-                out.push(self.settled(constraint, position, price));
+            for plane in self.scene.room.planes(wall) {
+                let constraint = self.constraint(Attachment::AgainstWall(plane), YawRule::Fixed(wall.yaw()));
+                for position in self.wall_positions(&constraint, plane) {
+                    out.push(self.settled(constraint, position, price));
+                }
             }
             let about = YawRule::About { yaw: wall.yaw(), sigma: self.settings.noise.yaw_along };
             let constraint = self.constraint(Attachment::Floor, about);
@@ -207,7 +209,8 @@ impl<'a> Proposer<'a, '_> {
     /// Poses for the case that the relation is wrong: against another wall, or turned as the given front says.
     fn elsewhere(&self, said: Wall, price: f64) -> Vec<Hypothesis<'a>> {
         let mut out = Vec::new();
-        for wall in Wall::ALL.into_iter().filter(|w| *w != said && !self.scene.is_loose(*w)) {
+        let others = Wall::ALL.into_iter().filter(|w| *w != said && !self.scene.is_loose(*w));
+        for wall in others.flat_map(|w| self.scene.room.planes(w)) {
             let constraint = self.constraint(Attachment::AgainstWall(wall), YawRule::Fixed(wall.yaw()));
             // The wall that the given front speaks for costs no more than standing free.
             let agrees = matches!(self.item.yaw, YawHint::About(yaw) if angle_between(yaw, wall.yaw()).abs() < AGREES);
@@ -225,7 +228,7 @@ impl<'a> Proposer<'a, '_> {
     }
 
     /// Places along a wall: where the mask's centre is seen at the object's own distance to the wall.
-    fn wall_positions(&self, constraint: &PoseConstraint, wall: Wall) -> Vec<Vec3> {
+    fn wall_positions(&self, constraint: &PoseConstraint, wall: WallPlane) -> Vec<Vec3> {
         let e = &self.scene.room.extents;
         let size = size_of(self.item, &self.sized(Vec3::ZERO, wall.yaw()));
         let away = size.z / 2.0 + self.settings.noise.wall_clearance;
@@ -282,11 +285,10 @@ impl<'a> Proposer<'a, '_> {
 
     /// Places at several distances in the direction of the mask: when nothing else tells how far it is.
     fn along_the_ray(&self) -> Vec<Vec3> {
-        let e = &self.scene.room.extents;
         let ray = self.scene.camera.ray(self.window.mask_box.centre());
         let Some(away) = level_direction(ray.direction) else { return Vec::new() };
         let level = harmony_scene::Ray { origin: ray.origin, direction: away };
-        let Some((_, end)) = e.exit(&level) else { return Vec::new() };
+        let Some(end) = self.scene.room.faces().exit(&level).map(|exit| exit.point) else { return Vec::new() };
         [0.3, 0.5, 0.7, 0.9].map(|t| ray.origin + (end - ray.origin) * t).to_vec()
     }
 

@@ -1,7 +1,7 @@
 //! First poses on walls: the mask's centre as a ray against the walls, its extent projected onto the wall plane.
 //! Paper App. C "Wall-Mounted Object Placement". Key `wall.ray`.
 
-use harmony_scene::{Pose, Ray, Support, Vec2, Vec3, Wall};
+use harmony_scene::{Pose, Ray, Support, Vec2, Vec3, Wall, WallPlane};
 
 use super::{Hypothesis, Proposer};
 use crate::contact::rows::{along, axis};
@@ -26,11 +26,11 @@ const PLAUSIBLE: f64 = 2.5;
 pub(crate) fn hypotheses<'a>(proposer: &Proposer<'a, '_>) -> Vec<Hypothesis<'a>> {
     let mut out = Vec::new();
     let said = proposer.item.relations.wall_affinity.wall().filter(|_| proposer.settings.relations);
-    for wall in walls(proposer) {
+    for wall in planes(proposer) {
         let constraint = proposer.constraint(Attachment::OnWall(wall), YawRule::Fixed(wall.yaw()));
         let pose = on_wall(proposer, wall);
         let price =
-            if said.is_some_and(|said| said != wall) { surprise(proposer.settings.noise.wrong_hung) } else { 0.0 };
+            if said.is_some_and(|said| said != wall.wall) { surprise(proposer.settings.noise.wrong_hung) } else { 0.0 };
         out.extend(wholes(proposer, wall).iter().map(|whole| Hypothesis {
             constraint,
             pose: constraint.settle(whole),
@@ -42,7 +42,7 @@ pub(crate) fn hypotheses<'a>(proposer: &Proposer<'a, '_>) -> Vec<Hypothesis<'a>>
 }
 
 /// The object in its prior size with one of its ends and its top where they are seen, where only a part may be seen.
-fn wholes(proposer: &Proposer, wall: Wall) -> Vec<Pose> {
+fn wholes(proposer: &Proposer, wall: WallPlane) -> Vec<Pose> {
     let e = &proposer.scene.room.extents;
     let whole = proposer.sized(Vec3::ZERO, wall.yaw());
     let size = size_of(proposer.item, &whole);
@@ -54,6 +54,29 @@ fn wholes(proposer: &Proposer, wall: Wall) -> Vec<Pose> {
     vec![at(u0 + size.x / 2.0), at(u1 - size.x / 2.0)]
 }
 
+/// The planes in question: in a box the walls; else the plane that the centre ray meets, and those of the reasoned walls
+/// that it can reach.
+fn planes(proposer: &Proposer) -> Vec<WallPlane> {
+    let room = &proposer.scene.room;
+    let walls = walls(proposer);
+    if room.shape.is_box() {
+        return walls.into_iter().map(WallPlane::from).collect();
+    }
+    let ray = proposer.scene.camera.ray(proposer.window.mask_box.centre());
+    let mut out: Vec<WallPlane> = room.faces().hit_plane(&ray).into_iter().collect();
+    for wall in walls {
+        for plane in room.planes(wall) {
+            let towards = -ray.direction.dot(plane.normal());
+            let at = ray.at(plane.distance(&room.extents, ray.origin) / towards);
+            let meets = towards > 0.02 && room.plane_behind(wall, at).inset == plane.inset;
+            if meets && !out.iter().any(|p| p.wall == wall && (p.inset - plane.inset).abs() < 1e-3) {
+                out.push(plane);
+            }
+        }
+    }
+    if out.is_empty() { vec![Wall::Back.into()] } else { out }
+}
+
 /// The walls in question: the one that the centre ray meets, its neighbour near a seam, and the reasoned one.
 fn walls(proposer: &Proposer) -> Vec<Wall> {
     let e = &proposer.scene.room.extents;
@@ -62,8 +85,8 @@ fn walls(proposer: &Proposer) -> Vec<Wall> {
     if proposer.settings.relations {
         out.extend(proposer.item.relations.wall_affinity.wall());
     }
-    let hit = e.exit(&ray).and_then(|(face, at)| match face.wall() {
-        Some(wall) => Some((wall, at)),
+    let hit = proposer.scene.room.faces().exit(&ray).and_then(|exit| match exit.wall() {
+        Some(wall) => Some((wall, exit.point)),
         None => nearest_wall(proposer, &ray),
     });
     if let Some((wall, at)) = hit {
@@ -92,7 +115,7 @@ fn nearest_wall(proposer: &Proposer, ray: &Ray) -> Option<(Wall, Vec3)> {
 }
 
 /// Where a pixel's ray meets the plane of an object on a wall: `(u, y)` of the wall.
-fn on_plane(proposer: &Proposer, wall: Wall, size: Vec3, pixel: Vec2) -> Option<Vec2> {
+fn on_plane(proposer: &Proposer, wall: WallPlane, size: Vec3, pixel: Vec2) -> Option<Vec2> {
     // What is seen of a thick object is its front as much as its sides: the middle plane is the least wrong.
     let away = proposer.settings.noise.wall_clearance + if proposer.item.traits.planar { size.z } else { size.z / 2.0 };
     let ray = proposer.scene.camera.ray(pixel);
@@ -102,7 +125,7 @@ fn on_plane(proposer: &Proposer, wall: Wall, size: Vec3, pixel: Vec2) -> Option<
 }
 
 /// From where to where the mask reaches on a wall, along it and in height; strays do not count.
-fn seen_on(proposer: &Proposer, wall: Wall, size: Vec3) -> Option<[(f64, f64); 2]> {
+fn seen_on(proposer: &Proposer, wall: WallPlane, size: Vec3) -> Option<[(f64, f64); 2]> {
     let pixels = proposer.window.masked_pixels().into_iter();
     let (mut us, mut ys): (Vec<f64>, Vec<f64>) =
         pixels.filter_map(|p| on_plane(proposer, wall, size, p)).map(|c| (c.x, c.y)).unzip();
@@ -118,7 +141,7 @@ fn seen_on(proposer: &Proposer, wall: Wall, size: Vec3) -> Option<[(f64, f64); 2
 /// Place and size on a wall from the mask's free edges, projected onto the plane of the object's front.
 ///
 /// Projecting every pixel is the exact foreshortening correction.
-fn on_wall(proposer: &Proposer, wall: Wall) -> Pose {
+fn on_wall(proposer: &Proposer, wall: WallPlane) -> Pose {
     let (item, window, camera) = (proposer.item, proposer.window, &proposer.scene.camera);
     let e = &proposer.scene.room.extents;
     let mut pose = proposer.sized(Vec3::ZERO, wall.yaw());

@@ -3,7 +3,7 @@
 //! The paper projects a refined pose back onto its support (Sec. 3.3, App. C). Here the support is built into the
 //! parameters, so that every step and every trial of the optimiser is on the support already.
 
-use harmony_scene::{Pose, Size, Support, Vec2, Vec3, Wall};
+use harmony_scene::{Pose, Size, Support, Vec2, Vec3, Wall, WallPlane};
 
 use crate::noise::Noise;
 use crate::scene::support::{self, SurfaceQuery};
@@ -28,9 +28,9 @@ pub(crate) enum Attachment {
     /// Anywhere on the floor.
     Floor,
     /// On the floor, its back to a wall.
-    AgainstWall(Wall),
+    AgainstWall(WallPlane),
     /// Fixed flush to a wall.
-    OnWall(Wall),
+    OnWall(WallPlane),
     /// Hung so that its top touches the ceiling.
     Ceiling,
     /// On a surface of a placed object.
@@ -147,21 +147,29 @@ pub(crate) fn height_stretch(item: &Item, scale: f64, stretch: f64) -> f64 {
 pub(crate) fn attachment_of(scene: &PartialScene, object: usize, noise: &Noise) -> Attachment {
     let placed = &scene.placed[object];
     match &placed.support {
-        Support::Wall { wall } => Attachment::OnWall(*wall),
+        Support::Wall { wall } => Attachment::OnWall(scene.room.plane_behind(*wall, placed.pose.position)),
         Support::Ceiling => Attachment::Ceiling,
         Support::Object { id } => match scene.position(id) {
             Some(host) if host != object => Attachment::OnHost { host, level: placed.pose.position.y },
             _ => Attachment::Floor,
         },
         Support::Floor => match placed.item.relations.wall_affinity.wall() {
-            Some(wall) if !scene.is_loose(wall) && at_wall(scene, placed, wall, noise) => Attachment::AgainstWall(wall),
-            _ => Attachment::Floor,
+            Some(wall) => {
+                let plane = scene.room.plane_behind(wall, placed.pose.position);
+                let known = plane.inset != 0.0 || !scene.is_loose(wall);
+                if known && at_wall(scene, placed, plane, noise) {
+                    Attachment::AgainstWall(plane)
+                } else {
+                    Attachment::Floor
+                }
+            }
+            None => Attachment::Floor,
         },
     }
 }
 
 /// Whether an object stands with its back to a wall.
-fn at_wall(scene: &PartialScene, placed: &Placed, wall: Wall, noise: &Noise) -> bool {
+fn at_wall(scene: &PartialScene, placed: &Placed, wall: WallPlane, noise: &Noise) -> bool {
     let gap = wall.distance(&scene.room.extents, placed.pose.position) - placed.size().depth / 2.0;
     gap < noise.wall_gap_most + SAME_PLACE && angle_between(placed.pose.yaw, wall.yaw()).abs() < SAME_TURN
 }
@@ -256,7 +264,7 @@ impl PoseConstraint<'_> {
                 let y = numbers[1].clamp(0.0, highest);
                 let away = if self.item.traits.opening {
                     // A curtain must hang free of the constraint, and hangs along the wall.
-                    let proud = if self.is_curtained(wall, numbers[0], size.x) { 0.0 } else { PROUD };
+                    let proud = if self.is_curtained(wall.wall, numbers[0], size.x) { 0.0 } else { PROUD };
                     size.z.min(proud) - size.z / 2.0
                 } else {
                     size.z / 2.0
@@ -287,10 +295,35 @@ impl PoseConstraint<'_> {
         if fixed_axis != Some(false) {
             pose.position.z = axis_clamp(pose.position.z, low.z, high.z, e.depth, [Wall::Back, Wall::Front]);
         }
+        if self.attachment == Attachment::Floor {
+            pose.position += self.out_of_blocks(pose.position + low, pose.position + high);
+        }
         if let Attachment::OnHost { host, level } = self.attachment {
             pose.position.y = self.surface(host, level, &pose).map_or(level, |s| s.height);
         }
         pose
+    }
+
+    /// The shortest level way out of the room's solid blocks for a box of room coordinates.
+    fn out_of_blocks(&self, low: Vec3, high: Vec3) -> Vec3 {
+        let e = &self.scene.room.extents;
+        let mut by = Vec3::ZERO;
+        for block in &self.scene.room.shape.blocks {
+            let (low, high) = (low + by, high + by);
+            if !(low.cmplt(block.max).all() && high.cmpgt(block.min).all()) {
+                continue;
+            }
+            let room = [block.min.x - (high.x - low.x), e.width - block.max.x - (high.x - low.x)];
+            let ways = [
+                (Vec3::NEG_X * (high.x - block.min.x), room[0]),
+                (Vec3::X * (block.max.x - low.x), room[1]),
+                (Vec3::NEG_Z * (high.z - block.min.z), block.min.z - (high.z - low.z)),
+                (Vec3::Z * (block.max.z - low.z), e.depth - block.max.z - (high.z - low.z)),
+            ];
+            let way = ways.into_iter().filter(|w| w.1 >= 0.0).min_by(|a, b| a.0.length().total_cmp(&b.0.length()));
+            by += way.map_or(Vec3::ZERO, |w| w.0);
+        }
+        by
     }
 
     /// Where the ray of a pixel meets a level plane, within reach of the room.
@@ -337,7 +370,7 @@ impl PoseConstraint<'_> {
     pub(crate) fn support(&self) -> Support {
         match self.attachment {
             Attachment::Floor | Attachment::AgainstWall(_) => Support::Floor,
-            Attachment::OnWall(wall) => Support::Wall { wall },
+            Attachment::OnWall(plane) => Support::Wall { wall: plane.wall },
             Attachment::Ceiling => Support::Ceiling,
             Attachment::OnHost { host, .. } => match self.scene.placed.get(host) {
                 Some(p) => Support::Object { id: p.item.id.clone() },

@@ -141,11 +141,14 @@ impl PartialScene {
                     p.pose.position -= wall.normal() * by;
                 }
             }
+            let old = self.room.extents;
             match wall {
                 Wall::Front => self.room.extents.depth += by,
                 Wall::Right | Wall::Left => self.room.extents.width += by,
                 Wall::Back => {}
             }
+            let left = if wall == Wall::Left { by } else { 0.0 };
+            self.room.shape.fitted(&old, &self.room.extents, left);
             if wall == Wall::Left {
                 shift = by;
                 self.shift(Vec3::X * by);

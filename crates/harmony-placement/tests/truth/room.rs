@@ -143,6 +143,7 @@ impl GtRoom {
         let room = Room {
             room_type: name.to_owned(),
             extents: Extents { width: number("W"), height: number("H"), depth: number("D") },
+            shape: harmony_scene::RoomShape::default(),
             seen: Vec::new(),
             openings: Vec::new(),
             floor_texture: None,

@@ -21,6 +21,7 @@ fn room(width: f64, height: f64, depth: f64) -> Room {
     Room {
         room_type: "room".into(),
         extents: Extents { width, height, depth },
+        shape: harmony_scene::RoomShape::default(),
         seen: vec![],
         openings: vec![],
         floor_texture: None,

@@ -3,7 +3,7 @@
 use glam::DVec2;
 use harmony_imaging::rectify::{SurfaceRect, surface_texture};
 use harmony_placement::RoomPoints;
-use harmony_scene::{Camera, Extents, ImageSize, Mask, Surface};
+use harmony_scene::{Camera, Extents, ImageSize, Mask, RoomFaces, Surface};
 use image::{RgbImage, Rgba, RgbaImage};
 
 use crate::state::SceneState;
@@ -43,7 +43,7 @@ pub fn bare_pixels(state: &SceneState) -> Bare {
     let bare = without_slivers(&Mask::from_fn(size, |_, _| true).minus(&taken), px(SLIVER).max(2));
     let bare = match &state.partial.points {
         Some(points) if points.is_dense() => {
-            let off = off_faces(points, &state.partial.camera, &state.partial.room.extents, &bare);
+            let off = off_faces(points, &state.partial.camera, &state.partial.room.faces(), &bare);
             without_slivers(&bare.minus(&off.dilated(1)), px(SLIVER).max(2))
         }
         _ => bare,
@@ -65,18 +65,9 @@ fn without_slivers(mask: &Mask, radius: i32) -> Mask {
     mask.dilated(-radius).dilated(radius).and(mask)
 }
 
-/// Distance of a room point to a face, positive inside.
-fn inward(surface: Surface, extents: &Extents, p: glam::DVec3) -> f64 {
-    match surface {
-        Surface::Floor => p.y,
-        Surface::Ceiling => extents.height - p.y,
-        other => other.wall().map_or(0.0, |wall| wall.distance(extents, p)),
-    }
-}
-
 /// Pixels whose points lie before the face that the room has there. Each face is judged against the middle of its own
 /// points: a face that is a little off has none of its pixels taken away.
-fn off_faces(points: &RoomPoints, camera: &Camera, extents: &Extents, bare: &Mask) -> Mask {
+fn off_faces(points: &RoomPoints, camera: &Camera, faces: &RoomFaces, bare: &Mask) -> Mask {
     let grid = points.size;
     let photo = camera.size;
     let place = |i: usize| {
@@ -94,8 +85,8 @@ fn off_faces(points: &RoomPoints, camera: &Camera, extents: &Extents, bare: &Mas
             if !known || !bare.get(at.x as i64, at.y as i64) {
                 return None;
             }
-            let (surface, _) = extents.exit(&camera.ray(at))?;
-            Some((surface, inward(surface, extents, p), camera.depth(p).max(0.0)))
+            let there = faces.exit(&camera.ray(at))?;
+            Some((there.surface, (p - there.point).dot(there.normal), camera.depth(p).max(0.0)))
         })
         .collect();
     let mut off = vec![false; grid.pixels()];
@@ -144,21 +135,21 @@ impl Face {
     pub fn seen(
         source: &RgbImage,
         camera: &Camera,
-        extents: &Extents,
+        faces: &RoomFaces,
         surface: Surface,
         px_per_m: f64,
         Bare { bare, open }: &Bare,
     ) -> Self {
-        let rect = SurfaceRect::whole(surface, extents);
-        let mut texture = surface_texture(source, camera, extents, &rect, px_per_m, bare);
-        let kept = surface_texture(source, camera, extents, &rect, px_per_m, open);
+        let rect = SurfaceRect::whole(surface, faces.extents());
+        let mut texture = surface_texture(source, camera, faces, &rect, px_per_m, bare);
+        let kept = surface_texture(source, camera, faces, &rect, px_per_m, open);
         for (p, k) in texture.pixels_mut().zip(kept.pixels()) {
             if p.0[3] > 0 && k.0[3] == 0 {
                 p.0[3] = NOOK_ALPHA;
             }
         }
         let size = ImageSize::new(texture.width(), texture.height());
-        let sharp = sharp(camera, extents, surface, size);
+        let sharp = sharp(camera, faces, surface, size);
         Self { surface, texture, sharp, px_per_m }
     }
 
@@ -168,7 +159,8 @@ impl Face {
     }
 
     /// Forgets the texels along the face's edges, where the line between two faces may be a little off.
-    pub fn without_seams(&mut self, camera: &Camera, extents: &Extents) {
+    pub fn without_seams(&mut self, camera: &Camera, faces: &RoomFaces) {
+        let extents = faces.extents();
         let face = self.surface.size(extents);
         let focal = camera.intrinsics.fx.max(1.0);
         let centre = camera.centre();
@@ -183,8 +175,8 @@ impl Face {
                 if edge > 0.15 {
                     continue;
                 }
-                let p = self.surface.point(extents, uv);
-                let slant = (p - centre).normalize_or_zero().dot(self.surface.normal()).abs().max(0.15);
+                let (p, normal) = faces.point(self.surface, uv);
+                let slant = (p - centre).normalize_or_zero().dot(normal).abs().max(0.15);
                 let limit = SEAM.max(SEAM_PX * camera.depth(p).max(0.0) / focal / slant).min(0.12);
                 if edge < limit {
                     self.texture.put_pixel(x, y, Rgba([0; 4]));
@@ -214,10 +206,10 @@ fn face_point(surface: Surface, extents: &Extents, size: ImageSize, x: f64, y: f
 }
 
 /// Which texels the photo shows at least about as finely as the texture has them.
-fn sharp(camera: &Camera, extents: &Extents, surface: Surface, size: ImageSize) -> Vec<bool> {
+fn sharp(camera: &Camera, faces: &RoomFaces, surface: Surface, size: ImageSize) -> Vec<bool> {
     let (width, height) = (size.width as usize, size.height as usize);
     let across = width.div_ceil(BLOCK);
-    let at = |x: f64, y: f64| camera.project(surface.point(extents, face_point(surface, extents, size, x, y)));
+    let at = |x: f64, y: f64| camera.project(faces.point(surface, face_point(surface, faces.extents(), size, x, y)).0);
     let blocks: Vec<bool> = (0..across * height.div_ceil(BLOCK))
         .map(|i| {
             let (x, y) = (((i % across) * BLOCK + BLOCK / 2) as f64, ((i / across) * BLOCK + BLOCK / 2) as f64);
@@ -265,7 +257,7 @@ mod tests {
             xyz,
             confidence: vec![1.0; camera.size.pixels()],
         };
-        let off = off_faces(&points, &camera, &extents, &all);
+        let off = off_faces(&points, &camera, &extents.into(), &all);
         for (i, flag) in off.bits().iter().enumerate() {
             assert_eq!(*flag, chest(i as u32 % 160, i as u32 / 160), "{i}");
         }
@@ -285,12 +277,12 @@ mod tests {
         // The whole back wall is seen, from column 28 to 132.
         let open = Mask::from_fn(camera.size, |x, _| x < 120);
         let bare = Bare { bare: all, open };
-        let mut face = Face::seen(&photo, &camera, &extents, Surface::Back, 100.0, &bare);
+        let mut face = Face::seen(&photo, &camera, &extents.into(), Surface::Back, 100.0, &bare);
         let alphas: std::collections::BTreeSet<u8> = face.texture.pixels().map(|p| p.0[3]).collect();
         assert_eq!(alphas.into_iter().collect::<Vec<_>>(), [NOOK_ALPHA, 255]);
         let bottom = face.texture.height() - 1;
         assert_eq!(face.texture.get_pixel(200, bottom).0[3], 255);
-        face.without_seams(&camera, &extents);
+        face.without_seams(&camera, &extents.into());
         face.without_heights(&extents, 1.0, 1.2);
         // 1.5 pixels of 117 px focal length at 4.5 m are 6 cm.
         assert_eq!(face.texture.get_pixel(200, bottom).0[3], 0);

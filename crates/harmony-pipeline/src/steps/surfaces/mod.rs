@@ -8,9 +8,10 @@ mod trim;
 
 use std::sync::Arc;
 
+use harmony_imaging::color::linear_from_srgb;
 use harmony_mesh::Trims;
 use harmony_roles::{EditKind, EditRequest};
-use harmony_scene::{Level, Mask, Opening, OpeningKind, Support, Surface};
+use harmony_scene::{Camera, Level, Mask, Opening, OpeningKind, Room, Support, Surface};
 use image::{DynamicImage, RgbImage};
 use rayon::prelude::*;
 use serde_json::json;
@@ -40,6 +41,7 @@ pub fn openings(state: &SceneState) -> Vec<Opening> {
             let Support::Wall { wall } = p.support else { return None };
             let size = p.size();
             let at = wall.coordinates(p.pose.position);
+            let plane = state.partial.room.plane_behind(wall, p.pose.position);
             // The frame covers the wall's edge all around.
             let inset = 0.03_f64.min(size.width * 0.1);
             let u = [
@@ -53,6 +55,7 @@ pub fn openings(state: &SceneState) -> Vec<Opening> {
                 wall,
                 u,
                 y,
+                inset: plane.inset,
                 object: Some(p.item.id.clone()),
             })
         })
@@ -102,10 +105,13 @@ fn with_margin(state: &SceneState, objects: &Mask) -> Mask {
 pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<RgbImage>>) -> Result<(), PhaseError> {
     let seen = state.clone();
     let finest = ctx.settings.surface_px_per_m;
-    let (painted, trims, faces) = tokio::task::spawn_blocking(move || painted(&seen, bare.as_deref(), finest))
+    let (painted, trims, faces, sides) = tokio::task::spawn_blocking(move || painted(&seen, bare.as_deref(), finest))
         .await
         .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
     state.trims = trims;
+    for (niche, color) in state.partial.room.shape.niches.iter_mut().zip(sides) {
+        niche.sides = color;
+    }
     for face in &faces {
         let name = format!("textures/seen/{}.png", face.surface.name());
         ctx.write_picture_rgba_in(Phase::Layout, &name, &face.texture)?;
@@ -131,8 +137,13 @@ pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<Rg
 }
 
 /// All faces in their materials, and the boards along the walls.
-fn painted(state: &SceneState, bare: Option<&RgbImage>, finest: f64) -> (Painted, Trims, Vec<Face>) {
+fn painted(
+    state: &SceneState,
+    bare: Option<&RgbImage>,
+    finest: f64,
+) -> (Painted, Trims, Vec<Face>, Vec<Option<[f32; 3]>>) {
     let (camera, extents) = (state.partial.camera, state.partial.room.extents);
+    let room_faces = state.partial.room.faces();
     let visible = match bare {
         Some(_) => {
             let all = Mask::from_fn(camera.size, |_, _| true).minus(&state.photo_frame);
@@ -146,12 +157,12 @@ fn painted(state: &SceneState, bare: Option<&RgbImage>, finest: f64) -> (Painted
     let px_per_m = finest.min(LONGEST_PX / longest);
     let mut faces: Vec<Face> = Surface::ALL
         .par_iter()
-        .map(|surface| Face::seen(source, &camera, &extents, *surface, px_per_m, &visible))
+        .map(|surface| Face::seen(source, &camera, &room_faces, *surface, px_per_m, &visible))
         .collect();
     let answer = &state.layout.answer;
     let trims = trim::trims(&answer.trims, &faces, &extents);
     faces.par_iter_mut().for_each(|face| {
-        face.without_seams(&camera, &extents);
+        face.without_seams(&camera, &room_faces);
         if face.surface.wall().is_some() {
             // What the boards cover, and their shadow.
             if let Some(board) = trims.skirting {
@@ -162,5 +173,30 @@ fn painted(state: &SceneState, bare: Option<&RgbImage>, finest: f64) -> (Painted
             }
         }
     });
-    (paint::paint(&faces, &answer.surfaces, &state.partial.room), trims, faces)
+    let sides = niche_sides(source, &camera, &state.partial.room, &visible.bare);
+    (paint::paint(&faces, &answer.surfaces, &state.partial.room), trims, faces, sides)
 }
+
+/// Linear colour of each niche's sides, sill and lintel: the middle of the bare pixels that show them.
+fn niche_sides(photo: &RgbImage, camera: &Camera, room: &Room, bare: &Mask) -> Vec<Option<[f32; 3]>> {
+    let mut seen: Vec<Vec<[u8; 3]>> = vec![Vec::new(); room.shape.niches.len()];
+    if !seen.is_empty() {
+        let faces = room.faces();
+        for (x, y, pixel) in photo.enumerate_pixels().filter(|(x, y, _)| bare.get(i64::from(*x), i64::from(*y))) {
+            let ray = camera.ray(glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
+            if let Some(k) = faces.exit(&ray).and_then(|e| e.side_of) {
+                seen[k].push(pixel.0);
+            }
+        }
+    }
+    let middle = |mut pixels: Vec<[u8; 3]>| {
+        (pixels.len() >= LEAST_SIDE_PX).then(|| {
+            pixels.sort_by_key(|p| p.iter().map(|c| u32::from(*c)).sum::<u32>());
+            pixels[pixels.len() / 2].map(|c| linear_from_srgb(f32::from(c) / 255.0))
+        })
+    };
+    seen.into_iter().map(middle).collect()
+}
+
+/// Pixels that tell the colour of a niche's sides, at least.
+const LEAST_SIDE_PX: usize = 40;

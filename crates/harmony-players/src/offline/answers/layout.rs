@@ -39,6 +39,7 @@ pub fn layout(question: &LayoutQuestion, photo: Option<&RgbImage>) -> LayoutAnsw
             floor_depth_m: depth,
             ceiling_height_m: height,
         },
+        shape: Vec::new(),
         walls: vec![LayoutWall {
             orientation: Wall::Back,
             length_m: width,

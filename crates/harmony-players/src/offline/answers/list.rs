@@ -35,7 +35,7 @@ pub fn list(question: &ListQuestion, photo: Option<&RgbImage>) -> ListAnswer {
     {
         return ListAnswer::default();
     }
-    let labels = surface_labels(&camera, &view.extents);
+    let labels = surface_labels(&camera, &view.extents.into());
     let regions = propose_regions(photo, &labels, &RegionSettings::default());
     let mut answer = ListAnswer::default();
     for region in regions.iter().filter(|r| r.objectness >= MIN_OBJECTNESS).take(3 * MAX_THINGS) {

@@ -1,0 +1,533 @@
+//! Blocks, niches and slopes of a room, measured: what a layout answer points at, fitted to the point map and the photo.
+//!
+//! The answer names the wall and outlines the face in the photo. The face's plane is where the map's points of the outline
+//! agree (or where the outline meets the floor, or else the depth that was told); the outline's rays on that plane give
+//! its sides. When the plane turns out to be the one that calibration took for the wall, the box's wall is moved to where
+//! the wall really is. Beyond the paper, whose rooms are boxes.
+
+use harmony_scene::{Block, Camera, Extents, ImageSize, Niche, RoomShape, Slope, Vec2, Vec3, Wall};
+
+use crate::stats::{median, median_absolute_deviation};
+
+/// What a hint says that there is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ShapeKind {
+    /// Solid, standing out of a wall.
+    Block,
+    /// Free, behind a wall's face.
+    Niche,
+    /// A ceiling that comes down towards a wall.
+    Slope,
+}
+
+/// A feature of the room as a layout answer gives it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ShapeHint {
+    /// What it is.
+    pub kind: ShapeKind,
+    /// In a word or two.
+    pub what: String,
+    /// The wall concerned.
+    pub wall: Wall,
+    /// Outline of its face, pixels of the camera's image.
+    pub face: Vec<Vec2>,
+    /// How far it stands out of the wall, goes behind it, or reaches into the room, metres.
+    pub depth: f64,
+    /// Whether the face goes on to floor, ceiling, and the walls at its left and right end in the photo.
+    pub reaches: [bool; 4],
+    /// A slope's height at its wall, metres.
+    pub low: f64,
+}
+
+/// A point map in the room frame.
+#[derive(Debug, Clone, Copy)]
+pub struct MapInRoom<'a> {
+    /// Grid size; covers the whole image.
+    pub size: ImageSize,
+    /// Room positions, metres; NaN where there is none.
+    pub xyz: &'a [Vec3],
+}
+
+/// What was measured.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct MeasuredShape {
+    /// In the box whose walls moved as `moved` says.
+    pub shape: RoomShape,
+    /// Walls of the box that go outward, metres (inward: negative): calibration had taken a block's face for the wall.
+    pub moved: Vec<(Wall, f64)>,
+    /// What could not be measured, or was not believed, in words.
+    pub notes: Vec<String>,
+}
+
+/// Points of a map that a plane needs.
+const LEAST_POINTS: usize = 60;
+/// Points this near to each other along a normal are of one plane, metres.
+const PLANE: f64 = 0.05;
+/// Share of a face's points that its plane has at least; the others are furniture before it.
+const LEAST_SHARE: f64 = 0.15;
+/// A face is one with the box's wall when it is nearer to it than this, metres and as a share of what was told.
+const SAME: (f64, f64) = (0.10, 0.35);
+/// An end this near to floor, ceiling or a wall reaches it, metres.
+const SNAP: f64 = 0.07;
+/// A face thinner than this is none, metres.
+const THINNEST: f64 = 0.04;
+/// A measured side lies this near to the outlined one, metres.
+const SIDE: f64 = 0.15;
+
+/// Measures what a layout answer says of the room's shape.
+pub fn measure_shape(hints: &[ShapeHint], camera: &Camera, extents: &Extents, map: Option<MapInRoom>) -> MeasuredShape {
+    let mut out = MeasuredShape::default();
+    let view = View { camera, extents, map };
+    let uprights: Vec<&ShapeHint> = hints.iter().filter(|h| h.kind != ShapeKind::Slope).collect();
+    // Walls first: what one feature says of its wall holds for all on it.
+    for wall in Wall::ALL {
+        let moves: Vec<f64> =
+            uprights.iter().filter(|h| h.wall == wall).filter_map(|h| view.wall_behind(h, hints)).collect();
+        if let Some(by) = median(&moves) {
+            out.moved.push((wall, by));
+        }
+    }
+    for hint in uprights {
+        view.upright(hint, &mut out);
+    }
+    for hint in hints.iter().filter(|h| h.kind == ShapeKind::Slope) {
+        let (slope, note) = view.slope(hint);
+        out.notes.extend(note);
+        out.shape.slopes.extend(slope);
+    }
+    out.shape_in_moved_box(extents);
+    out
+}
+
+impl MeasuredShape {
+    /// The box with its moved walls, and how far everything goes along x and z with the box's origin.
+    pub fn box_after(&self, extents: &Extents) -> (Extents, Vec3) {
+        let (mut after, mut shift) = (*extents, Vec3::ZERO);
+        for (wall, by) in &self.moved {
+            match wall {
+                Wall::Back | Wall::Front => after.depth += by,
+                Wall::Left | Wall::Right => after.width += by,
+            }
+            match wall {
+                Wall::Back => shift.z += by,
+                Wall::Left => shift.x += by,
+                Wall::Front | Wall::Right => {}
+            }
+        }
+        (after, shift)
+    }
+
+    /// Coordinates were in the old box: the origin moves with the back and the left wall, what reaches a wall goes on to
+    /// where that is now.
+    fn shape_in_moved_box(&mut self, old: &Extents) {
+        let (after, shift) = self.box_after(old);
+        let (low, high) = (-shift, after.as_vec() - shift);
+        let fit = |p: &mut Vec3, outside: bool| {
+            for i in [0, 2] {
+                let (was_low, was_high) = (0.0, old.as_vec()[i]);
+                if !outside && (p[i] - was_low).abs() < 1e-9 {
+                    p[i] = low[i];
+                } else if !outside && (p[i] - was_high).abs() < 1e-9 {
+                    p[i] = high[i];
+                }
+            }
+            *p += shift;
+        };
+        for block in &mut self.shape.blocks {
+            fit(&mut block.min, false);
+            fit(&mut block.max, false);
+        }
+        for slope in &mut self.shape.slopes {
+            // The same plane, from where its wall is now.
+            let outward = self.moved.iter().find(|(w, _)| *w == slope.wall).map_or(0.0, |m| m.1);
+            let rise = (old.height - slope.low) / slope.run;
+            slope.low -= rise * outward;
+            slope.run += outward;
+        }
+        for niche in &mut self.shape.niches {
+            fit(&mut niche.min, true);
+            fit(&mut niche.max, true);
+        }
+    }
+}
+
+struct View<'a> {
+    camera: &'a Camera,
+    extents: &'a Extents,
+    map: Option<MapInRoom<'a>>,
+}
+
+impl View<'_> {
+    /// Points of the map inside an outline.
+    fn points(&self, outline: &[Vec2]) -> Vec<Vec3> {
+        let Some(map) = self.map else { return Vec::new() };
+        let (w, h) = (map.size.width as usize, map.size.height as usize);
+        let image = self.camera.size;
+        (0..(w * h).min(map.xyz.len()))
+            .filter(|i| {
+                let at = Vec2::new(
+                    ((i % w) as f64 + 0.5) * f64::from(image.width) / w as f64,
+                    ((i / w) as f64 + 0.5) * f64::from(image.height) / h as f64,
+                );
+                map.xyz[*i].is_finite() && inside(outline, at)
+            })
+            .map(|i| map.xyz[i])
+            .collect()
+    }
+
+    /// How far before the box's wall a hint's face is, metres (behind: negative), as measured; `None` without evidence.
+    fn offset(&self, hint: &ShapeHint) -> Option<f64> {
+        let expected = if hint.kind == ShapeKind::Niche { -hint.depth } else { hint.depth };
+        let away: Vec<f64> = self.points(&hint.face).iter().map(|p| hint.wall.distance(self.extents, *p)).collect();
+        // Of a niche, the bottom is behind the opening: both planes are in the outline.
+        plane_of(&away, expected).or_else(|| self.offset_by_floor(hint))
+    }
+
+    /// The same from where the lower edge of the outline meets the floor, or its upper edge the ceiling.
+    fn offset_by_floor(&self, hint: &ShapeHint) -> Option<f64> {
+        let (floor, ceiling) = (hint.reaches[0], hint.reaches[1]);
+        if hint.kind == ShapeKind::Niche || !(floor || ceiling) {
+            return None;
+        }
+        let middle = hint.face.iter().map(|p| p.y).sum::<f64>() / hint.face.len() as f64;
+        let border = |p: &Vec2| {
+            let s = self.camera.size;
+            p.x > 2.0 && p.y > 2.0 && p.x < f64::from(s.width) - 2.0 && p.y < f64::from(s.height) - 2.0
+        };
+        let met: Vec<f64> = hint
+            .face
+            .iter()
+            .filter(|p| border(p))
+            .filter_map(|p| {
+                let height = if p.y > middle { floor.then_some(0.0) } else { ceiling.then_some(self.extents.height) }?;
+                let ray = self.camera.ray(*p);
+                let k = (height - ray.origin.y) / ray.direction.y;
+                (k.is_finite() && k > 0.1).then(|| hint.wall.distance(self.extents, ray.at(k)))
+            })
+            .collect();
+        median(&met).filter(|d| *d > 0.0)
+    }
+
+    /// How far the box's wall must go outward because calibration took the face of a block for it, or inward because it
+    /// took the bottom of a niche; `None` where it did not.
+    fn wall_behind(&self, hint: &ShapeHint, hints: &[ShapeHint]) -> Option<f64> {
+        let offset = self.offset(hint)?;
+        let told = if hint.kind == ShapeKind::Niche { -hint.depth } else { hint.depth };
+        if offset.abs() > SAME.0.max(SAME.1 * hint.depth) {
+            return None;
+        }
+        // Is there a plane where the wall should be then, outside of what was outlined on it?
+        let map = self.map?;
+        let (w, image) = (map.size.width as usize, self.camera.size);
+        let away: Vec<f64> = map
+            .xyz
+            .iter()
+            .enumerate()
+            .filter(|(_, p)| p.is_finite() && p.y > 0.05 && p.y < self.extents.height - 0.05)
+            .filter(|(i, _)| {
+                let at = Vec2::new(
+                    ((i % w) as f64 + 0.5) * f64::from(image.width) / w as f64,
+                    ((i / w) as f64 + 0.5) * f64::from(image.height) / f64::from(map.size.height),
+                );
+                !hints.iter().any(|h| h.wall == hint.wall && inside(&h.face, at))
+            })
+            .map(|(_, p)| hint.wall.distance(self.extents, *p) + told)
+            .filter(|d| d.abs() < 0.5 * hint.depth)
+            .collect();
+        let behind = plane_of(&away, 0.0)? - told;
+        (behind.abs() > THINNEST).then_some(-behind)
+    }
+
+    /// A block or niche, in coordinates of the box as it was.
+    fn upright(&self, hint: &ShapeHint, out: &mut MeasuredShape) {
+        let outward = out.moved.iter().find(|(w, _)| *w == hint.wall).map_or(0.0, |m| m.1);
+        let told = if hint.kind == ShapeKind::Niche { -hint.depth } else { hint.depth };
+        // From the wall's place after the move, along its normal.
+        let measured = self.offset(hint).map(|d| d + outward);
+        let believed = |d: &f64| d * told > 0.0 && d.abs() > THINNEST && (d / told).ln().abs() < 1.2;
+        let inset = measured.filter(believed).unwrap_or(told);
+        if measured.is_none() {
+            out.notes.push(format!("{}: its depth of {:.2} m is as told, nothing measures it", hint.what, hint.depth));
+        } else if measured != Some(inset) {
+            let found = measured.unwrap_or_default();
+            out.notes
+                .push(format!("{}: told as {told:+.2} m from its wall, measured as {found:+.2} m; as told", hint.what));
+        }
+        // The outline lies on the block's face, or on the wall's plane that a niche opens.
+        let plane = if hint.kind == ShapeKind::Niche { -outward } else { inset - outward };
+        let Some([u, y]) = self.spans(hint, plane) else {
+            out.notes.push(format!("{}: its outline is not on the {:?} wall; left out", hint.what, hint.wall));
+            return;
+        };
+        let (from, to) = (inset.min(0.0) - outward, inset.max(0.0) - outward);
+        let corner = |u: f64, y: f64, d: f64| hint.wall.point(self.extents, u, y) + hint.wall.normal() * d;
+        let (a, b) = (corner(u[0], y[0], from), corner(u[1], y[1], to));
+        let (min, max) = (a.min(b), a.max(b));
+        if (max - min).min_element() < THINNEST {
+            out.notes.push(format!("{}: nothing is left of it where it was measured; left out", hint.what));
+            return;
+        }
+        let kind = hint.what.clone();
+        match hint.kind {
+            ShapeKind::Niche => out.shape.niches.push(Niche { kind, wall: hint.wall, sides: None, min, max }),
+            _ => out.shape.blocks.push(Block { kind, min, max }),
+        }
+    }
+
+    /// From where to where a face reaches along its wall and in height.
+    fn spans(&self, hint: &ShapeHint, plane: f64) -> Option<[[f64; 2]; 2]> {
+        let (wall, e) = (hint.wall, self.extents);
+        let on_plane = |pixel: Vec2| {
+            let ray = self.camera.ray(pixel);
+            let k = (wall.distance(e, ray.origin) - plane) / -ray.direction.dot(wall.normal());
+            (k.is_finite() && k > 0.05).then(|| wall.coordinates(ray.at(k)))
+        };
+        let corners: Vec<Vec2> = hint.face.iter().filter_map(|p| on_plane(*p)).collect();
+        if corners.len() < 3 {
+            return None;
+        }
+        let low_is_left = (wall.point(e, 1.0, 0.0) - wall.point(e, 0.0, 0.0)).dot(self.camera.right()) > 0.0;
+        let [floor, ceiling, left, right] = hint.reaches;
+        let ends = if low_is_left { [left, right] } else { [right, left] };
+        let length = wall.length(e);
+        let mut u = span(&corners.iter().map(|c| c.x).collect::<Vec<_>>());
+        let mut y = span(&corners.iter().map(|c| c.y).collect::<Vec<_>>());
+        if hint.kind == ShapeKind::Block {
+            for (k, end) in u.iter_mut().enumerate() {
+                if !ends[k] {
+                    *end = self.side(hint, plane, *end).unwrap_or(*end);
+                }
+            }
+        }
+        for (range, most, reaches) in [(&mut u, length, ends), (&mut y, e.height, [floor, ceiling])] {
+            if reaches[0] || range[0] < SNAP {
+                range[0] = 0.0;
+            }
+            if reaches[1] || range[1] > most - SNAP {
+                range[1] = most;
+            }
+            *range = range.map(|v| v.clamp(0.0, most));
+        }
+        Some([u, y])
+    }
+
+    /// A block's side as the map has it, near to where the outline ends.
+    fn side(&self, hint: &ShapeHint, plane: f64, end: f64) -> Option<f64> {
+        let map = self.map?;
+        let near: Vec<f64> = map
+            .xyz
+            .iter()
+            .filter(|p| p.is_finite())
+            .filter(|p| {
+                let away = hint.wall.distance(self.extents, **p);
+                away > 0.1 * plane && away < 0.9 * plane && p.y > 0.1 && p.y < self.extents.height - 0.1
+            })
+            .map(|p| hint.wall.coordinates(*p).x)
+            .filter(|u| (u - end).abs() < SIDE)
+            .collect();
+        if near.len() < LEAST_POINTS {
+            return None;
+        }
+        let (middle, spread) = median_absolute_deviation(&near)?;
+        (spread < PLANE).then_some(middle)
+    }
+
+    /// A slope: height and run from the map's points in its outline, or as told.
+    fn slope(&self, hint: &ShapeHint) -> (Option<Slope>, Option<String>) {
+        let e = self.extents;
+        let told = Slope { wall: hint.wall, low: hint.low.min(e.height - THINNEST), run: hint.depth };
+        let mut points: Vec<(f64, f64)> =
+            self.points(&hint.face).iter().map(|p| (hint.wall.distance(e, *p), p.y)).collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let sane = |s: &Slope| s.low >= 0.0 && s.low < e.height - THINNEST && s.run > 0.1 && s.run < 20.0;
+        let fitted = line(&points).filter(|(_, rise)| *rise > 0.05).map(|(low, rise)| {
+            // Where it starts below the floor (a tent), it meets the floor before the wall: as low as the floor there.
+            Slope { wall: hint.wall, low, run: (e.height - low) / rise }
+        });
+        match fitted.filter(sane) {
+            Some(slope) => (Some(slope), None),
+            None if sane(&told) => {
+                (Some(told), Some(format!("{}: as told, the map does not show a plane there", hint.what)))
+            }
+            None => (None, Some(format!("{}: neither told nor measured so that it can be; left out", hint.what))),
+        }
+    }
+}
+
+/// The plane that values along a normal agree on: the best-filled stretch of them, the nearer to the expected the better.
+fn plane_of(values: &[f64], expected: f64) -> Option<f64> {
+    if values.len() < LEAST_POINTS {
+        return None;
+    }
+    let mut sorted: Vec<f64> = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let least = ((sorted.len() as f64 * LEAST_SHARE) as usize).max(LEAST_POINTS);
+    let mut best: Option<(f64, f64)> = None;
+    let mut to = 0;
+    for from in 0..sorted.len() {
+        while to < sorted.len() && sorted[to] - sorted[from] <= 2.0 * PLANE {
+            to += 1;
+        }
+        let count = to - from;
+        if count < least {
+            continue;
+        }
+        let middle = sorted[usize::midpoint(from, to)];
+        let off = (middle - expected).abs() / (0.3 * expected.abs()).max(0.3);
+        let score = count as f64 / (1.0 + off * off);
+        if best.is_none_or(|(b, _)| score > b) {
+            best = Some((score, middle));
+        }
+    }
+    best.map(|(_, middle)| middle)
+}
+
+/// Straight line through points `(x, y)` sorted by x, robust: intercept and rise, by the median of slopes over pairs.
+fn line(points: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let half = points.len() / 2;
+    if half < LEAST_POINTS {
+        return None;
+    }
+    let rises: Vec<f64> = (0..half)
+        .map(|i| (points[i], points[i + half]))
+        .filter(|(a, b)| b.0 - a.0 > 0.05)
+        .map(|(a, b)| (b.1 - a.1) / (b.0 - a.0))
+        .collect();
+    let rise = median(&rises)?;
+    let low = median(&points.iter().map(|p| p.1 - rise * p.0).collect::<Vec<_>>())?;
+    Some((low, rise))
+}
+
+/// Smallest and largest of some values; the outline's corners are few, so all count.
+fn span(values: &[f64]) -> [f64; 2] {
+    let (low, high) = values.iter().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
+    [low, high]
+}
+
+/// Whether a point lies in a polygon (even-odd).
+fn inside(polygon: &[Vec2], at: Vec2) -> bool {
+    let n = polygon.len();
+    (0..n).fold(false, |within, i| {
+        let (a, b) = (polygon[i], polygon[(i + 1) % n]);
+        let crosses = (a.y > at.y) != (b.y > at.y) && at.x < a.x + (b.x - a.x) * (at.y - a.y) / (b.y - a.y);
+        within != crosses
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::{Intrinsics, Room};
+
+    use super::*;
+
+    fn room(shape: RoomShape) -> Room {
+        Room {
+            room_type: "room".into(),
+            extents: Extents { width: 5.0, height: 2.6, depth: 5.0 },
+            shape,
+            seen: vec![],
+            openings: vec![],
+            floor_texture: None,
+            wall_texture: None,
+        }
+    }
+
+    fn camera() -> Camera {
+        let size = ImageSize::new(320, 240);
+        let lens = Intrinsics::from_horizontal_fov(size, 1.3);
+        Camera::looking(size, lens, Vec3::new(1.6, 1.5, 4.8), Vec3::new(0.12, -0.08, -1.0))
+    }
+
+    /// The map that a camera sees of an empty room, in the frame of a box whose origin lies at `origin`.
+    fn map(room: &Room, camera: &Camera, origin: Vec3) -> Vec<Vec3> {
+        let faces = room.faces();
+        let size = camera.size;
+        (0..size.pixels())
+            .map(|i| {
+                let (x, y) = (i % size.width as usize, i / size.width as usize);
+                let ray = camera.ray(Vec2::new(x as f64 + 0.5, y as f64 + 0.5));
+                faces.exit(&ray).map_or(Vec3::NAN, |e| e.point - origin)
+            })
+            .collect()
+    }
+
+    fn outline(camera: &Camera, corners: &[[f64; 3]]) -> Vec<Vec2> {
+        corners.iter().filter_map(|p| camera.project(Vec3::from(*p))).collect()
+    }
+
+    fn corner() -> RoomShape {
+        let block = Block { kind: "corner".into(), min: Vec3::new(3.0, 0.0, 0.0), max: Vec3::new(5.0, 2.6, 1.9) };
+        RoomShape { blocks: vec![block], ..RoomShape::default() }
+    }
+
+    fn hint(kind: ShapeKind, face: Vec<Vec2>, depth: f64, reaches: [bool; 4]) -> ShapeHint {
+        ShapeHint { kind, what: "it".into(), wall: Wall::Back, face, depth, reaches, low: 0.0 }
+    }
+
+    #[test]
+    fn the_corner_of_an_l_is_measured_with_and_without_a_map() {
+        let (room, camera) = (room(corner()), camera());
+        let face = outline(&camera, &[[3.02, 0.02, 1.9], [4.6, 0.02, 1.9], [4.6, 2.58, 1.9], [3.02, 2.58, 1.9]]);
+        let hints = [hint(ShapeKind::Block, face, 1.6, [true, true, false, true])];
+        let xyz = map(&room, &camera, Vec3::ZERO);
+        let seen = MapInRoom { size: camera.size, xyz: &xyz };
+        for (map, within) in [(Some(seen), 0.01), (None, 0.06)] {
+            let found = measure_shape(&hints, &camera, &room.extents, map);
+            assert!(found.moved.is_empty());
+            let block = &found.shape.blocks[0];
+            assert!((block.min - Vec3::new(3.0, 0.0, 0.0)).length() < within, "{block:?}");
+            assert!((block.max - Vec3::new(5.0, 2.6, 1.9)).length() < within, "{block:?}");
+        }
+    }
+
+    #[test]
+    fn a_wall_that_was_taken_from_the_blocks_face_moves_back() {
+        let (room, camera) = (room(corner()), camera());
+        let face = outline(&camera, &[[3.02, 0.02, 1.9], [4.6, 0.02, 1.9], [4.6, 2.58, 1.9], [3.02, 2.58, 1.9]]);
+        let hints = [hint(ShapeKind::Block, face, 1.7, [true, true, false, true])];
+        // Calibration's box begins at the block's face.
+        let origin = Vec3::new(0.0, 0.0, 1.9);
+        let taken = Extents { depth: 3.1, ..room.extents };
+        let mut moved_camera = camera;
+        moved_camera.translation += moved_camera.rotation * origin;
+        let xyz = map(&room, &camera, origin);
+        let found = measure_shape(&hints, &moved_camera, &taken, Some(MapInRoom { size: camera.size, xyz: &xyz }));
+        assert_eq!(found.moved.len(), 1);
+        assert!((found.moved[0].1 - 1.9).abs() < 0.02, "{:?}", found.moved);
+        let (after, shift) = found.box_after(&taken);
+        assert!((after.depth - 5.0).abs() < 0.02 && (shift.z - 1.9).abs() < 0.02);
+        let block = &found.shape.blocks[0];
+        assert!((block.max - Vec3::new(5.0, 2.6, 1.9)).length() < 0.03 && block.min.z.abs() < 1e-9, "{block:?}");
+    }
+
+    #[test]
+    fn recesses_and_slopes_are_measured() {
+        let niche = Niche {
+            kind: "recess".into(),
+            wall: Wall::Back,
+            sides: None,
+            min: Vec3::new(2.0, 0.5, -0.3),
+            max: Vec3::new(3.4, 2.1, 0.0),
+        };
+        let slope = Slope { wall: Wall::Left, low: 1.2, run: 1.5 };
+        let (room, camera) =
+            (room(RoomShape { niches: vec![niche], slopes: vec![slope], ..RoomShape::default() }), camera());
+        let opening = outline(&camera, &[[2.0, 0.5, 0.0], [3.4, 0.5, 0.0], [3.4, 2.1, 0.0], [2.0, 2.1, 0.0]]);
+        let plane = outline(&camera, &[[0.05, 1.25, 0.0], [1.45, 2.55, 0.0], [1.45, 2.55, 2.5], [0.05, 1.25, 2.5]]);
+        let hints = [
+            hint(ShapeKind::Niche, opening, 0.4, [false; 4]),
+            ShapeHint { wall: Wall::Left, low: 1.0, ..hint(ShapeKind::Slope, plane, 1.2, [false; 4]) },
+        ];
+        let xyz = map(&room, &camera, Vec3::ZERO);
+        let found = measure_shape(&hints, &camera, &room.extents, Some(MapInRoom { size: camera.size, xyz: &xyz }));
+        let got = &found.shape.niches[0];
+        assert!((got.min - Vec3::new(2.0, 0.5, -0.3)).length() < 0.02, "{got:?}");
+        assert!((got.max - Vec3::new(3.4, 2.1, 0.0)).length() < 0.02, "{got:?}");
+        let got = found.shape.slopes[0];
+        assert!((got.low - 1.2).abs() < 0.02 && (got.run - 1.5).abs() < 0.03, "{got:?}");
+        // Without a map, as told.
+        let told = measure_shape(&hints, &camera, &room.extents, None);
+        assert_eq!((told.shape.slopes[0].low, told.shape.slopes[0].run), (1.0, 1.2));
+        assert_eq!(told.notes.len(), 2);
+    }
+}

@@ -1,0 +1,672 @@
+//! Rooms that are not boxes: what is solid inside the box, what is free behind its walls, and ceilings that come down.
+//!
+//! The free space of a room is its box, less the blocks, plus the niches, below the slopes. Everything is along the
+//! room's axes but the slopes, which are level along one wall. [`Room::faces`] turns it into flat faces.
+
+use glam::{DVec2, DVec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{Extents, Ray, Room, Surface, Wall};
+
+/// Lengths below this are none, metres.
+const EPS: f64 = 1e-6;
+/// A block whose side is this near to a wall of the box touches it, metres.
+const TOUCH: f64 = 1e-3;
+
+/// What makes a room other than its box.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RoomShape {
+    /// Solid boxes inside the room's box.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub blocks: Vec<Block>,
+    /// Free boxes behind a wall of the box, or in a block.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub niches: Vec<Niche>,
+    /// Ceilings that come down towards a wall.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub slopes: Vec<Slope>,
+}
+
+/// A solid box inside the room: the missing corner of an L, a chimney breast, a column, a beam, a step.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Block {
+    /// What it is, in a word.
+    pub kind: String,
+    /// Its smallest coordinates, metres.
+    #[schemars(with = "[f64; 3]")]
+    pub min: DVec3,
+    /// Its largest coordinates, metres.
+    #[schemars(with = "[f64; 3]")]
+    pub max: DVec3,
+}
+
+/// A free box behind a wall: a niche, the recess of a window, the arm of an L.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Niche {
+    /// What it is, in a word.
+    pub kind: String,
+    /// The wall that it opens from.
+    pub wall: Wall,
+    /// Linear colour of its sides, where the photo shows them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sides: Option<[f32; 3]>,
+    /// Its smallest coordinates, metres.
+    #[schemars(with = "[f64; 3]")]
+    pub min: DVec3,
+    /// Its largest coordinates, metres.
+    #[schemars(with = "[f64; 3]")]
+    pub max: DVec3,
+}
+
+/// A plane of the ceiling that comes down towards a wall, along all of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Slope {
+    /// The wall that it comes down to.
+    pub wall: Wall,
+    /// Its height at that wall, metres.
+    pub low: f64,
+    /// Distance from that wall at which it meets the level ceiling, metres.
+    pub run: f64,
+}
+
+impl Slope {
+    /// How far below the slope a point is, metres, measured upright; negative above.
+    pub fn below(&self, extents: &Extents, p: DVec3) -> f64 {
+        let share = self.wall.distance(extents, p) / self.run.max(EPS);
+        self.low + (extents.height - self.low) * share - p.y
+    }
+
+    /// Unit normal into the room.
+    pub fn normal(&self, extents: &Extents) -> DVec3 {
+        let rise = (extents.height - self.low) / self.run.max(EPS);
+        (self.wall.normal() * rise + DVec3::NEG_Y).normalize()
+    }
+}
+
+/// A vertical plane of the room that faces as a wall of the box does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WallPlane {
+    /// The wall that looks the same way.
+    pub wall: Wall,
+    /// How far before that wall the plane is, metres; negative in a niche.
+    pub inset: f64,
+}
+
+impl From<Wall> for WallPlane {
+    fn from(wall: Wall) -> Self {
+        Self { wall, inset: 0.0 }
+    }
+}
+
+impl WallPlane {
+    /// Unit normal into the room.
+    pub fn normal(self) -> DVec3 {
+        self.wall.normal()
+    }
+
+    /// Yaw of an object whose back is on the plane.
+    pub fn yaw(self) -> f64 {
+        self.wall.yaw()
+    }
+
+    /// Distance of a point to the plane, positive on the free side.
+    pub fn distance(self, extents: &Extents, point: DVec3) -> f64 {
+        self.wall.distance(extents, point) - self.inset
+    }
+
+    /// The point of the plane with the wall's coordinates `(u, y)`.
+    pub fn point(self, extents: &Extents, u: f64, y: f64) -> DVec3 {
+        self.wall.point(extents, u, y) + self.wall.normal() * self.inset
+    }
+
+    /// `(u, y)` of a point dropped onto the plane.
+    pub fn coordinates(self, point: DVec3) -> DVec2 {
+        self.wall.coordinates(point)
+    }
+}
+
+/// A flat, convex piece of the room's boundary.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RoomFace {
+    /// The face of the box whose material and texture it has: sides of a chimney breast belong to its wall, ledges of
+    /// a niche to the niche's, slopes to the ceiling.
+    pub surface: Surface,
+    /// Unit normal into the room.
+    pub normal: DVec3,
+    /// Corners in order, metres.
+    pub polygon: Vec<DVec3>,
+    /// Which niche's side, sill or lintel it is.
+    pub side_of: Option<usize>,
+}
+
+impl RoomFace {
+    /// The plane as one that objects hang on; `None` when it is not upright along the room's axes.
+    pub fn plane(&self, extents: &Extents) -> Option<WallPlane> {
+        let wall = Wall::ALL.into_iter().find(|w| w.normal().dot(self.normal) > 0.999)?;
+        Some(WallPlane { wall, inset: wall.distance(extents, *self.polygon.first()?) })
+    }
+
+    /// Whether a point of its plane lies in it.
+    fn holds(&self, p: DVec3) -> bool {
+        let n = self.polygon.len();
+        let sides = (0..n).map(|i| {
+            let (a, b) = (self.polygon[i], self.polygon[(i + 1) % n]);
+            (b - a).cross(p - a).dot(self.normal) / (b - a).length().max(EPS)
+        });
+        let (low, high) = sides.fold((f64::MAX, f64::MIN), |(l, h), s| (l.min(s), h.max(s)));
+        low >= -EPS || high <= EPS
+    }
+
+    /// Whether it covers the coordinates `(u, v)` of its surface, and faces as that does (slopes count as ceiling).
+    fn covers(&self, uv: DVec2) -> bool {
+        if self.normal.dot(self.surface.normal()) < 0.1 {
+            return false;
+        }
+        let p = self.polygon.iter().map(|p| self.surface.coordinates(*p));
+        let (low, high) = p.fold((DVec2::MAX, DVec2::MIN), |(l, h), c| (l.min(c), h.max(c)));
+        uv.cmpge(low - EPS).all() && uv.cmple(high + EPS).all()
+    }
+
+    /// The point of its plane that lies at a place along its surface's normal.
+    fn lift(&self, on_box: DVec3) -> Option<DVec3> {
+        let along = self.surface.normal();
+        let slant = along.dot(self.normal);
+        (slant.abs() > EPS).then(|| on_box + along * ((self.polygon[0] - on_box).dot(self.normal) / slant))
+    }
+}
+
+/// Where a ray meets the room's boundary.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exit {
+    /// The surface that is there.
+    pub surface: Surface,
+    /// Unit normal into the room.
+    pub normal: DVec3,
+    /// Where.
+    pub point: DVec3,
+    /// Which niche's side, sill or lintel is there.
+    pub side_of: Option<usize>,
+}
+
+impl Exit {
+    /// The wall that looks as the room does there; `None` on floor, ceiling and slopes.
+    pub fn wall(&self) -> Option<Wall> {
+        Wall::ALL.into_iter().find(|w| w.normal().dot(self.normal) > 0.999)
+    }
+}
+
+/// All faces of a room, for many rays.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RoomFaces {
+    /// The faces; empty for a box.
+    faces: Vec<RoomFace>,
+    extents: Extents,
+}
+
+impl RoomFaces {
+    /// Where a ray that starts inside leaves the room.
+    pub fn exit(&self, ray: &Ray) -> Option<Exit> {
+        let mut best: Option<(f64, &RoomFace)> = None;
+        for face in &self.faces {
+            let towards = ray.direction.dot(face.normal);
+            if towards > -1e-12 {
+                continue;
+            }
+            let k = (face.polygon[0] - ray.origin).dot(face.normal) / towards;
+            if k >= 0.0 && best.is_none_or(|(b, _)| k < b) && face.holds(ray.at(k)) {
+                best = Some((k, face));
+            }
+        }
+        match best {
+            Some((k, face)) => {
+                let RoomFace { surface, normal, side_of, .. } = *face;
+                Some(Exit { surface, normal, point: ray.at(k), side_of })
+            }
+            None => self.extents.exit(ray).map(|(surface, point)| Exit {
+                surface,
+                normal: surface.normal(),
+                point,
+                side_of: None,
+            }),
+        }
+    }
+
+    /// The upright plane that a ray meets, when it leaves the room through one.
+    pub fn hit_plane(&self, ray: &Ray) -> Option<WallPlane> {
+        let exit = self.exit(ray)?;
+        let wall = exit.wall()?;
+        Some(WallPlane { wall, inset: wall.distance(&self.extents, exit.point) })
+    }
+
+    /// The room point that a surface has at its coordinates `(u, v)` ([`Surface::point`]), on a block's face, in a niche
+    /// or on a slope where there is one; with the normal there.
+    pub fn point(&self, surface: Surface, uv: DVec2) -> (DVec3, DVec3) {
+        let on_box = surface.point(&self.extents, uv);
+        // Where two faces lie one behind the other, the one further in.
+        let inward = |p: &DVec3| (*p - on_box).dot(surface.normal());
+        self.faces
+            .iter()
+            .filter(|f| f.surface == surface && f.covers(uv))
+            .filter_map(|f| Some((f.lift(on_box)?, f.normal)))
+            .max_by(|a, b| inward(&a.0).total_cmp(&inward(&b.0)))
+            .unwrap_or((on_box, surface.normal()))
+    }
+
+    /// Whether the room is its box.
+    pub fn is_box(&self) -> bool {
+        self.faces.is_empty()
+    }
+
+    /// The faces; none for a box.
+    pub fn all(&self) -> &[RoomFace] {
+        &self.faces
+    }
+
+    /// The box.
+    pub fn extents(&self) -> &Extents {
+        &self.extents
+    }
+}
+
+impl From<Extents> for RoomFaces {
+    /// A room that is a box.
+    fn from(extents: Extents) -> Self {
+        Self { faces: Vec::new(), extents }
+    }
+}
+
+impl RoomShape {
+    /// Whether nothing makes the room other than its box.
+    pub fn is_box(&self) -> bool {
+        self.blocks.is_empty() && self.niches.is_empty() && self.slopes.is_empty()
+    }
+
+    /// The shape in a room that is larger by a factor.
+    pub fn scaled(&mut self, factor: f64) {
+        let corners = self.blocks.iter_mut().map(|b| (&mut b.min, &mut b.max));
+        for (min, max) in corners.chain(self.niches.iter_mut().map(|n| (&mut n.min, &mut n.max))) {
+            *min *= factor;
+            *max *= factor;
+        }
+        for slope in &mut self.slopes {
+            slope.low *= factor;
+            slope.run *= factor;
+        }
+    }
+
+    /// The shape in a box whose left, right, ceiling and front sides moved: what touches a side, or lies behind it, goes
+    /// with it. `left` is how far the left wall moved outward; all coordinates then count from the new one.
+    pub fn fitted(&mut self, old: &Extents, new: &Extents, left: f64) {
+        let moved = |p: &mut DVec3| {
+            let (was, is) = (old.as_vec(), new.as_vec());
+            if p.x > TOUCH {
+                p.x += if p.x >= was.x - TOUCH { is.x - was.x } else { left };
+            }
+            for i in 1..3 {
+                if p[i] >= was[i] - TOUCH {
+                    p[i] += is[i] - was[i];
+                }
+            }
+        };
+        for b in &mut self.blocks {
+            moved(&mut b.min);
+            moved(&mut b.max);
+        }
+        for n in &mut self.niches {
+            moved(&mut n.min);
+            moved(&mut n.max);
+        }
+    }
+}
+
+impl Block {
+    /// Whether its side towards a wall of the box lies on that wall.
+    fn touches(&self, wall: Wall, extents: &Extents) -> bool {
+        wall.distance(extents, self.min).min(wall.distance(extents, self.max)) < TOUCH
+    }
+}
+
+/// What lies at a place.
+#[derive(Clone, Copy, PartialEq)]
+enum At<'a> {
+    Box,
+    Niche(&'a Niche),
+    Block(&'a Block),
+    Outside,
+}
+
+impl Room {
+    /// The faces of the room, ready for many questions.
+    pub fn faces(&self) -> RoomFaces {
+        let faces = if self.shape.is_box() { Vec::new() } else { self.all_faces() };
+        RoomFaces { faces, extents: self.extents }
+    }
+
+    /// Flat, convex faces that together close the room's free space; openings are not cut out.
+    pub fn all_faces(&self) -> Vec<RoomFace> {
+        let e = self.extents.as_vec();
+        let corners = self.shape.blocks.iter().flat_map(|b| [b.min.clamp(DVec3::ZERO, e), b.max.clamp(DVec3::ZERO, e)]);
+        let corners: Vec<DVec3> = corners
+            .chain(self.shape.niches.iter().flat_map(|n| [n.min, n.max]))
+            .chain([DVec3::ZERO, e])
+            .filter(|p| p.is_finite())
+            .collect();
+        let lines: [Vec<f64>; 3] = std::array::from_fn(|axis| {
+            let mut at: Vec<f64> = corners.iter().map(|p| p[axis]).collect();
+            at.sort_by(f64::total_cmp);
+            at.dedup_by(|a, b| *a - *b < EPS);
+            at
+        });
+        let cells = lines.each_ref().map(|l| l.len().saturating_sub(1));
+        let mut out = Vec::new();
+        for index in (0..cells[0] * cells[1] * cells[2])
+            .map(|k| [k % cells[0], k / cells[0] % cells[1], k / cells[0] / cells[1]])
+        {
+            let low = DVec3::from_array(std::array::from_fn(|a| lines[a][index[a]]));
+            let high = DVec3::from_array(std::array::from_fn(|a| lines[a][index[a] + 1]));
+            let here = self.at((low + high) / 2.0);
+            if matches!(here, At::Block(_) | At::Outside) {
+                continue;
+            }
+            for side in Surface::ALL {
+                // The cell's side that looks along the surface's normal lies against it.
+                let normal = side.normal();
+                let beyond = (low + high) / 2.0 - normal * ((high - low).dot(normal.abs()) / 2.0 + 2.0 * EPS);
+                let behind = self.at(beyond);
+                if matches!(behind, At::Block(_) | At::Outside) {
+                    let surface = self.belongs(side, here, behind, low.y);
+                    let polygon = self.under_slopes(cell_side(side, low, high), None);
+                    // Ledges at floor level and a niche's bottom are no sides of it.
+                    let side_of = match here {
+                        At::Niche(n) if surface != side => self.shape.niches.iter().position(|o| o == n),
+                        _ => None,
+                    };
+                    out.extend((polygon.len() > 2).then_some(RoomFace { surface, normal, polygon, side_of }));
+                }
+            }
+            for k in 0..self.shape.slopes.len() {
+                let polygon = self.slope_in(k, low, high);
+                if polygon.len() > 2 {
+                    let normal = self.shape.slopes[k].normal(&self.extents);
+                    out.push(RoomFace { surface: Surface::Ceiling, normal, polygon, side_of: None });
+                }
+            }
+        }
+        out
+    }
+
+    /// Whether a point is in the room's free space.
+    pub fn is_free(&self, p: DVec3) -> bool {
+        matches!(self.at(p), At::Box | At::Niche(_))
+            && self.shape.slopes.iter().all(|s| s.below(&self.extents, p) >= 0.0)
+    }
+
+    fn at(&self, p: DVec3) -> At<'_> {
+        let within = |min: DVec3, max: DVec3| p.cmpge(min).all() && p.cmple(max).all();
+        if let Some(niche) = self.shape.niches.iter().find(|n| within(n.min, n.max)) {
+            At::Niche(niche)
+        } else if let Some(block) = self.shape.blocks.iter().find(|b| within(b.min, b.max)) {
+            At::Block(block)
+        } else if self.extents.contains(p, 0.0) {
+            At::Box
+        } else {
+            At::Outside
+        }
+    }
+
+    /// Which surface of the box a face belongs to that looks as `side` does.
+    fn belongs(&self, side: Surface, here: At, behind: At, low: f64) -> Surface {
+        let wall = side.wall();
+        match (here, behind) {
+            (At::Niche(niche), _) if wall != Some(niche.wall) && !(side == Surface::Floor && low < EPS) => {
+                niche.wall.surface()
+            }
+            (_, At::Block(block)) if side != Surface::Ceiling => {
+                let touched = |w: Wall| block.touches(w, &self.extents);
+                if wall.is_some_and(touched) {
+                    return side;
+                }
+                Wall::ALL.into_iter().find(|w| touched(*w)).map_or(side, Wall::surface)
+            }
+            _ => side,
+        }
+    }
+
+    /// What a slope has inside a cell.
+    fn slope_in(&self, k: usize, low: DVec3, high: DVec3) -> Vec<DVec3> {
+        let (slope, e) = (&self.shape.slopes[k], &self.extents);
+        let (a, b) = (slope.wall.coordinates(low).x, slope.wall.coordinates(high).x);
+        let near = slope.wall.distance(e, low).min(slope.wall.distance(e, high));
+        let far = slope.wall.distance(e, low).max(slope.wall.distance(e, high)).min(slope.run);
+        if far - near < EPS {
+            return Vec::new();
+        }
+        let at = |u: f64, d: f64| {
+            let height = slope.low + (e.height - slope.low) * d / slope.run.max(EPS);
+            slope.wall.point(e, u, height) + slope.wall.normal() * d
+        };
+        let polygon = vec![at(a, near), at(b, near), at(b, far), at(a, far)];
+        let polygon = clipped(&polygon, |p| p.y - low.y);
+        let polygon = clipped(&polygon, |p| high.y - p.y);
+        self.under_slopes(polygon, Some(k))
+    }
+
+    /// What of a polygon is below all slopes but one.
+    fn under_slopes(&self, polygon: Vec<DVec3>, but: Option<usize>) -> Vec<DVec3> {
+        let others = self.shape.slopes.iter().enumerate().filter(|(k, _)| Some(*k) != but);
+        others.fold(polygon, |polygon, (_, slope)| clipped(&polygon, |p| slope.below(&self.extents, p)))
+    }
+
+    /// The planes that face as a wall of the box does, the largest first.
+    pub fn planes(&self, wall: Wall) -> Vec<WallPlane> {
+        if self.shape.is_box() {
+            return vec![wall.into()];
+        }
+        let mut out: Vec<(WallPlane, f64)> = Vec::new();
+        for face in self.all_faces() {
+            let Some(plane) = face.plane(&self.extents).filter(|p| p.wall == wall) else { continue };
+            let area = area(&face.polygon);
+            match out.iter_mut().find(|(p, _)| (p.inset - plane.inset).abs() < TOUCH) {
+                Some((_, sum)) => *sum += area,
+                None => out.push((plane, area)),
+            }
+        }
+        out.sort_by(|a, b| b.1.total_cmp(&a.1));
+        out.into_iter().map(|(plane, _)| plane).collect()
+    }
+
+    /// The plane behind an object that is held by, or has its back to, a wall: of those that cover its place along the
+    /// wall, the nearest to it; the box's own wall when none does.
+    pub fn plane_behind(&self, wall: Wall, at: DVec3) -> WallPlane {
+        if self.shape.is_box() {
+            return wall.into();
+        }
+        let here = wall.coordinates(at);
+        let away = |p: &WallPlane| p.distance(&self.extents, at).abs();
+        self.all_faces()
+            .iter()
+            .filter_map(|face| {
+                let plane = face.plane(&self.extents).filter(|p| p.wall == wall)?;
+                let along = face.polygon.iter().map(|p| wall.coordinates(*p).x);
+                let (low, high) = along.fold((f64::MAX, f64::MIN), |(l, h), u| (l.min(u), h.max(u)));
+                (here.x >= low - EPS && here.x <= high + EPS).then_some(plane)
+            })
+            .min_by(|a, b| away(a).total_cmp(&away(b)))
+            .unwrap_or(wall.into())
+    }
+
+    /// Area of the free floor, metres squared.
+    pub fn floor_area(&self) -> f64 {
+        let floor = |f: &&RoomFace| f.normal == DVec3::Y && f.polygon.iter().all(|p| p.y.abs() < EPS);
+        self.all_faces().iter().filter(floor).map(|f| area(&f.polygon)).sum()
+    }
+}
+
+fn area(polygon: &[DVec3]) -> f64 {
+    (1..polygon.len().saturating_sub(1))
+        .map(|i| (polygon[i] - polygon[0]).cross(polygon[i + 1] - polygon[0]))
+        .sum::<DVec3>()
+        .length()
+        / 2.0
+}
+
+/// The side of a cell that lies against a face which looks as `side` does.
+fn cell_side(side: Surface, low: DVec3, high: DVec3) -> Vec<DVec3> {
+    let normal = side.normal();
+    let axis = normal.abs().to_array().iter().position(|c| *c > 0.5).unwrap_or(0);
+    let at = if normal[axis] > 0.0 { low[axis] } else { high[axis] };
+    let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+    let corner = |a: f64, b: f64| {
+        let mut p = DVec3::ZERO;
+        (p[axis], p[i], p[j]) = (at, a, b);
+        p
+    };
+    let quad = [corner(low[i], low[j]), corner(high[i], low[j]), corner(high[i], high[j]), corner(low[i], high[j])];
+    // Counter-clockwise as seen from inside the room.
+    if normal[axis] > 0.0 { quad.to_vec() } else { quad.into_iter().rev().collect() }
+}
+
+/// The part of a convex polygon where a linear function is not negative.
+pub fn clipped(polygon: &[DVec3], keep: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
+    let n = polygon.len();
+    let mut out = Vec::with_capacity(n + 1);
+    for i in 0..n {
+        let (a, b) = (polygon[i], polygon[(i + 1) % n]);
+        let (ka, kb) = (keep(a), keep(b));
+        if ka >= -1e-9 {
+            out.push(a);
+        }
+        if (ka > 1e-9 && kb < -1e-9) || (ka < -1e-9 && kb > 1e-9) {
+            out.push(a + (b - a) * (ka / (ka - kb)));
+        }
+    }
+    out.dedup_by(|a, b| a.distance(*b) < 1e-9);
+    if area(&out) < 1e-10 { Vec::new() } else { out }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn room(shape: RoomShape) -> Room {
+        Room {
+            room_type: "room".into(),
+            extents: Extents { width: 5.0, height: 2.6, depth: 4.0 },
+            shape,
+            seen: vec![],
+            openings: vec![],
+            floor_texture: None,
+            wall_texture: None,
+        }
+    }
+
+    fn block(kind: &str, min: [f64; 3], max: [f64; 3]) -> Block {
+        Block { kind: kind.into(), min: min.into(), max: max.into() }
+    }
+
+    fn niche(wall: Wall, min: [f64; 3], max: [f64; 3]) -> Niche {
+        Niche { kind: "niche".into(), wall, sides: None, min: min.into(), max: max.into() }
+    }
+
+    /// Volume inside closed faces by the divergence theorem; wrong when a face is missing or doubled.
+    fn volume(room: &Room) -> f64 {
+        room.all_faces().iter().map(|f| -area(&f.polygon) * f.polygon[0].dot(f.normal) / 3.0).sum()
+    }
+
+    #[test]
+    fn faces_close_the_free_space() {
+        let full = 5.0 * 2.6 * 4.0;
+        let corner = block("corner", [3.0, 0.0, 0.0], [5.0, 2.6, 1.5]);
+        let beam = block("beam", [0.0, 2.3, 1.0], [5.0, 2.6, 1.2]);
+        let recess = niche(Wall::Back, [1.0, 0.5, -0.3], [2.0, 2.0, 0.0]);
+        let slope = Slope { wall: Wall::Left, low: 1.2, run: 1.4 };
+        let cases = [
+            (RoomShape::default(), full),
+            (RoomShape { blocks: vec![corner.clone()], ..RoomShape::default() }, full - 2.0 * 2.6 * 1.5),
+            (RoomShape { blocks: vec![beam], ..RoomShape::default() }, full - 5.0 * 0.3 * 0.2),
+            (RoomShape { niches: vec![recess.clone()], ..RoomShape::default() }, full + 1.0 * 1.5 * 0.3),
+            (RoomShape { slopes: vec![slope], ..RoomShape::default() }, full - 1.4 * 1.4 / 2.0 * 4.0),
+            (
+                RoomShape { blocks: vec![corner], niches: vec![recess], slopes: vec![slope] },
+                full - 2.0 * 2.6 * 1.5 + 1.0 * 1.5 * 0.3 - 1.4 * 1.4 / 2.0 * 4.0,
+            ),
+        ];
+        // The recess ends at 2.0 m, where the slope is (x = 1: 2.2 m): nothing of it is cut.
+        for (shape, expected) in cases {
+            let got = volume(&room(shape.clone()));
+            assert!((got - expected).abs() < 1e-6, "{shape:?}: {got}, expected {expected}");
+        }
+    }
+
+    #[test]
+    fn two_slopes_meet_in_a_ridge() {
+        let slope = |wall| Slope { wall, low: 1.0, run: 3.0 };
+        let r = room(RoomShape { slopes: vec![slope(Wall::Left), slope(Wall::Right)], ..RoomShape::default() });
+        // Both reach 2.6 m after 3 m, so they meet in the middle, at 2.5 m, below it.
+        let ridge = 1.0 + 1.6 * 2.5 / 3.0;
+        let expected = 4.0 * 5.0 * f64::midpoint(1.0, ridge);
+        assert!((volume(&r) - expected).abs() < 1e-6, "{}", volume(&r));
+    }
+
+    #[test]
+    fn rays_stop_at_blocks_and_go_into_niches() {
+        let shape = RoomShape {
+            blocks: vec![block("corner", [3.0, 0.0, 0.0], [5.0, 2.6, 1.5])],
+            niches: vec![niche(Wall::Back, [1.0, 0.5, -0.3], [2.0, 2.0, 0.0])],
+            slopes: vec![],
+        };
+        let r = room(shape);
+        let faces = r.faces();
+        let eye = DVec3::new(2.5, 1.3, 3.5);
+        let exit =
+            |to: [f64; 3]| faces.exit(&Ray { origin: eye, direction: (DVec3::from(to) - eye).normalize() }).unwrap();
+        let front = exit([4.0, 1.0, 1.5]);
+        assert_eq!((front.surface, front.normal), (Surface::Back, DVec3::Z));
+        assert!(front.point.distance(DVec3::new(4.0, 1.0, 1.5)) < 1e-9);
+        let side = exit([3.0, 1.2, 0.4]);
+        assert_eq!((side.surface, side.normal), (Surface::Right, DVec3::NEG_X), "the side of the L is a right wall");
+        let bottom = exit([1.5, 1.0, -0.3]);
+        assert!(bottom.point.distance(DVec3::new(1.5, 1.0, -0.3)) < 1e-9);
+        let jamb = exit([1.0, 1.2, -0.2]);
+        assert_eq!((jamb.surface, jamb.normal), (Surface::Back, DVec3::X), "the side of a niche belongs to its wall");
+        assert_eq!((jamb.side_of, bottom.side_of), (Some(0), None));
+        // Each point is found again by its coordinates on its surface, where that is seen head-on.
+        for hit in [front, side, bottom] {
+            let (p, normal) = faces.point(hit.surface, hit.surface.coordinates(hit.point));
+            assert!(p.distance(hit.point) < 1e-9 && normal == hit.normal);
+        }
+    }
+
+    #[test]
+    fn objects_find_the_plane_behind_them() {
+        let r =
+            room(RoomShape { blocks: vec![block("corner", [3.0, 0.0, 0.0], [5.0, 2.6, 1.5])], ..RoomShape::default() });
+        let back: Vec<f64> = r.planes(Wall::Back).iter().map(|p| p.inset).collect();
+        assert_eq!(back.len(), 2);
+        assert!(back.contains(&0.0) && back.contains(&1.5));
+        let at = |x: f64, z: f64| r.plane_behind(Wall::Back, DVec3::new(x, 1.0, z)).inset;
+        assert_eq!(at(1.0, 0.1), 0.0);
+        assert_eq!(at(4.0, 1.6), 1.5);
+        assert_eq!(r.plane_behind(Wall::Right, DVec3::new(2.9, 1.0, 0.7)).inset, 2.0);
+        assert_eq!(r.plane_behind(Wall::Right, DVec3::new(4.9, 1.0, 3.0)).inset, 0.0);
+    }
+
+    #[test]
+    fn the_floor_of_an_l_lacks_its_corner() {
+        let r =
+            room(RoomShape { blocks: vec![block("corner", [3.0, 0.0, 0.0], [5.0, 2.6, 1.5])], ..RoomShape::default() });
+        assert!((r.floor_area() - (20.0 - 3.0)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_touches_a_wall_goes_with_it() {
+        let old = Extents { width: 5.0, height: 2.6, depth: 4.0 };
+        let new = Extents { width: 5.5, height: 2.7, depth: 4.0 };
+        let mut shape =
+            RoomShape { blocks: vec![block("corner", [3.0, 0.0, 0.0], [5.0, 2.6, 1.5])], ..RoomShape::default() };
+        shape.fitted(&old, &new, 0.0);
+        assert_eq!(shape.blocks[0].min, DVec3::new(3.0, 0.0, 0.0));
+        assert_eq!(shape.blocks[0].max, DVec3::new(5.5, 2.7, 1.5));
+    }
+}
