@@ -346,13 +346,51 @@ impl View<'_> {
         });
         match fitted.filter(sane) {
             Some(slope) => (Some(slope), None),
-            None if sane(&told) => {
-                (Some(told), Some(format!("{}: as told, the map does not show a plane there", hint.what)))
+            None => {
+                let seen = self.slope_by_outline(hint, told);
+                let note = (seen == told).then(|| format!("{}: as told, nothing measures it", hint.what));
+                if sane(&seen) { (Some(seen), note) } else { (sane(&told).then_some(told), note) }
             }
-            None => (None, Some(format!("{}: neither told nor measured so that it can be; left out", hint.what))),
         }
     }
 }
+
+impl View<'_> {
+    /// A slope whose outline's corners lie on its wall and on the level ceiling, where they are in the picture.
+    fn slope_by_outline(&self, hint: &ShapeHint, told: Slope) -> Slope {
+        let (e, size) = (self.extents, self.camera.size);
+        let inner = |p: &&Vec2| {
+            let margin = 0.004 * f64::from(size.width);
+            p.x > margin
+                && p.y > margin
+                && p.x < f64::from(size.width) - margin
+                && p.y < f64::from(size.height) - margin
+        };
+        let rays: Vec<harmony_scene::Ray> = hint.face.iter().filter(inner).map(|p| self.camera.ray(*p)).collect();
+        let near = |told: f64| move |v: &f64| (v - told).abs() < NEAR_TOLD * told.max(0.5);
+        let lows: Vec<f64> = rays
+            .iter()
+            .filter_map(|ray| {
+                let towards = -ray.direction.dot(hint.wall.normal());
+                let k = hint.wall.distance(e, ray.origin) / towards;
+                (towards > 0.05 && k.is_finite() && k > 0.1).then(|| ray.at(k).y)
+            })
+            .filter(near(told.low))
+            .collect();
+        let runs: Vec<f64> = rays
+            .iter()
+            .filter_map(|ray| {
+                let k = (e.height - ray.origin.y) / ray.direction.y;
+                (k.is_finite() && k > 0.1).then(|| hint.wall.distance(e, ray.at(k)))
+            })
+            .filter(near(told.run))
+            .collect();
+        Slope { wall: hint.wall, low: median(&lows).unwrap_or(told.low), run: median(&runs).unwrap_or(told.run) }
+    }
+}
+
+/// A corner of a slope's outline counts as on its wall, or on the ceiling, when that is this near to what was told.
+const NEAR_TOLD: f64 = 0.3;
 
 /// The plane that values along a normal agree on: the best-filled stretch of them, the nearer to the expected the better.
 fn plane_of(values: &[f64], expected: f64) -> Option<f64> {
@@ -525,9 +563,10 @@ mod tests {
         assert!((got.max - Vec3::new(3.4, 2.1, 0.0)).length() < 0.02, "{got:?}");
         let got = found.shape.slopes[0];
         assert!((got.low - 1.2).abs() < 0.02 && (got.run - 1.5).abs() < 0.03, "{got:?}");
-        // Without a map, as told.
-        let told = measure_shape(&hints, &camera, &room.extents, None);
-        assert_eq!((told.shape.slopes[0].low, told.shape.slopes[0].run), (1.0, 1.2));
-        assert_eq!(told.notes.len(), 2);
+        // Without a map the outline's corners tell, which lie five centimetres inside the slope; the depth is as told.
+        let outlined = measure_shape(&hints, &camera, &room.extents, None);
+        let got = outlined.shape.slopes[0];
+        assert!((got.low - 1.2).abs() < 0.1 && (got.run - 1.5).abs() < 0.1, "{got:?}");
+        assert_eq!(outlined.notes.len(), 1, "{:?}", outlined.notes);
     }
 }

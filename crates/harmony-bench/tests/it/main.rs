@@ -5,6 +5,7 @@ mod calibration;
 mod generate;
 mod metrics_scipy;
 mod protocols;
+mod shapes;
 mod tables;
 mod views_agree;
 mod wall_clock;
