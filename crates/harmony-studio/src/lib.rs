@@ -94,7 +94,7 @@ impl Studio {
         // Another host, to which nobody should ever go.
         let other = TcpListener::bind(("127.0.0.1", 0)).await?;
         let elsewhere = Arc::new(AtomicU64::new(0));
-        let services = Arc::new(Services::new(mind, options, format!("http://{}", other.local_addr()?)));
+        let services = Arc::new(Services::new(mind, options, address, other.local_addr()?));
         let ledger = Arc::clone(&services.ledger);
         let visits = Arc::clone(&elsewhere);
         let tasks = vec![

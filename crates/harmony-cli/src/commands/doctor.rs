@@ -57,7 +57,7 @@ pub fn run(args: &Args) -> Result<u8> {
         players.detector.player = Some(Boxes::Owlv2);
     }
     let mut failures = played.failures;
-    failures.extend(cast::cast_services(&mut cast, &players, &mut known));
+    failures.extend(cast::cast_services(&mut cast, &players, None, &mut known));
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting")?;
     let checked = runtime.block_on(cast::check_all(&known.checks, args.paid));
     let missing = !failures.is_empty() || checked.iter().any(|(_, _, result)| result.is_err());
