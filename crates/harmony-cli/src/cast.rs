@@ -25,7 +25,7 @@ use services::Services;
 mod services;
 
 /// Folder below a run's calls where tasks at hosted services are noted.
-pub const TASKS: &str = "tasks";
+pub const TASKS: &str = ".tasks";
 
 /// How long a check that costs nothing may take.
 const FREE_PATIENCE: Duration = Duration::from_secs(30);

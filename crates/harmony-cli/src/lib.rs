@@ -8,7 +8,9 @@ pub mod config;
 pub mod display;
 mod models;
 mod networks;
+pub mod setup;
 mod stopping;
+pub mod survey;
 
 use std::process::ExitCode;
 
@@ -26,7 +28,7 @@ const EXIT_STOPPED: u8 = 4;
 /// Turns one photograph of a room into an editable, lit, simulation-ready 3D scene.
 ///
 /// Start with `harmony reconstruct photo.jpg --out run`, then open run/report.html.
-/// `harmony doctor` tells what can be used on this machine and what is missing.
+/// `harmony setup` finds keys and servers and writes harmony.toml; `harmony doctor` tells what can be used on this machine and what is missing.
 #[derive(Debug, Parser)]
 #[command(name = "harmony", version, after_help = EXIT_CODES)]
 struct Cli {
@@ -58,6 +60,8 @@ enum Command {
     Estimate(commands::estimate::Args),
     /// Tell what a run took, by phase, role, player and object.
     Bill(commands::bill::Args),
+    /// Find out what is here, propose who plays, write harmony.toml.
+    Setup(commands::setup::Args),
     /// Tell who can play each role here and what is missing.
     Doctor(commands::doctor::Args),
     /// Summarise a run in the terminal.
@@ -98,6 +102,7 @@ pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
         Command::Worker(args) => commands::batch::run_worker(&args),
         Command::Estimate(args) => commands::estimate::run(&args),
         Command::Bill(args) => commands::bill::run(&args),
+        Command::Setup(args) => commands::setup::run(&args),
         Command::Doctor(args) => commands::doctor::run(&args),
         Command::Show(args) => commands::show::run(&args),
         Command::Render(args) => commands::render::run(&args),

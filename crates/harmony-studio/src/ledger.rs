@@ -41,7 +41,9 @@ impl Entry {
 pub struct Ledger {
     entries: Mutex<Vec<Entry>>,
     seen: Mutex<HashMap<String, usize>>,
-    /// Tasks that were cancelled.
+    /// Tasks that were made at hosted mesh generators.
+    pub tasks: AtomicU64,
+    /// Of these, those that were cancelled.
     pub cancelled: AtomicU64,
 }
 

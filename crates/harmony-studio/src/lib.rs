@@ -1,4 +1,4 @@
-//! A studio on loopback: one program that plays all services of the profiles `paper` and `local` over real HTTP, with
+//! A studio on loopback: one program that plays all services of the profiles `paper`, `local` and `hosted` over real HTTP, with
 //! their wire formats, limits and quirks, and answers from the truth of one room.
 //!
 //! It is a means of tests and no part of the shipped program: nothing in the program knows of it, and what reaches it is

@@ -15,6 +15,7 @@ pub mod reconstruct;
 pub mod record;
 pub mod render;
 pub mod schema;
+pub mod setup;
 pub mod show;
 pub mod simulate;
 pub mod study;

@@ -404,6 +404,7 @@ impl MeshConfig {
     }
 
     /// The frame of a hosted service's meshes, where the user says one; what is left out of it is glTF's.
+    #[must_use]
     pub fn frame(&self) -> Option<SourceFrame> {
         let usual = SourceFrame::default();
         (self.up.is_some() || self.front.is_some())
@@ -509,6 +510,15 @@ impl PlayersConfig {
             *key = None;
         }
         v.phases.values_mut().for_each(|config| config.key_env = None);
+        self
+    }
+
+    /// The same without networks inside this program, for an estimate that loads nothing.
+    #[must_use]
+    pub fn without_networks(mut self) -> Self {
+        self.geometry_estimator = GeometryConfig { player: Some(Geometry::Offline), ..GeometryConfig::default() };
+        self.segmenter = SegmenterConfig { player: Some(Masks::Offline), ..SegmenterConfig::default() };
+        self.detector.native = Some(false);
         self
     }
 

@@ -11,8 +11,8 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::address::{AddressError, LocalHosts, LocalResolver, is_loopback, join, parse_address};
-use super::file::{FileLink, PublicResolver, proxy_is_set};
 use super::failure::{MAX_RAW, failure};
+use super::file::{FileLink, PublicResolver, proxy_is_set};
 use super::key::ApiKey;
 
 /// Deadlines and sizes.

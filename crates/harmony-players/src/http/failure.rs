@@ -32,8 +32,14 @@ const DECLINED: [&str; 6] = [
 ];
 
 /// Words of services that say with status 403 what others say with 402.
-const SPENT_WORDS: [&str; 6] =
-    ["exhausted balance", "reason: top_up", "more credits", "insufficient credit", "insufficient balance", "out of credit"];
+const SPENT_WORDS: [&str; 6] = [
+    "exhausted balance",
+    "reason: top_up",
+    "more credits",
+    "insufficient credit",
+    "insufficient balance",
+    "out of credit",
+];
 
 /// Words of a service that is not offered where its user is.
 const REGION_WORDS: [&str; 4] = ["your region", "your country", "country, region", "unsupported_country"];
@@ -234,7 +240,8 @@ mod tests {
         assert!(said.contains("where you are") && todo.contains("another key does not help"), "{said} {todo}");
         let (said, todo) = hint(&json!({"detail": "Invalid key"}));
         assert!(said.contains("did not accept the key") && todo == "do this", "{said} {todo}");
-        let policy = json!({"detail": [{"loc": ["body", "image_url"], "msg": "no", "type": "content_policy_violation"}]});
+        let policy =
+            json!({"detail": [{"loc": ["body", "image_url"], "msg": "no", "type": "content_policy_violation"}]});
         assert!(matches!(error(422, &policy), RoleError::Refused { .. }));
     }
 

@@ -4,7 +4,7 @@
 //! public host by its name. Names that resolve to addresses of this machine or its network are not followed either,
 //! unless a proxy resolves them. Links are often signed: their query appears in no error and no log.
 
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs};
 
 use reqwest::Url;
 use reqwest::dns::{Addrs, Name, Resolve, Resolving};
@@ -84,16 +84,15 @@ pub(super) fn proxy_is_set() -> bool {
 fn is_public(ip: IpAddr) -> bool {
     match ip {
         IpAddr::V4(v4) => is_public_v4(v4),
-        IpAddr::V6(v6) => match v6.to_ipv4_mapped() {
-            Some(v4) => is_public_v4(v4),
-            None => {
-                let first = v6.segments()[0];
-                let unique_local = first & 0xfe00 == 0xfc00;
-                let link_local = first & 0xffc0 == 0xfe80;
-                !(v6.is_loopback() || v6.is_unspecified() || v6.is_multicast() || unique_local || link_local)
-            }
-        },
+        IpAddr::V6(v6) => v6.to_ipv4_mapped().map_or_else(|| is_public_v6(v6), is_public_v4),
     }
+}
+
+fn is_public_v6(v6: Ipv6Addr) -> bool {
+    let first = v6.segments()[0];
+    let unique_local = first & 0xfe00 == 0xfc00;
+    let link_local = first & 0xffc0 == 0xfe80;
+    !(v6.is_loopback() || v6.is_unspecified() || v6.is_multicast() || unique_local || link_local)
 }
 
 fn is_public_v4(v4: Ipv4Addr) -> bool {

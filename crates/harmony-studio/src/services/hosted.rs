@@ -182,13 +182,11 @@ fn upload(call: &Call<'_>, tasks: &Tasks, field: &str) -> Reply {
     // The same file gives the same token, so that the same work has the same fingerprint.
     let id = blake3::hash(&file).to_hex()[..24].to_owned();
     tasks.uploads().insert(id.clone(), file);
-    match call.service {
-        Service::Tripo => Reply::json(200, &json!({"code": 0, "data": {"image_token": id}})),
-        _ => {
-            let url = format!("{}/replicate/v1/files/{id}", call.studio.own);
-            Reply::json(201, &json!({"id": id, "urls": {"get": url}}))
-        }
+    if call.service == Service::Tripo {
+        return Reply::json(200, &json!({"code": 0, "data": {"image_token": id}}));
     }
+    let url = format!("{}/replicate/v1/files/{id}", call.studio.own);
+    Reply::json(201, &json!({"id": id, "urls": {"get": url}}))
 }
 
 /// Makes a task of a picture; its id. The file is made at once and given out later.
@@ -201,6 +199,7 @@ async fn make(call: &Call<'_>, tasks: &Tasks, app: &str, picture: &[u8]) -> Stri
     let id = format!("{}-{}", &blake3::hash(&call.request.body).to_hex()[..20], all.len());
     let task = Task { service: call.service, app: app.to_owned(), file, fault: call.fault, looks: 0, fetches: 0 };
     all.insert(id.clone(), task);
+    call.studio.ledger.tasks.fetch_add(1, Ordering::Relaxed);
     id
 }
 
@@ -268,15 +267,17 @@ fn fal_task(call: &Call<'_>, tasks: &Tasks, app: &str, id: &str, what: &str) -> 
             State::Waiting => Reply::json(202, &json!({"status": "IN_QUEUE", "request_id": id, "queue_position": 1})),
             State::Working => Reply::json(202, &json!({"status": "IN_PROGRESS", "request_id": id})),
             State::Failed(error) => {
-                let body = json!({"status": "COMPLETED", "request_id": id, "error": error, "error_type": "internal_error"});
+                let body =
+                    json!({"status": "COMPLETED", "request_id": id, "error": error, "error_type": "internal_error"});
                 Reply::json(200, &body)
             }
-            State::Refused | State::Done(_) => Reply::json(200, &json!({"status": "COMPLETED", "request_id": id})),
+            State::Refused | State::Done => Reply::json(200, &json!({"status": "COMPLETED", "request_id": id})),
         };
     }
     match state(task) {
-        State::Done(_) => {
-            let file = json!({"url": link(call, id, task), "content_type": "model/gltf-binary", "file_name": "model.glb"});
+        State::Done => {
+            let file =
+                json!({"url": link(call, id, task), "content_type": "model/gltf-binary", "file_name": "model.glb"});
             Reply::json(200, &json!({"model_mesh": file, "seed": 1}))
         }
         State::Refused => {
@@ -347,7 +348,7 @@ enum State {
     Working,
     Refused,
     Failed(String),
-    Done(Arc<Vec<u8>>),
+    Done,
 }
 
 fn state(task: &Task) -> State {
@@ -362,7 +363,7 @@ fn state(task: &Task) -> State {
         (Some(Fault::TaskRefused), _) => State::Refused,
         (Some(Fault::TaskFailed), _) => State::Failed("CUDA out of memory".to_owned()),
         (_, Err(error)) => State::Failed(error.clone()),
-        (_, Ok(file)) => State::Done(Arc::clone(file)),
+        (_, Ok(_)) => State::Done,
     }
 }
 
@@ -391,9 +392,11 @@ fn look(call: &Call<'_>, tasks: &Tasks, id: &str) -> Reply {
         Service::Replicate => match state(task) {
             State::Waiting => json!({"id": id, "status": "starting"}),
             State::Working => json!({"id": id, "status": "processing"}),
-            State::Refused => json!({"id": id, "status": "failed", "error": "NSFW content detected. Try another image."}),
+            State::Refused => {
+                json!({"id": id, "status": "failed", "error": "NSFW content detected. Try another image."})
+            }
             State::Failed(error) => json!({"id": id, "status": "failed", "error": error}),
-            State::Done(_) => json!({"id": id, "status": "succeeded", "output": {"model_file": link, "mesh": link},
+            State::Done => json!({"id": id, "status": "succeeded", "output": {"model_file": link, "mesh": link},
                                      "metrics": {"predict_time": 31.4}}),
         },
         Service::Tripo => {
@@ -401,8 +404,10 @@ fn look(call: &Call<'_>, tasks: &Tasks, id: &str) -> Reply {
                 State::Waiting => json!({"status": "queued", "progress": 0, "output": {}}),
                 State::Working => json!({"status": "running", "progress": 60, "output": {}}),
                 State::Refused => json!({"status": "banned", "output": {}}),
-                State::Failed(error) => json!({"status": "failed", "error_code": 1000, "error_msg": error, "output": {}}),
-                State::Done(_) => json!({"status": "success", "progress": 100, "output": {"pbr_model": link},
+                State::Failed(error) => {
+                    json!({"status": "failed", "error_code": 1000, "error_msg": error, "output": {}})
+                }
+                State::Done => json!({"status": "success", "progress": 100, "output": {"pbr_model": link},
                                          "consumed_credit": 30}),
             };
             json!({"code": 0, "data": data})
@@ -413,7 +418,7 @@ fn look(call: &Call<'_>, tasks: &Tasks, id: &str) -> Reply {
             State::Refused => json!({"id": id, "status": "FAILED",
                                      "task_error": {"message": "The image was rejected by content moderation."}}),
             State::Failed(error) => json!({"id": id, "status": "FAILED", "task_error": {"message": error}}),
-            State::Done(_) => json!({"id": id, "status": "SUCCEEDED", "model_urls": {"glb": link},
+            State::Done => json!({"id": id, "status": "SUCCEEDED", "model_urls": {"glb": link},
                                      "consumed_credits": 30, "task_error": {"message": ""}}),
         },
     };
@@ -432,7 +437,8 @@ fn fetched(call: &Call<'_>, tasks: &Tasks, path: &str) -> Reply {
     if call.request.header("authorization").is_some() {
         return Reply::bytes(400, "application/xml", b"<Error>Only one auth mechanism allowed</Error>".to_vec());
     }
-    let expired = || Reply::bytes(403, "application/xml", b"<Error><Message>Request has expired</Message></Error>".to_vec());
+    let expired =
+        || Reply::bytes(403, "application/xml", b"<Error><Message>Request has expired</Message></Error>".to_vec());
     let mut all = tasks.tasks();
     let Some((id, look)) = path.strip_suffix(".glb").and_then(|path| path.split_once('/')) else { return expired() };
     let Some(task) = all.get_mut(id).filter(|task| task.service == call.service) else { return expired() };
@@ -458,7 +464,7 @@ fn cancel(call: &Call<'_>, tasks: &Tasks, id: &str) -> Reply {
     let Some(task) = all.get(id).filter(|task| task.service == call.service) else {
         return no(call.service, 404, 0, "NOT_FOUND");
     };
-    if matches!(state(task), State::Done(_)) {
+    if matches!(state(task), State::Done) {
         return Reply::json(400, &json!({"status": "ALREADY_COMPLETED"}));
     }
     all.remove(id);

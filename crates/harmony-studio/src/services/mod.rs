@@ -110,12 +110,7 @@ impl Service {
             Self::Tripo => "/v2/openapi",
             Self::Gemini => "/v1beta",
             Self::GroundingDino => "/",
-            Self::Hunyuan2
-            | Self::Hunyuan21
-            | Self::TrellisNim
-            | Self::TrellisLocalAi
-            | Self::Fal
-            | Self::Meshy => "",
+            Self::Hunyuan2 | Self::Hunyuan21 | Self::TrellisNim | Self::TrellisLocalAi | Self::Fal | Self::Meshy => "",
         }
     }
 }
@@ -244,7 +239,9 @@ impl Services {
             Service::SdServer => edits::sd_server(call).await,
             Service::Hunyuan2 | Service::Hunyuan21 => meshes::hunyuan(call, &self.jobs).await,
             Service::TrellisNim | Service::TrellisLocalAi => meshes::trellis(call).await,
-            Service::Fal | Service::Replicate | Service::Tripo | Service::Meshy => hosted::serve(call, &self.tasks).await,
+            Service::Fal | Service::Replicate | Service::Tripo | Service::Meshy => {
+                hosted::serve(call, &self.tasks).await
+            }
             Service::LocateAnything => detectors::locate(call).await,
             Service::GroundingDino => detectors::grounding(call).await,
         }

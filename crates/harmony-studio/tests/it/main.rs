@@ -7,3 +7,4 @@ mod hosted;
 mod local_only;
 mod profiles;
 mod rates;
+mod setup;

@@ -13,7 +13,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::wire::{Ended, TaskState, Wire, Work, done, failed, plain_id, with_extra, words};
+use super::wire::{Ended, TaskState, Wire, Work, done, failed, names_glb, plain_id, with_extra, words};
 use crate::http::{HttpAnswer, HttpRequest, Method};
 use crate::mesh::finish::SourceFrame;
 
@@ -117,9 +117,7 @@ impl Wire for Fal {
     fn product(&self, answer: &Value) -> TaskState {
         let link = |file: &Value| file.get("url").and_then(Value::as_str).map(str::to_owned);
         let named = FILES.iter().find_map(|name| answer.get(name).and_then(link));
-        let glb = |file: &Value| {
-            link(file).filter(|url| url.split(['?', '#']).next().is_some_and(|path| path.ends_with(".glb")))
-        };
+        let glb = |file: &Value| link(file).filter(|url| names_glb(url));
         match named.or_else(|| answer.as_object().into_iter().flat_map(Map::values).find_map(glb)) {
             Some(link) => done(&link, None),
             None => TaskState::Ended(Ended::NotUnderstood("there is no GLB file in the result".to_owned())),

@@ -78,7 +78,11 @@ impl Wire for Meshy {
     fn checked(&self, answer: &HttpAnswer) -> Option<Result<String, String>> {
         let body: Value = serde_json::from_slice(&answer.body).ok()?;
         let balance = body.get("balance").and_then(Value::as_f64).filter(|_| answer.is_success())?;
-        Some(if balance > 0.0 { Ok(format!("{balance} credits are left")) } else { Err("no credit is left".to_owned()) })
+        Some(if balance > 0.0 {
+            Ok(format!("{balance} credits are left"))
+        } else {
+            Err("no credit is left".to_owned())
+        })
     }
 }
 

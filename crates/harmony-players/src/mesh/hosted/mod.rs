@@ -178,8 +178,8 @@ impl HostedPlayer {
         RoleError::Io { player: self.service.player().to_owned(), source: error }
     }
 
-    fn not_capable(&self, reason: String) -> RoleError {
-        RoleError::NotCapable { player: self.service.player().to_owned(), reason: self.service.scrubbed(&reason) }
+    fn not_capable(&self, reason: &str) -> RoleError {
+        RoleError::NotCapable { player: self.service.player().to_owned(), reason: self.service.scrubbed(reason) }
     }
 
     /// The error of an answer that is not a success.
@@ -305,7 +305,7 @@ impl HostedPlayer {
         // The model's own error comes with a status of its own; what is said of the line or the key is another thing.
         match (&error, answer.status) {
             (RoleError::Refused { reason, .. }, _) => Ok(TaskState::Ended(Ended::Refused(reason.clone()))),
-            (_, 401 | 402 | 403) => Err(error),
+            (_, 401..=403) => Err(error),
             (_, 408 | 429 | 502..=504) => Ok(TaskState::Working),
             _ => Ok(TaskState::Ended(Ended::Failed(error.to_string()))),
         }
@@ -316,11 +316,13 @@ impl HostedPlayer {
         let failed = self.options.tasks.failed(&asked.key).map_err(|error| self.note_failed(error))?;
         Ok(match ended {
             Ended::Refused(reason) => self.service.refused(&reason),
-            Ended::NotUnderstood(reason) => self.not_capable(format!("its answer about the task is not understood: {reason}")),
+            Ended::NotUnderstood(reason) => {
+                self.not_capable(&format!("its answer about the task is not understood: {reason}"))
+            }
             Ended::Failed(reason) if failed < MOST_FAILED => {
                 self.service.unavailable(format!("the task failed: {reason}"))
             }
-            Ended::Failed(reason) => self.not_capable(format!("{failed} tasks failed, the last one: {reason}")),
+            Ended::Failed(reason) => self.not_capable(&format!("{failed} tasks failed, the last one: {reason}")),
         })
     }
 
@@ -334,7 +336,7 @@ impl HostedPlayer {
             None => "the service has no way to cancel it",
         };
         self.options.tasks.failed(&asked.key).map_err(|error| self.note_failed(error))?;
-        Ok(self.not_capable(format!("the task is not done after {} minutes; {cancelled}", age.as_secs() / 60)))
+        Ok(self.not_capable(&format!("the task is not done after {} minutes; {cancelled}", age.as_secs() / 60)))
     }
 
     /// The file behind a link; `None` = the link has ended.
@@ -380,7 +382,7 @@ impl HostedPlayer {
             let (id, earlier) = match before.task {
                 Some(id) => (id, true),
                 None if before.failed >= MOST_FAILED => {
-                    return Err(self.not_capable(format!("{} tasks for this picture gave nothing", before.failed)));
+                    return Err(self.not_capable(&format!("{} tasks for this picture gave nothing", before.failed)));
                 }
                 None => (self.submit(asked).await?, false),
             };
@@ -393,11 +395,11 @@ impl HostedPlayer {
             }
             tasks.failed(&asked.key).map_err(|error| self.note_failed(error))?;
             if !earlier {
-                return Err(self.not_capable("the link to its file has ended, and there is no other".to_owned()));
+                return Err(self.not_capable("the link to its file has ended, and there is no other"));
             }
             notes.push(format!("task {id} of an earlier try is gone at the service, with its file; another was made"));
         }
-        Err(self.not_capable("the links to its files have ended".to_owned()))
+        Err(self.not_capable("the links to its files have ended"))
     }
 }
 
@@ -421,7 +423,7 @@ impl MeshGenerator for HostedPlayer {
     async fn generate(&self, request: &MeshRequest) -> Result<GeneratedMesh, RoleError> {
         let crop = Arc::clone(&request.crop);
         let png = computed(self.service.player(), move || hosted(&crop)).await?;
-        let png = png.map_err(|reason| self.not_capable(reason))?;
+        let png = png.map_err(|reason| self.not_capable(&reason))?;
         let work = Work {
             model: self.options.model.trim().to_owned(),
             settings: request.settings,

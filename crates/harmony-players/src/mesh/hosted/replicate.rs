@@ -14,7 +14,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::wire::{Ended, TaskState, Wire, Work, done, failed, plain_id, with_extra, words};
+use super::wire::{Ended, TaskState, Wire, Work, done, failed, names_glb, plain_id, with_extra, words};
 use crate::http::multipart::Field;
 use crate::http::{HttpAnswer, HttpRequest, Method};
 use crate::mesh::finish::SourceFrame;
@@ -114,9 +114,7 @@ impl Wire for Replicate {
 
 /// The GLB file of an output: a link, a list of links, or links by name.
 fn file(output: &Value) -> Option<String> {
-    let is_glb = |link: &str| {
-        link.starts_with("data:") || link.split(['?', '#']).next().is_some_and(|path| path.ends_with(".glb"))
-    };
+    let is_glb = |link: &str| link.starts_with("data:") || names_glb(link);
     let glb = |value: &Value| value.as_str().filter(|link| is_glb(link)).map(str::to_owned);
     match output {
         Value::String(_) => glb(output),
@@ -143,13 +141,16 @@ mod tests {
         }
         assert!(Replicate.upload(&[0; 1000]).is_none());
         assert_eq!(Replicate.upload(&vec![0; INLINE + 1]).unwrap().path, "/files");
-        assert!(Replicate.uploaded(&json!({"id": "f", "urls": {"get": "https://api.replicate.com/v1/files/f"}})).is_ok());
+        assert!(
+            Replicate.uploaded(&json!({"id": "f", "urls": {"get": "https://api.replicate.com/v1/files/f"}})).is_ok()
+        );
         assert!(Replicate.uploaded(&json!({})).is_err());
     }
 
     #[test]
     fn states_and_outputs_are_read() {
-        let with = |status: &str, output: Value| Replicate.state(&json!({"id": "a", "status": status, "output": output}));
+        let with =
+            |status: &str, output: Value| Replicate.state(&json!({"id": "a", "status": status, "output": output}));
         assert_eq!(with("starting", Value::Null), TaskState::Working);
         let link = "https://replicate.delivery/xezq/mesh.glb";
         for output in [json!(link), json!({"mesh": link}), json!(["https://x/p.png", link]), json!({"odd": link})] {

@@ -84,7 +84,11 @@ impl Wire for Tripo {
     fn checked(&self, answer: &HttpAnswer) -> Option<Result<String, String>> {
         let body: Value = serde_json::from_slice(&answer.body).ok()?;
         let balance = body.pointer("/data/balance").and_then(Value::as_f64).filter(|_| answer.is_success())?;
-        Some(if balance > 0.0 { Ok(format!("{balance} credits are left")) } else { Err("no credit is left".to_owned()) })
+        Some(if balance > 0.0 {
+            Ok(format!("{balance} credits are left"))
+        } else {
+            Err("no credit is left".to_owned())
+        })
     }
 
     fn meaning(&self, answer: &HttpAnswer) -> Option<Meaning> {
@@ -130,7 +134,8 @@ mod tests {
         let policy = answer(400, &json!({"code": 2008, "message": "violates our content policy"}));
         assert!(matches!(Tripo.meaning(&policy), Some(Meaning::Refused(_))));
         assert_eq!(Tripo.meaning(&answer(404, &json!({"code": 2001}))), None);
-        let balance = |left: f64| Tripo.checked(&answer(200, &json!({"code": 0, "data": {"balance": left, "frozen": 0}})));
+        let balance =
+            |left: f64| Tripo.checked(&answer(200, &json!({"code": 0, "data": {"balance": left, "frozen": 0}})));
         assert!(balance(12.0).unwrap().is_ok() && balance(0.0).unwrap().is_err());
         assert!(Tripo.checked(&answer(401, &json!({"code": 1002}))).is_none());
     }

@@ -144,7 +144,8 @@ pub trait Wire: std::fmt::Debug + Send + Sync {
 /// In words.
 pub fn plain_id(id: Option<&Value>) -> Result<String, String> {
     let id = id.and_then(Value::as_str).ok_or("there is no task id")?;
-    let plain = (1..=100).contains(&id.len()) && id.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_');
+    let plain =
+        (1..=100).contains(&id.len()) && id.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_');
     if plain { Ok(id.to_owned()) } else { Err("the task id is none that can be asked for".to_owned()) }
 }
 
@@ -155,6 +156,12 @@ pub fn words(value: Option<&Value>) -> String {
         Some(other) if !other.is_null() && other != &Value::String(String::new()) => other.to_string(),
         _ => "it does not say why".to_owned(),
     }
+}
+
+/// Whether a link leads to a GLB file by its name, its query aside.
+pub fn names_glb(link: &str) -> bool {
+    let path = link.split(['?', '#']).next().unwrap_or_default();
+    std::path::Path::new(path).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"))
 }
 
 /// Whether words of a failed task speak of what the picture shows.
@@ -183,13 +190,7 @@ pub fn with_extra(mut body: Value, extra: &Map<String, Value>) -> Value {
 
 #[cfg(test)]
 pub(super) fn work(model: &str) -> Work {
-    Work {
-        model: model.to_owned(),
-        settings: MeshSettings::default(),
-        seed: 7,
-        texture: true,
-        extra: Map::new(),
-    }
+    Work { model: model.to_owned(), settings: MeshSettings::default(), seed: 7, texture: true, extra: Map::new() }
 }
 
 #[cfg(test)]
