@@ -104,7 +104,7 @@ async fn a_file_is_fetched_without_the_key_and_only_from_where_it_may() {
         "https://localhost/secret-path",
         "http://files.example.com/secret-path",
         "file:///etc/passwd?secret-path",
-        "gopher://secret-path",
+        "gopher://files.example.com/secret-path",
     ] {
         let server = with_link(link).await;
         let error = meshy(&server).generate(&request()).await.unwrap_err();

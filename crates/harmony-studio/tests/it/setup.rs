@@ -91,7 +91,8 @@ async fn keys_make_the_hosted_profile_and_wrong_ones_are_said() {
         let text = said(&output);
         assert_eq!(output.status.code(), Some(code), "{text}");
         assert!(text.contains("profile hosted") && text.contains("US$"), "{text}");
-        assert_eq!(text.contains("did not accept the key"), code == 1, "{text}");
+        // Gemini says it with status 400.
+        assert_eq!(text.contains("API key not valid") && text.contains("check GEMINI_API_KEY"), code == 1, "{text}");
         let written = std::fs::read_to_string(&file).unwrap();
         assert!(written.contains("# mine") && written.contains("usd = 3.0"), "{written}");
         assert!(written.contains("player = \"fal\"") && !written.contains(KEY), "{written}");

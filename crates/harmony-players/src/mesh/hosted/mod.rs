@@ -36,6 +36,9 @@ use wire::{Ended, Meaning, Product, TaskState, Wire, Work};
 /// How long one look at a task, and each other small request, may take.
 const LOOK: Duration = Duration::from_secs(30);
 
+/// How long making a task may take, its picture on the way included.
+const SUBMIT: Duration = Duration::from_mins(2);
+
 /// Each wait between two looks is so many times the one before, until it is [`SLOWEST`] times the first.
 const SLOWER: f64 = 1.5;
 const SLOWEST: u32 = 6;
@@ -195,15 +198,29 @@ impl HostedPlayer {
 
     /// Sends a small request.
     async fn send(&self, request: &HttpRequest) -> Result<HttpAnswer, RoleError> {
-        match tokio::time::timeout(LOOK, self.service.send(request)).await {
+        self.send_within(LOOK, request).await
+    }
+
+    async fn send_within(&self, patience: Duration, request: &HttpRequest) -> Result<HttpAnswer, RoleError> {
+        match tokio::time::timeout(patience, self.service.send(request)).await {
             Ok(answer) => answer,
-            Err(_) => Err(self.service.unavailable(format!("no answer within {LOOK:?}"))),
+            Err(_) => Err(self.service.unavailable(format!("no answer within {patience:?}"))),
+        }
+    }
+
+    /// The task is at work: nothing is paid by looking at it again.
+    fn not_yet(&self, waited: Duration) -> RoleError {
+        RoleError::Unavailable {
+            player: self.service.player().to_owned(),
+            reason: format!("the task is not done after {waited:?}; it is looked at again, and not paid again"),
+            status: Some(202),
+            retry_after: None,
         }
     }
 
     /// Sends a request whose answer is JSON.
     async fn ask(&self, request: &HttpRequest) -> Result<Value, RoleError> {
-        let answer = self.service.send(request).await?;
+        let answer = self.send_within(SUBMIT, request).await?;
         if !answer.is_success() {
             return Err(self.failure(&answer));
         }
@@ -243,9 +260,7 @@ impl HostedPlayer {
         let mut at_once = true;
         loop {
             if since.elapsed() >= total {
-                return Err(self.service.unavailable(format!(
-                    "the task is not done after {total:?}; it is looked at again, and not paid again"
-                )));
+                return Err(self.not_yet(total));
             }
             // A task of an earlier try may be done.
             if !std::mem::take(&mut at_once) {
