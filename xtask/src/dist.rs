@@ -91,7 +91,7 @@ fn executable(messages: &str) -> Option<PathBuf> {
         let ours = message.pointer("/target/name")?.as_str()? == "harmony";
         ours.then(|| message.get("executable")?.as_str().map(PathBuf::from))?
     };
-    messages.lines().filter_map(of).last()
+    messages.lines().rev().find_map(of)
 }
 
 /// What a tool prints; its failure is an error.
@@ -175,11 +175,11 @@ fn parts(root: &Path, options: &Options) -> Result<Vec<Part>> {
     }
     let metadata: Metadata =
         serde_json::from_str(&stdout(cargo.current_dir(root))?).context("reading cargo metadata")?;
-    linked(metadata)
+    linked(&metadata)
 }
 
 /// Of all crates, those that the program is linked from.
-fn linked(metadata: Metadata) -> Result<Vec<Part>> {
+fn linked(metadata: &Metadata) -> Result<Vec<Part>> {
     let nodes: BTreeMap<&str, &Node> = metadata.resolve.nodes.iter().map(|node| (node.id.as_str(), node)).collect();
     let root = metadata.packages.iter().find(|part| part.name == "harmony-cli").context("there is no harmony-cli")?;
     let mut seen = BTreeSet::from([root.id.as_str()]);
@@ -320,7 +320,7 @@ mod tests {
             {"id": "harmony-io", "deps": [dep("png", None), dep("cc", Some("build"))]},
             {"id": "png", "deps": []}, {"id": "cc", "deps": []}, {"id": "proptest", "deps": []},
         ]}});
-        let parts = linked(serde_json::from_value(metadata).unwrap()).unwrap();
+        let parts = linked(&serde_json::from_value(metadata).unwrap()).unwrap();
         assert_eq!(parts.iter().map(|part| part.name.as_str()).collect::<Vec<_>>(), ["png"]);
     }
 
