@@ -2,6 +2,7 @@
 #![expect(clippy::print_stdout, reason = "a program")]
 
 mod deps;
+mod dist;
 mod image_nets;
 mod paper;
 mod parity;
@@ -25,6 +26,8 @@ enum Command {
     Paper,
     /// Checks which crate uses which against xtask/layers.toml, and the table of crates in ARCHITECTURE.md.
     Deps,
+    /// Packages the program: stripped, with completions, man pages, licences, a list of its parts (CycloneDX), checksums.
+    Dist(dist::Options),
     /// Compares networks of full size with their reference implementations in PyTorch, with seeded random weights.
     ///
     /// About 25 GB of disk, 12 GB of memory. HARMONY_VGGT: a checkout of the VGGT authors' repository (default: the
@@ -50,6 +53,7 @@ fn main() -> Result<()> {
     match Arguments::parse().command {
         Command::Paper => told("docs/paper-map.md", &paper::check(&root)?),
         Command::Deps => told("crates", &deps::check(&root)?),
+        Command::Dist(options) => dist::run(&root, &options),
         Command::Parity { only, rounds } => {
             if only.is_none() {
                 parity::run(rounds)?;

@@ -24,6 +24,9 @@ use services::Services;
 
 mod services;
 
+/// Folder below a run's calls where tasks at hosted services are noted.
+pub const TASKS: &str = ".tasks";
+
 /// How long a check that costs nothing may take.
 const FREE_PATIENCE: Duration = Duration::from_secs(30);
 
@@ -50,6 +53,8 @@ pub struct CastRequest<'a> {
     pub masks: Option<&'a Path>,
     /// Folder of the files player.
     pub questions: PathBuf,
+    /// Where tasks at hosted services are noted, so that another start goes on with them; `None` = nowhere.
+    pub tasks: Option<PathBuf>,
     /// Its patience, minutes; 0 = for ever.
     pub timeout_minutes: f64,
     /// Whether a path tracer may be used.
@@ -108,7 +113,7 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
         (request.tell)(format!("questions will appear in {}", request.questions.display()));
     }
     let mut failures = own.failures;
-    failures.extend(cast_services(&mut cast, players, &mut known));
+    failures.extend(cast_services(&mut cast, players, request.tasks.as_deref(), &mut known));
     if !failures.is_empty() {
         // Everything that is missing at once: nobody likes to be told of the next thing after each.
         let each = |(role, failure): &(Role, RoleError)| format!("{}: {failure}", role.folder());
@@ -154,9 +159,15 @@ pub fn cast(request: &CastRequest<'_>) -> Result<Casting> {
     Ok(Casting { cast, offline, inputs, notes, absent, checks, secrets })
 }
 
-/// Casts hosted and local players for the roles that have one; the roles for which that failed, and why.
-pub fn cast_services(cast: &mut Cast, players: &PlayersConfig, known: &mut Known) -> Vec<(Role, RoleError)> {
-    let services = match Services::new(players) {
+/// Casts hosted and local players for the roles that have one; the roles for which that failed, and why. `tasks` as in
+/// [`CastRequest::tasks`].
+pub fn cast_services(
+    cast: &mut Cast,
+    players: &PlayersConfig,
+    tasks: Option<&Path>,
+    known: &mut Known,
+) -> Vec<(Role, RoleError)> {
+    let services = match Services::new(players, tasks) {
         Ok(services) => services,
         Err(error) => return vec![(Role::VisionLanguage, error)],
     };

@@ -32,6 +32,9 @@ pub enum Profile {
     Paper,
     /// Open weights on servers of your own: a language model, an image editor, a mesh generator.
     Local,
+    /// Services alone, no GPU and nothing to start: a Gemini model looks and draws, fal.ai makes meshes. Needs the keys
+    /// GEMINI_API_KEY and FAL_KEY; `harmony setup` sets others.
+    Hosted,
 }
 
 impl Profile {
@@ -43,6 +46,7 @@ impl Profile {
             Self::Files => "files",
             Self::Paper => "paper",
             Self::Local => "local",
+            Self::Hosted => "hosted",
         }
     }
 }
@@ -57,7 +61,7 @@ pub struct ConfigFile {
     pub settings: Settings,
     /// The files player.
     pub files: FilesConfig,
-    /// Hosted and local players, for the profiles `paper` and `local`.
+    /// Hosted and local players, for the profiles `paper`, `local` and `hosted`.
     pub players: PlayersConfig,
     /// Weights of the networks inside this program.
     pub models: ModelsConfig,

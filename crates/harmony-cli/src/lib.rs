@@ -8,11 +8,15 @@ pub mod config;
 pub mod display;
 mod models;
 mod networks;
+pub mod setup;
 mod stopping;
+pub mod survey;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
+use std::sync::LazyLock;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 /// Everything did what it should.
 const EXIT_OK: u8 = 0;
@@ -23,12 +27,23 @@ const EXIT_INCOMPLETE: u8 = 3;
 /// A budget, a deadline or Ctrl-C stopped the run; what was obtained is kept.
 const EXIT_STOPPED: u8 = 4;
 
+/// What `--version` tells beside the number: the commit that `cargo xtask dist` built from, and the features.
+static VERSION: LazyLock<String> = LazyLock::new(|| {
+    let features = match (cfg!(feature = "nets"), cfg!(feature = "cuda")) {
+        (_, true) => "nets, cuda",
+        (true, _) => "nets",
+        _ => "none",
+    };
+    let commit = option_env!("HARMONY_COMMIT").unwrap_or("not told, a build of one's own");
+    format!("{}\ncommit: {commit}\nfeatures: {features}", env!("CARGO_PKG_VERSION"))
+});
+
 /// Turns one photograph of a room into an editable, lit, simulation-ready 3D scene.
 ///
 /// Start with `harmony reconstruct photo.jpg --out run`, then open run/report.html.
-/// `harmony doctor` tells what can be used on this machine and what is missing.
+/// `harmony setup` finds keys and servers and writes harmony.toml; `harmony doctor` tells what can be used on this machine and what is missing.
 #[derive(Debug, Parser)]
-#[command(name = "harmony", version, after_help = EXIT_CODES)]
+#[command(name = "harmony", version, long_version = VERSION.as_str(), after_help = EXIT_CODES)]
 struct Cli {
     /// More log on stderr: -v for steps, -vv for everything.
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
@@ -58,6 +73,8 @@ enum Command {
     Estimate(commands::estimate::Args),
     /// Tell what a run took, by phase, role, player and object.
     Bill(commands::bill::Args),
+    /// Find out what is here, propose who plays, write harmony.toml.
+    Setup(commands::setup::Args),
     /// Tell who can play each role here and what is missing.
     Doctor(commands::doctor::Args),
     /// Summarise a run in the terminal.
@@ -86,10 +103,25 @@ enum Command {
     Gallery(commands::gallery::Args),
     /// Print the JSON Schema of scene.json or of the configuration.
     Schema(commands::schema::Args),
+    /// Print completions of this command line for a shell.
+    Completions(commands::manual::CompletionArgs),
+    /// Write man pages of all commands.
+    Man(commands::manual::ManArgs),
+}
+
+/// Whether words are a command that the program understands, the program's name first. Nothing is run.
+///
+/// # Errors
+/// What is not understood, as the program would say it.
+pub fn understood(words: impl IntoIterator<Item = String>) -> Result<(), String> {
+    Cli::try_parse_from(words).map(|_| ()).or_else(|error| match error.kind() {
+        clap::error::ErrorKind::DisplayHelp | clap::error::ErrorKind::DisplayVersion => Ok(()),
+        _ => Err(error.to_string()),
+    })
 }
 
 /// Runs the program on arguments as a shell gives them, the program's name first.
-pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
+pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = Cli::parse_from(args);
     display::log_to_stderr(cli.verbose);
     let result = match cli.command {
@@ -98,6 +130,7 @@ pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
         Command::Worker(args) => commands::batch::run_worker(&args),
         Command::Estimate(args) => commands::estimate::run(&args),
         Command::Bill(args) => commands::bill::run(&args),
+        Command::Setup(args) => commands::setup::run(&args),
         Command::Doctor(args) => commands::doctor::run(&args),
         Command::Show(args) => commands::show::run(&args),
         Command::Render(args) => commands::render::run(&args),
@@ -112,6 +145,8 @@ pub fn run(args: impl IntoIterator<Item = std::ffi::OsString>) -> ExitCode {
         Command::Dataset(args) => commands::dataset::run(args),
         Command::Gallery(args) => commands::gallery::run(&args),
         Command::Schema(args) => commands::schema::run(&args),
+        Command::Completions(args) => commands::manual::completions(&args, Cli::command()),
+        Command::Man(args) => commands::manual::man(&args, Cli::command()),
     };
     match result {
         Ok(code) => ExitCode::from(code),

@@ -20,7 +20,7 @@ mod native;
 mod report;
 #[cfg(feature = "nets")]
 mod similarity;
-mod status;
+pub mod status;
 
 /// Models that can play a role, the preferred one first. The one that may be used for anything goes first.
 const GEOMETRY: [&str; 2] = ["vggt-1b-commercial", "vggt-1b"];

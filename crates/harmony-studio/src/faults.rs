@@ -11,6 +11,7 @@ pub enum Part {
     Language,
     Editor,
     Mesh,
+    HostedMesh,
     Detector,
 }
 
@@ -74,13 +75,23 @@ pub enum Fault {
     EmptyMesh,
     /// Boxes outside the picture, inverted, empty.
     BadBoxes,
+    /// The first looks at a task fail and its file is cut off at first. Nothing is wrong with the task.
+    BrokenLooks,
+    /// A task that ends without a result.
+    TaskFailed,
+    /// A task that is declined for what the picture shows.
+    TaskRefused,
+    /// A task that is at work for ever.
+    TaskStuck,
+    /// The link to the file has ended when it is first given; where links end soon, the next look gives another.
+    ExpiredLink,
 }
 
 use Fault as F;
 
 impl Fault {
     /// All, in the order of tables.
-    pub const ALL: [Self; 28] = [
+    pub const ALL: [Self; 33] = [
         F::RateLimited,
         F::RateLimitedWait,
         F::RateLimitedLong,
@@ -109,6 +120,11 @@ impl Fault {
         F::NanMesh,
         F::EmptyMesh,
         F::BadBoxes,
+        F::BrokenLooks,
+        F::TaskFailed,
+        F::TaskRefused,
+        F::TaskStuck,
+        F::ExpiredLink,
     ];
 
     /// Whether it can befall a service of this part.
@@ -118,9 +134,10 @@ impl Fault {
             F::CutAnswer => matches!(part, Part::Language | Part::Detector),
             F::SchemaViolation | F::UnicodeNames => part == Part::Language,
             F::WrongSize | F::NotAnImage => part == Part::Editor,
-            F::HalfGlb | F::HugeMesh | F::NanMesh | F::EmptyMesh => part == Part::Mesh,
+            F::HalfGlb | F::HugeMesh | F::NanMesh | F::EmptyMesh => matches!(part, Part::Mesh | Part::HostedMesh),
+            F::BrokenLooks | F::TaskFailed | F::TaskRefused | F::TaskStuck | F::ExpiredLink => part == Part::HostedMesh,
             F::BadBoxes => part == Part::Detector,
-            F::AccountSpent | F::RateLimitedLong => matches!(part, Part::Language | Part::Editor),
+            F::AccountSpent | F::RateLimitedLong => matches!(part, Part::Language | Part::Editor | Part::HostedMesh),
             _ => true,
         }
     }
@@ -129,14 +146,14 @@ impl Fault {
     fn weight(self) -> u32 {
         match self {
             F::HugeMesh => 1,
-            F::Huge | F::Silence | F::Stall | F::RateLimitedLong | F::AccountSpent => 4,
+            F::Huge | F::Silence | F::Stall | F::RateLimitedLong | F::AccountSpent | F::TaskStuck => 4,
             _ => 10,
         }
     }
 
     /// Whether the answer can be used all the same.
     pub fn is_harmless(self) -> bool {
-        matches!(self, F::Slow | F::UnicodeNames)
+        matches!(self, F::Slow | F::UnicodeNames | F::BrokenLooks)
     }
 
     /// Its name in tables.

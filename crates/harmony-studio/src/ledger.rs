@@ -1,6 +1,7 @@
 //! What was asked of the studio, what it answered, and what a real service would have charged.
 
 use std::collections::{BTreeMap, HashMap};
+use std::sync::atomic::AtomicU64;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use serde::Serialize;
@@ -40,6 +41,10 @@ impl Entry {
 pub struct Ledger {
     entries: Mutex<Vec<Entry>>,
     seen: Mutex<HashMap<String, usize>>,
+    /// Tasks that were made at hosted mesh generators.
+    pub tasks: AtomicU64,
+    /// Of these, those that were cancelled.
+    pub cancelled: AtomicU64,
 }
 
 impl Ledger {

@@ -1,4 +1,4 @@
-//! A studio on loopback: one program that plays all services of the profiles `paper` and `local` over real HTTP, with
+//! A studio on loopback: one program that plays all services of the profiles `paper`, `local` and `hosted` over real HTTP, with
 //! their wire formats, limits and quirks, and answers from the truth of one room.
 //!
 //! It is a means of tests and no part of the shipped program: nothing in the program knows of it, and what reaches it is
@@ -94,7 +94,7 @@ impl Studio {
         // Another host, to which nobody should ever go.
         let other = TcpListener::bind(("127.0.0.1", 0)).await?;
         let elsewhere = Arc::new(AtomicU64::new(0));
-        let services = Arc::new(Services::new(mind, options, format!("http://{}", other.local_addr()?)));
+        let services = Arc::new(Services::new(mind, options, address, other.local_addr()?));
         let ledger = Arc::clone(&services.ledger);
         let visits = Arc::clone(&elsewhere);
         let tasks = vec![

@@ -86,7 +86,7 @@ fn serve(args: &Serve) -> anyhow::Result<()> {
         std::fs::write(&args.config, config(&studio, args.profile)).context("writing the configuration")?;
         let mut out = std::io::stdout();
         writeln!(out, "playing; {} leads here. Keys:", args.config.display())?;
-        writeln!(out, "export OPENAI_API_KEY={KEY} GEMINI_API_KEY={KEY}")?;
+        writeln!(out, "export OPENAI_API_KEY={KEY} GEMINI_API_KEY={KEY} FAL_KEY={KEY}")?;
         out.flush()?;
         studio.wait().await;
         Ok(())

@@ -12,6 +12,8 @@ pub enum Profile {
     Paper,
     /// vLLM, sd-server, Hunyuan3D-2, boxes from the language model.
     Local,
+    /// Gemini looks, draws and gives boxes, fal makes meshes.
+    Hosted,
 }
 
 impl Profile {
@@ -20,6 +22,7 @@ impl Profile {
         match self {
             Self::Paper => "paper",
             Self::Local => "local",
+            Self::Hosted => "hosted",
         }
     }
 }
@@ -37,6 +40,11 @@ pub fn config(studio: &Studio, profile: Profile) -> String {
             ("vision_language", "compatible", Service::Vllm),
             ("image_editor", "local_edits", Service::SdServer),
             ("mesh_generator", "hunyuan3d_2", Service::Hunyuan2),
+        ],
+        Profile::Hosted => &[
+            ("vision_language", "gemini", Service::Gemini),
+            ("image_editor", "gemini", Service::Gemini),
+            ("mesh_generator", "fal", Service::Fal),
         ],
     };
     let mut text = format!("profile = \"{}\"\n", profile.name());

@@ -22,6 +22,8 @@ use harmony_players::editor::wire::EditSettings;
 use harmony_players::editor::{EditorFormat, EditorOptions, EditorPlayer};
 use harmony_players::flat_cast;
 use harmony_players::http::{ApiKey, Auth, Http, HttpLimits, ServiceOptions};
+use harmony_players::mesh::hosted::tasks::Tasks;
+use harmony_players::mesh::hosted::{Host as Hosted, HostedOptions, HostedPlayer};
 use harmony_players::mesh::hunyuan::{HunyuanOptions, HunyuanPlayer, Route, Version};
 use harmony_players::mesh::trellis::{Host, TrellisOptions, TrellisPlayer};
 use harmony_players::vlm::wire::ModelSettings;
@@ -277,12 +279,33 @@ fn players(studio: &Studio, seed: u64) -> Result<Players, RoleError> {
         let options = TrellisOptions { service, host, model: "trellis".to_owned(), seed: 1234, concurrency: 2 };
         Ok::<Named<dyn MeshGenerator>, RoleError>((name, Arc::new(TrellisPlayer::new(&http, options)?)))
     };
-    let mesh = match pick("mesh", 6) {
+    let hosted = |name, service, auth, host, model: &str| {
+        let options = HostedOptions {
+            service: at(service, auth),
+            host,
+            model: model.to_owned(),
+            texture: true,
+            seed: 1234,
+            extra: serde_json::Map::new(),
+            frame: None,
+            usd_per_credit: None,
+            poll: Duration::from_millis(10),
+            patience: TRY + SILENCE,
+            tasks: Arc::new(Tasks::default()),
+            concurrency: 4,
+        };
+        Ok::<Named<dyn MeshGenerator>, RoleError>((name, Arc::new(HostedPlayer::new(&http, options)?)))
+    };
+    let mesh = match pick("mesh", 10) {
         0 | 1 => hunyuan("hunyuan 2", Service::Hunyuan2, Version::V2, Route::Generate)?,
         2 => hunyuan("hunyuan 2 jobs", Service::Hunyuan2, Version::V2, Route::Send)?,
         3 => hunyuan("hunyuan 2.1", Service::Hunyuan21, Version::V2_1, Route::Generate)?,
         4 => trellis("trellis nim", Service::TrellisNim, Host::Nim)?,
-        _ => trellis("trellis localai", Service::TrellisLocalAi, Host::LocalAi)?,
+        5 => trellis("trellis localai", Service::TrellisLocalAi, Host::LocalAi)?,
+        6 => hosted("fal", Service::Fal, Auth::Scheme("Key", key()?), Hosted::Fal, "fal-ai/trellis")?,
+        7 => hosted("replicate", Service::Replicate, bearer()?, Hosted::Replicate, "firtoz/trellis:1")?,
+        8 => hosted("tripo", Service::Tripo, bearer()?, Hosted::Tripo, "v2.5-20250123")?,
+        _ => hosted("meshy", Service::Meshy, bearer()?, Hosted::Meshy, "meshy-6")?,
     };
     let detector: Named<dyn Detector> = match pick("detector", 3) {
         0 => {

@@ -1,6 +1,7 @@
 //! Hosted and local players from their configuration.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -13,6 +14,8 @@ use harmony_players::detector::locate::{LocateOptions, LocatePlayer};
 use harmony_players::editor::wire::EditSettings;
 use harmony_players::editor::{EditorFormat, EditorOptions, EditorPlayer};
 use harmony_players::http::{ApiKey, Auth, Http, HttpLimits, KeyError, LocalHosts, Service, ServiceOptions};
+use harmony_players::mesh::hosted::tasks::Tasks;
+use harmony_players::mesh::hosted::{Host as Hosted, HostedOptions, HostedPlayer};
 use harmony_players::mesh::hunyuan::{HunyuanOptions, HunyuanPlayer, Version};
 use harmony_players::mesh::trellis::{Host, TrellisOptions, TrellisPlayer};
 use harmony_players::vlm::wire::ModelSettings;
@@ -45,6 +48,8 @@ impl Known {
 pub struct Services<'a> {
     http: Http,
     config: &'a PlayersConfig,
+    /// Where tasks at hosted services are noted; `None` = nowhere but in memory.
+    tasks: Option<&'a Path>,
 }
 
 impl<'a> Services<'a> {
@@ -52,11 +57,11 @@ impl<'a> Services<'a> {
     ///
     /// # Errors
     /// [`RoleError::NotSetUp`] when there can be no connection at all.
-    pub fn new(config: &'a PlayersConfig) -> Result<Self, RoleError> {
+    pub fn new(config: &'a PlayersConfig, tasks: Option<&'a Path>) -> Result<Self, RoleError> {
         let local = config.local_only.then(|| LocalHosts {
             named: config.local_hosts.iter().map(|host| host.trim().to_ascii_lowercase()).collect(),
         });
-        Ok(Self { http: Http::new(local, Duration::from_secs(config.connect_secs))?, config })
+        Ok(Self { http: Http::new(local, Duration::from_secs(config.connect_secs))?, config, tasks })
     }
 
     fn service(
@@ -79,7 +84,7 @@ impl<'a> Services<'a> {
             address: address.cloned().unwrap_or_default(),
             remedy: match &auth {
                 Auth::None => format!("check `address` and `model` in [players.{section}]"),
-                Auth::Bearer(key) | Auth::Header(_, key) => {
+                Auth::Bearer(key) | Auth::Header(_, key) | Auth::Scheme(_, key) => {
                     format!("check {}, and `address` and `model` in [players.{section}]", key.variable())
                 }
             },
@@ -219,8 +224,38 @@ impl<'a> Services<'a> {
             let service = service(name)?;
             TrellisPlayer::new(&self.http, TrellisOptions { service, host, model: model.clone(), seed, concurrency })
         };
+        let hosted = |name: &str, host, auth: fn(ApiKey) -> Auth| {
+            let (address, key) = (config.address.as_ref(), config.key_env.as_ref());
+            let service = self.service(name, role, address, key, auth, config.timeout_secs)?;
+            let patience = service.limits.total * 2;
+            let options = HostedOptions {
+                service,
+                host,
+                model: model.clone(),
+                texture: config.texture.unwrap_or(true),
+                seed,
+                extra: config.extra.clone(),
+                frame: config.frame(),
+                usd_per_credit: config.usd_per_credit,
+                poll: Duration::from_secs(2),
+                patience,
+                tasks: Arc::new(self.tasks.map_or_else(Tasks::default, |folder| Tasks::in_folder(folder.to_owned()))),
+                concurrency: config.concurrency.unwrap_or(4),
+            };
+            HostedPlayer::new(&self.http, options).map(Arc::new)
+        };
         Ok(match config.player {
             None | Some(Meshes::Offline) => None,
+            Some(player @ (Meshes::Fal | Meshes::Replicate | Meshes::Tripo | Meshes::Meshy)) => {
+                let player = match player {
+                    Meshes::Fal => hosted("fal", Hosted::Fal, |key| Auth::Scheme("Key", key))?,
+                    Meshes::Replicate => hosted("replicate", Hosted::Replicate, Auth::Bearer)?,
+                    Meshes::Tripo => hosted("tripo", Hosted::Tripo, Auth::Bearer)?,
+                    _ => hosted("meshy", Hosted::Meshy, Auth::Bearer)?,
+                };
+                known.add(role, player.service(), player.clone());
+                Some(player)
+            }
             Some(player @ (Meshes::Hunyuan2 | Meshes::Hunyuan21)) => {
                 let player = Arc::new(match player {
                     Meshes::Hunyuan21 => hunyuan("hunyuan3d_2_1", Version::V2_1)?,

@@ -60,6 +60,7 @@ pub fn run(args: &Args) -> Result<u8> {
         depth_scale: 1000.0,
         masks: None,
         questions: config.files.folder.clone().unwrap_or_else(|| PathBuf::from("questions")),
+        tasks: None,
         timeout_minutes: config.files.timeout_minutes,
         path_tracer: !args.no_lit,
         working_px: config.settings.working_px,

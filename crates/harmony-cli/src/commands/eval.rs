@@ -391,7 +391,7 @@ fn player(args: &JudgeArgs) -> Result<Calls> {
         });
         cast.vision_language = Arc::new(FilesPlayer::new(options));
     } else {
-        let failures = cast::cast_services(&mut cast, &players, &mut known);
+        let failures = cast::cast_services(&mut cast, &players, None, &mut known);
         if let Some((_, error)) = failures.into_iter().find(|(role, _)| *role == Role::VisionLanguage) {
             return Err(hinted(error.to_string(), error.hint().map(str::to_owned)));
         }

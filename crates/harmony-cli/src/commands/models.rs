@@ -266,6 +266,20 @@ fn asked(model: &Model) -> Result<bool> {
     Ok(matches!(answer.trim().to_lowercase().as_str(), "y" | "yes"))
 }
 
+/// Fetches models by name, after showing their licences.
+///
+/// # Errors
+/// As [`run`].
+pub fn pull_named(names: &[String], accept: &[String], config: Option<PathBuf>) -> Result<u8> {
+    pull(&PullArgs {
+        names: names.to_vec(),
+        common: Common { dir: None, config },
+        from: None,
+        accept: accept.to_vec(),
+        local_only: false,
+    })
+}
+
 fn pull(args: &PullArgs) -> Result<u8> {
     let config = config::load(args.common.config.as_deref())?;
     let store = store(&config.models, args.common.dir.as_deref());

@@ -109,6 +109,7 @@ async fn reconstruct(args: Args) -> Result<u8> {
         depth_scale: args.depth_scale,
         masks: args.masks.as_deref(),
         questions: config.files.folder.clone().unwrap_or_else(|| args.out.join("questions")),
+        tasks: Some(args.out.join("calls").join(cast::TASKS)),
         timeout_minutes: config.files.timeout_minutes,
         path_tracer: !args.no_lit,
         working_px: config.settings.working_px,
@@ -219,8 +220,13 @@ async fn look_around(casting: &Casting, run: &std::path::Path, tell: &Arc<dyn Fn
     Ok(())
 }
 
-/// Removes the records of a phase and all after it.
+/// Removes the records of a phase and all after it. What is asked anew may be paid anew: tasks at hosted services are
+/// forgotten, too.
 fn forget(run: &std::path::Path, from: Phase) -> Result<()> {
+    let tasks = run.join("calls").join(cast::TASKS);
+    if tasks.is_dir() && from < Phase::Lighting {
+        std::fs::remove_dir_all(&tasks).with_context(|| format!("removing {}", tasks.display()))?;
+    }
     for role in Role::ALL {
         for phase in Phase::ALL.into_iter().filter(|phase| *phase >= from) {
             let folder = run.join("calls").join(role.folder()).join(phase.folder());

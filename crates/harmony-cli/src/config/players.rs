@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use harmony_pipeline::Phase;
 use harmony_players::detector::boxes::BoxStyle;
 use harmony_players::http::check_variable;
+use harmony_players::mesh::finish::{AxisName, SourceFrame};
 use harmony_players::mesh::hunyuan::Route;
 use harmony_players::vlm::wire::chat::Server;
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,7 @@ use super::networks::{Device, Geometry, GeometryConfig, Masks, SegmenterConfig};
 /// Longest deadline of a call, seconds: a day.
 const MAX_TIMEOUT_SECS: u64 = 86_400;
 
-/// Hosted and local players. Only the profiles `paper` and `local` have any.
+/// Hosted and local players. Only the profiles `paper`, `local` and `hosted` have any.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlayersConfig {
@@ -116,6 +117,14 @@ pub enum Meshes {
     /// LocalAI with TRELLIS.2.
     #[serde(rename = "trellis_localai")]
     TrellisLocalAi,
+    /// Hosted: models at fal.ai.
+    Fal,
+    /// Hosted: models at Replicate.
+    Replicate,
+    /// Hosted: Tripo.
+    Tripo,
+    /// Hosted: Meshy.
+    Meshy,
     /// A folder of GLB files named by object or label.
     Folder,
     /// A folder with an index, or a furniture library of Sweet Home 3D.
@@ -218,14 +227,23 @@ pub struct MeshConfig {
     pub path: Option<PathBuf>,
     /// Hunyuan3D: `generate` (one request) or `send` (a job).
     pub route: Option<Route>,
-    /// Hunyuan3D: whether meshes are textured; the server must have been started for it.
+    /// Hunyuan3D and hosted services: whether meshes are textured; a server of one's own must have been started for it.
     pub texture: Option<bool>,
     /// Seed.
     pub seed: Option<u32>,
+    /// Hosted services: the axis of their meshes that points up; left out = as the service's module says.
+    pub up: Option<AxisName>,
+    /// Hosted services: the axis along which the front looks; left out = as the service's module says.
+    pub front: Option<AxisName>,
+    /// Hosted services that tell credits: US dollars for one; left out = the price table holds.
+    pub usd_per_credit: Option<f64>,
     /// Calls at once.
     pub concurrency: Option<usize>,
-    /// Deadline of a call, seconds.
+    /// Deadline of a call, seconds; hosted: a task that is at work for twice as long is given up.
     pub timeout_secs: Option<u64>,
+    /// Hosted services: further properties of the request.
+    #[serde(skip_serializing_if = "Map::is_empty")]
+    pub extra: Map<String, Value>,
 }
 
 /// The detector.
@@ -350,18 +368,47 @@ impl MeshConfig {
             texture: Some(true),
             ..at("http://127.0.0.1:8081", model)
         };
+        let hosted = |address: &str, model: &str, key: &str| Self {
+            key_env: text(key),
+            texture: Some(true),
+            // New accounts get two at a time; what is more waits at the service.
+            concurrency: Some(4),
+            ..at(address, model)
+        };
         match player {
             Meshes::Offline | Meshes::Folder | Meshes::Catalogue => Self { player: Some(player), ..Self::default() },
             Meshes::Hunyuan2 => hunyuan("hunyuan3d-2"),
             Meshes::Hunyuan21 => hunyuan("hunyuan3d-2.1"),
             Meshes::TrellisNim => at("http://127.0.0.1:8000", "trellis"),
             Meshes::TrellisLocalAi => at("http://127.0.0.1:8080", ""),
+            // The cheapest one whose page was read, and whose weights anybody may use.
+            Meshes::Fal => hosted("https://queue.fal.run", "fal-ai/trellis", "FAL_KEY"),
+            // A model that is not Replicate's own is named with its version.
+            Meshes::Replicate => hosted(
+                "https://api.replicate.com/v1",
+                "firtoz/trellis:e8f6c45206993f297372f5436b90350817bd9b4a0d52d2a76df50c1c8afa2b3c",
+                "REPLICATE_API_TOKEN",
+            ),
+            Meshes::Tripo => hosted("https://api.tripo3d.ai/v2/openapi", "v2.5-20250123", "TRIPO_API_KEY"),
+            Meshes::Meshy => hosted("https://api.meshy.ai", "meshy-6", "MESHY_API_KEY"),
         }
     }
 
     fn filled(mut self, usual: Self) -> Self {
-        fill!(self from usual: player, address, model, key_env, path, route, texture, seed, concurrency, timeout_secs);
+        fill!(self from usual: player, address, model, key_env, path, route, texture, seed, up, front, usd_per_credit,
+              concurrency, timeout_secs);
+        if self.extra.is_empty() {
+            self.extra = usual.extra;
+        }
         self
+    }
+
+    /// The frame of a hosted service's meshes, where the user says one; what is left out of it is glTF's.
+    #[must_use]
+    pub fn frame(&self) -> Option<SourceFrame> {
+        let usual = SourceFrame::default();
+        (self.up.is_some() || self.front.is_some())
+            .then(|| SourceFrame { up: self.up.unwrap_or(usual.up), front: self.front.unwrap_or(usual.front) })
     }
 }
 
@@ -403,6 +450,8 @@ impl Profile {
             Self::Files => (Language::Files, Editor::Offline, Meshes::Offline, Boxes::WithList),
             Self::Paper => (Language::OpenAi, Editor::Gemini, Meshes::Hunyuan2, Boxes::LocateAnything),
             Self::Local => (Language::Compatible, Editor::LocalEdits, Meshes::Hunyuan2, Boxes::VlmBoxes),
+            // One key for looking, drawing and boxes, one for meshes; Gemini was taught boxes.
+            Self::Hosted => (Language::Gemini, Editor::Gemini, Meshes::Fal, Boxes::VlmBoxes),
         }
     }
 }
@@ -422,7 +471,7 @@ impl PlayersConfig {
                 segmenter: SegmenterConfig { player: Some(Masks::Offline), ..SegmenterConfig::default() },
                 ..self.clone()
             },
-            Profile::Paper | Profile::Local => self.clone(),
+            Profile::Paper | Profile::Local | Profile::Hosted => self.clone(),
         };
         let language = own.vision_language.player.unwrap_or(language).usual();
         let mut vision_language = own.vision_language.filled(language);
@@ -464,6 +513,15 @@ impl PlayersConfig {
         self
     }
 
+    /// The same without networks inside this program, for an estimate that loads nothing.
+    #[must_use]
+    pub fn without_networks(mut self) -> Self {
+        self.geometry_estimator = GeometryConfig { player: Some(Geometry::Offline), ..GeometryConfig::default() };
+        self.segmenter = SegmenterConfig { player: Some(Masks::Offline), ..SegmenterConfig::default() };
+        self.detector.native = Some(false);
+        self
+    }
+
     /// Whether every value is one that can be used.
     ///
     /// # Errors
@@ -491,6 +549,12 @@ impl PlayersConfig {
             if !variable.is_empty() {
                 check_variable(variable).map_err(|error| format!("players: key_env: {error}"))?;
             }
+        }
+        if let Some(usd) = m.usd_per_credit.filter(|usd| !(0.0..=1000.0).contains(usd)) {
+            return Err(format!("players.mesh_generator.usd_per_credit is {usd}; allowed is 0 to 1000"));
+        }
+        if let Some(frame) = m.frame() {
+            frame.canonical_from_source().map_err(|error| format!("players.mesh_generator: up and front: {error}"))?;
         }
         if let Some(threshold) = d.threshold.filter(|t| !(0.0..=1.0).contains(t)) {
             return Err(format!("players.detector.threshold is {threshold}; allowed is 0 to 1"));
@@ -526,7 +590,7 @@ pub fn described() -> Result<String, toml::ser::Error> {
         players: PlayersConfig,
     }
     let mut text = String::new();
-    for profile in [Profile::Paper, Profile::Local] {
+    for profile in [Profile::Paper, Profile::Local, Profile::Hosted] {
         text.extend(["\n# What `profile = \"", profile.name(), "\"` plays, unless it is changed:\n#\n"]);
         let shown = Shown { players: PlayersConfig::default().resolved(profile) };
         for line in toml::to_string_pretty(&shown)?.lines() {
@@ -536,7 +600,7 @@ pub fn described() -> Result<String, toml::ser::Error> {
     text.push_str(
         "\n# Players that can be set: vision_language: openai, openai_chat, gemini, anthropic, compatible, files, offline;\n\
          # image_editor: gemini, openai, local_edits, offline; mesh_generator: hunyuan3d_2, hunyuan3d_2_1, trellis_nim,\n\
-         # trellis_localai, folder, catalogue, offline; detector: locate_anything, grounding_dino, vlm_boxes, with_list,\n\
+         # trellis_localai, fal, replicate, tripo, meshy, folder, catalogue, offline; detector: locate_anything, grounding_dino, vlm_boxes, with_list,\n\
          # owlv2, offline (`native = true`: owlv2 where its weights are); geometry_estimator: vggt, offline; segmenter: sam2,\n\
          # offline (left out: the network where its weights are; each has `model`, `weights` and `device` = auto, cpu, cuda).\n\
          # `[players.vision_language.phases.lighting]` and the like set another model for a phase.\n\
@@ -562,6 +626,26 @@ mod tests {
         assert_eq!(paper.detector.player, Some(Boxes::LocateAnything));
         let offline = PlayersConfig::default().resolved(Profile::Offline);
         assert_eq!(offline.vision_language.player, Some(Language::Offline));
+    }
+
+    #[test]
+    fn the_hosted_cast_needs_two_keys_and_no_server() {
+        let hosted = PlayersConfig::default().resolved(Profile::Hosted);
+        let (v, e, m, d) = (hosted.vision_language, hosted.image_editor, hosted.mesh_generator, hosted.detector);
+        let keys = [v.key_env, e.key_env, m.key_env].map(Option::unwrap_or_default);
+        assert_eq!(keys, ["GEMINI_API_KEY", "GEMINI_API_KEY", "FAL_KEY"]);
+        assert_eq!((d.player, d.native), (Some(Boxes::VlmBoxes), Some(true)));
+        assert!([v.address, e.address, m.address].into_iter().flatten().all(|at| at.starts_with("https://")));
+        let other = "[players.mesh_generator]\nplayer = \"tripo\"\nfront = \"-z\"\nusd_per_credit = 0.01\n\
+                     [players.mesh_generator.extra]\ntexture_quality = \"detailed\"\n";
+        let tripo = parsed(other).resolved(Profile::Hosted).mesh_generator;
+        assert_eq!(tripo.key_env.as_deref(), Some("TRIPO_API_KEY"));
+        assert_eq!(tripo.frame(), Some(SourceFrame { up: AxisName::PlusY, front: AxisName::MinusZ }));
+        assert_eq!(tripo.extra["texture_quality"], "detailed");
+        for (wrong, word) in [("front = \"+y\"", "one axis"), ("usd_per_credit = -1.0", "usd_per_credit")] {
+            let error = super::super::parse(&format!("[players.mesh_generator]\n{wrong}\n")).unwrap_err();
+            assert!(error.contains(word), "{error}");
+        }
     }
 
     #[test]
@@ -620,7 +704,7 @@ mod tests {
     #[test]
     fn what_the_schema_shows_can_be_read_again() {
         let text = described().unwrap();
-        for profile in [Profile::Paper, Profile::Local] {
+        for profile in [Profile::Paper, Profile::Local, Profile::Hosted] {
             let start = text.find(&format!("profile = \"{}\"", profile.name())).unwrap();
             let lines = text[start..].lines().skip(2).take_while(|line| line.starts_with("# "));
             let toml = lines.map(|line| &line[2..]).collect::<Vec<_>>().join("\n");

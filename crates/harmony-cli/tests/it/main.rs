@@ -5,6 +5,7 @@ mod bad_answers;
 mod bad_inputs;
 mod batch;
 mod common;
+mod first_day;
 mod killed;
 mod networks;
 mod photos;

@@ -12,6 +12,7 @@ use serde_json::Value;
 
 use super::address::{AddressError, LocalHosts, LocalResolver, is_loopback, join, parse_address};
 use super::failure::{MAX_RAW, failure};
+use super::file::{FileLink, PublicResolver, proxy_is_set};
 use super::key::ApiKey;
 
 /// Deadlines and sizes.
@@ -40,13 +41,15 @@ pub enum Auth {
     Bearer(ApiKey),
     /// The key in a header of this name.
     Header(&'static str, ApiKey),
+    /// `Authorization: SCHEME KEY`, where the scheme is another word than `Bearer`.
+    Scheme(&'static str, ApiKey),
 }
 
 impl Auth {
     fn key(&self) -> Option<&ApiKey> {
         match self {
             Self::None => None,
-            Self::Bearer(key) | Self::Header(_, key) => Some(key),
+            Self::Bearer(key) | Self::Header(_, key) | Self::Scheme(_, key) => Some(key),
         }
     }
 }
@@ -58,6 +61,8 @@ pub struct Http {
     direct: Client,
     /// With the proxies of the environment.
     proxied: Client,
+    /// For files at addresses that an answer names: without a proxy, and public addresses only.
+    public: Client,
     local: Option<Arc<LocalHosts>>,
 }
 
@@ -70,7 +75,7 @@ impl Http {
         // Another part of the program may have chosen already; then that choice holds.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let local = local.map(Arc::new);
-        let build = |proxies: bool| {
+        let build = |proxies: bool, public: bool| {
             let mut builder = Client::builder()
                 .redirect(redirect::Policy::none())
                 .referer(false)
@@ -84,6 +89,8 @@ impl Http {
             }
             if let Some(local) = &local {
                 builder = builder.dns_resolver(Arc::new(LocalResolver(Arc::clone(local))));
+            } else if public {
+                builder = builder.dns_resolver(Arc::new(PublicResolver));
             }
             builder.build().map_err(|error| RoleError::NotSetUp {
                 player: "http".to_owned(),
@@ -91,7 +98,7 @@ impl Http {
                 hint: "check the certificates of the system".to_owned(),
             })
         };
-        Ok(Self { direct: build(false)?, proxied: build(true)?, local })
+        Ok(Self { direct: build(false, false)?, proxied: build(true, false)?, public: build(false, true)?, local })
     }
 }
 
@@ -124,6 +131,7 @@ pub struct Service {
 pub enum Method {
     Get,
     Post,
+    Put,
 }
 
 /// One request, below the base address.
@@ -143,6 +151,11 @@ impl HttpRequest {
     /// Asks for a path.
     pub fn get(path: &str) -> Self {
         Self { method: Method::Get, path: path.to_owned(), headers: vec![], body: None }
+    }
+
+    /// Sends nothing to a path.
+    pub fn empty(method: Method, path: &str) -> Self {
+        Self { method, path: path.to_owned(), headers: vec![], body: None }
     }
 
     /// Sends JSON to a path.
@@ -344,6 +357,7 @@ impl Service {
         let mut building = match request.method {
             Method::Get => client.get(url),
             Method::Post => client.post(url),
+            Method::Put => client.put(url),
         };
         for (name, value) in &request.headers {
             building = building.header(*name, value);
@@ -354,11 +368,53 @@ impl Service {
                 building.header(reqwest::header::AUTHORIZATION, hidden(&format!("Bearer {}", key.expose()))?)
             }
             Auth::Header(name, key) => building.header(HeaderName::from_static(name), hidden(key.expose())?),
+            Auth::Scheme(scheme, key) => {
+                building.header(reqwest::header::AUTHORIZATION, hidden(&format!("{scheme} {}", key.expose()))?)
+            }
         };
         if let Some((content_type, body)) = &request.body {
             building = building.header(reqwest::header::CONTENT_TYPE, content_type).body(body.clone());
         }
-        let mut response = building.send().await.map_err(|error| self.broken(&error))?;
+        let mut answer = self.received(building, &self.base).await?;
+        if let Some(key) = self.options.auth.key() {
+            key.blot_out(&mut answer.body);
+        }
+        Ok(answer)
+    }
+
+    /// Takes a link to a file out of an answer. No answer is trusted with where it leads: to the service's own address,
+    /// or encrypted to a public host by its name; never to this machine or its network.
+    ///
+    /// # Errors
+    /// [`RoleError::UnusableAnswer`]; the link's query, which may be a signature, is not part of it.
+    pub fn file_link(&self, text: &str) -> Result<FileLink, RoleError> {
+        FileLink::read(text, &self.base, self.http.local.as_deref())
+            .map_err(|reason| self.unusable(format!("the link to its file is not followed: {reason}"), ""))
+    }
+
+    /// Fetches a file, whatever the status. The key is not sent; no redirect is followed.
+    ///
+    /// # Errors
+    /// As [`Service::send`].
+    pub async fn fetch(&self, link: &FileLink) -> Result<HttpAnswer, RoleError> {
+        let client = match link {
+            FileLink::Own(url) if is_loopback(url) => &self.http.direct,
+            FileLink::Own(_) => &self.http.proxied,
+            // A proxy resolves names itself, and may stand in the network of this machine.
+            FileLink::Public(_) if proxy_is_set() => &self.http.proxied,
+            FileLink::Public(_) => &self.http.public,
+        };
+        let building = client.get(link.url().clone());
+        match tokio::time::timeout(self.options.limits.total, self.received(building, link.url())).await {
+            Ok(answer) => answer,
+            Err(_) => Err(self.unavailable(format!("no whole file within {:?}", self.options.limits.total))),
+        }
+    }
+
+    /// Sends what is built and reads the answer within the limits.
+    async fn received(&self, building: reqwest::RequestBuilder, to: &Url) -> Result<HttpAnswer, RoleError> {
+        let broken = |error: &reqwest::Error| self.broken(error, to);
+        let mut response = building.send().await.map_err(|error| broken(&error))?;
         let mut answer = HttpAnswer {
             status: response.status().as_u16(),
             headers: response
@@ -382,21 +438,18 @@ impl Service {
                 let silence = self.options.limits.silence;
                 return Err(self.unavailable(format!("the answer stalled for {silence:?}")));
             };
-            let chunk = chunk.map_err(|error| self.broken(&error))?;
+            let chunk = chunk.map_err(|error| broken(&error))?;
             let Some(chunk) = chunk else { break };
             if (answer.body.len() + chunk.len()) as u64 > limit {
                 return Err(too_large(format!("more than {limit}")));
             }
             answer.body.extend_from_slice(&chunk);
         }
-        if let Some(key) = self.options.auth.key() {
-            key.blot_out(&mut answer.body);
-        }
         Ok(answer)
     }
 
     /// The error of an exchange that broke off.
-    fn broken(&self, error: &reqwest::Error) -> RoleError {
+    fn broken(&self, error: &reqwest::Error, to: &Url) -> RoleError {
         let reason = causes(error);
         if reason.contains("is set") && self.http.local.is_some() && error.is_connect() {
             return self.not_set_up(reason, "cast a local player for this role, or name the host as local");
@@ -412,8 +465,8 @@ impl Service {
         } else {
             "the connection broke"
         };
-        let host = self.base.host_str().unwrap_or_default();
-        let port = self.base.port_or_known_default().unwrap_or_default();
+        let host = to.host_str().unwrap_or_default();
+        let port = to.port_or_known_default().unwrap_or_default();
         self.unavailable(format!("{what}: {reason}: {host}:{port}"))
     }
 }

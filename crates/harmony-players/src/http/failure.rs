@@ -31,6 +31,19 @@ const DECLINED: [&str; 6] = [
     "responsible_ai_policy_violation",
 ];
 
+/// Words of services that say with status 403 what others say with 402.
+const SPENT_WORDS: [&str; 6] = [
+    "exhausted balance",
+    "reason: top_up",
+    "more credits",
+    "insufficient credit",
+    "insufficient balance",
+    "out of credit",
+];
+
+/// Words of a service that is not offered where its user is.
+const REGION_WORDS: [&str; 4] = ["your region", "your country", "country, region", "unsupported_country"];
+
 /// What a failed answer says, read from the many forms that services have.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Complaint {
@@ -51,9 +64,12 @@ pub fn complaint(answer: &HttpAnswer) -> Complaint {
         .iter()
         .find_map(|key| inner.get(key).filter(|v| !v.is_null()))
         .map_or_else(|| if value.is_null() { text.clone() } else { value.to_string() }, words);
+    // Validation errors are lists of complaints, each with a type of its own.
+    let listed = value.get("detail").and_then(Value::as_array).into_iter().flatten();
     let codes = ["code", "type", "status"]
         .iter()
         .filter_map(|key| inner.get(key)?.as_str())
+        .chain(listed.filter_map(|one| one.get("type")?.as_str()))
         .map(str::to_ascii_lowercase)
         .collect();
     Complaint { message: shortened(message.trim(), MAX_RAW), codes }
@@ -70,7 +86,7 @@ fn words(value: &Value) -> String {
 /// |---|---|---|
 /// | 3xx | a redirect: never followed, the key might travel | `NotSetUp` |
 /// | 400, 422 and others of 4xx | the request is not understood | `NotSetUp`; `Refused` for reasons of policy |
-/// | 401, 403 | the key is not accepted | `NotSetUp` |
+/// | 401, 403 | the key is not accepted, the account is used up, the region is blocked | `NotSetUp` |
 /// | 402 and some 429 | the account is used up | `NotSetUp` |
 /// | 404 | no such model or path | `NotSetUp` |
 /// | 413 | too large | `NotCapable` |
@@ -89,6 +105,8 @@ pub fn failure(player: &str, answer: &HttpAnswer, remedy: &str) -> RoleError {
         reason,
         hint: if hint.is_empty() { remedy.to_owned() } else { hint.to_owned() },
     };
+    let small = said.to_lowercase();
+    let said_any = |list: &[&str]| list.iter().any(|words| small.contains(words));
     let has = |list: &[&str]| complaint.codes.iter().any(|code| list.contains(&code.as_str()));
     if status == 451 || (status < 500 && has(&DECLINED)) {
         return RoleError::Refused { player, reason: said };
@@ -113,6 +131,13 @@ pub fn failure(player: &str, answer: &HttpAnswer, remedy: &str) -> RoleError {
             status: Some(status),
             retry_after: retry_after(answer, &body),
         },
+        401 | 403 if said_any(&SPENT_WORDS) => {
+            not_set_up(format!("the account is used up (status {status}): {said}"), "top up the account")
+        }
+        401 | 403 if said_any(&REGION_WORDS) || has(&REGION_WORDS) => not_set_up(
+            format!("it is not offered where you are (status {status}): {said}"),
+            "take a service that is offered in your country; another key does not help",
+        ),
         401 | 403 => not_set_up(format!("it did not accept the key (status {status}): {said}"), ""),
         404 => not_set_up(format!("no such model or address (status 404): {said}"), ""),
         413 => RoleError::NotCapable { player, reason: format!("the request is too large (status 413): {said}") },
@@ -199,6 +224,25 @@ mod tests {
         assert!(!error(429, &gemini("GenerateRequestsPerDayPerProjectPerModel")).is_retryable());
         let minute = error(429, &gemini("GenerateRequestsPerMinutePerProjectPerModel"));
         assert_eq!(minute.retry_after(), Some(Duration::from_secs(12)));
+    }
+
+    #[test]
+    fn a_spent_account_a_blocked_region_and_a_wrong_key_are_told_apart() {
+        let hint = |body: &Value| {
+            let error = error(403, body);
+            assert!(matches!(error, RoleError::NotSetUp { .. }));
+            (error.to_string(), error.hint().unwrap_or_default().to_owned())
+        };
+        let (said, todo) = hint(&json!({"detail": "User is locked. Reason: Exhausted balance. Top up your balance."}));
+        assert!(said.contains("used up") && todo.contains("top up"), "{said} {todo}");
+        let (said, todo) = hint(&json!({"error": {"code": "unsupported_country_region_territory",
+            "message": "Country, region, or territory not supported"}}));
+        assert!(said.contains("where you are") && todo.contains("another key does not help"), "{said} {todo}");
+        let (said, todo) = hint(&json!({"detail": "Invalid key"}));
+        assert!(said.contains("did not accept the key") && todo == "do this", "{said} {todo}");
+        let policy =
+            json!({"detail": [{"loc": ["body", "image_url"], "msg": "no", "type": "content_policy_violation"}]});
+        assert!(matches!(error(422, &policy), RoleError::Refused { .. }));
     }
 
     #[test]

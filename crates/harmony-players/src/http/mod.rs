@@ -7,12 +7,14 @@
 //!   addresses are reached without one.
 //! * With [`LocalHosts`] given, whatever is not loopback or named local cannot be reached: not by address, not by a
 //!   name that resolves elsewhere, not through a proxy.
+//! * Files at addresses that an answer names are fetched without the key, from the service itself or from public hosts.
 //! * Keys come from the environment, travel in one header, not over an unencrypted line to another machine, and are
 //!   taken out of everything that comes back.
 
 mod address;
 mod client;
 mod failure;
+mod file;
 mod key;
 pub mod multipart;
 mod price;
@@ -21,6 +23,7 @@ mod wait;
 pub use address::{AddressError, LocalHosts, is_loopback, parse_address};
 pub use client::{Auth, Http, HttpAnswer, HttpLimits, HttpRequest, Method, Received, Service, ServiceOptions};
 pub use failure::{Complaint, MAX_RAW, complaint, failure};
+pub use file::FileLink;
 pub use key::{ApiKey, KeyError, check_variable};
 pub use price::Tokens;
 pub use wait::{http_date, retry_after, rfc3339, spelled};

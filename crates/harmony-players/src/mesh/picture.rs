@@ -28,6 +28,24 @@ pub(super) fn encoded(crop: &RgbaImage) -> Result<String, String> {
     Ok(STANDARD.encode(file))
 }
 
+/// Shortest longer side that hosted services do well with, pixels; the strictest refuses less than 128.
+const SHORTEST: u32 = 512;
+
+/// A PNG file for a hosted service: small pictures are enlarged, for services refuse what is too small.
+///
+/// # Errors
+/// In words, when nothing of the object is seen.
+pub(super) fn hosted(crop: &RgbaImage) -> Result<Vec<u8>, String> {
+    let mut picture = alone(crop)?;
+    let longest = picture.width().max(picture.height());
+    if longest < SHORTEST {
+        let scaled = |side: u32| ((u64::from(side) * u64::from(SHORTEST)) / u64::from(longest)).max(1) as u32;
+        let (width, height) = (scaled(picture.width()), scaled(picture.height()));
+        picture = resize(&picture, width, height, FilterType::CatmullRom);
+    }
+    rgba_png(&picture).map_err(|error| error.to_string())
+}
+
 /// The object in a picture of its own size and a margin.
 fn alone(crop: &RgbaImage) -> Result<RgbaImage, String> {
     let object = crop.enumerate_pixels().filter(|(_, _, p)| p.0[3] >= OBJECT_ALPHA);
@@ -90,6 +108,9 @@ mod tests {
         assert_eq!(picture.dimensions(), (348, 148));
         assert_eq!((picture.get_pixel(174, 74).0[3], picture.get_pixel(3, 3).0[3]), (255, 0));
         assert!(alone(&RgbaImage::new(8, 8)).is_err());
+        let small = RgbaImage::from_pixel(40, 30, Rgba([9, 9, 9, 255]));
+        let file = harmony_io::picture::decode(&hosted(&small).unwrap()).unwrap();
+        assert_eq!(file.width().max(file.height()), SHORTEST);
         let large = alone(&RgbaImage::from_pixel(1200, 600, Rgba([1, 2, 3, 255]))).unwrap();
         assert_eq!(large.width(), LONGEST);
     }

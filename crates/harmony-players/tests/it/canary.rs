@@ -13,6 +13,8 @@ use harmony_players::detector::locate::{LocateOptions, LocatePlayer};
 use harmony_players::editor::wire::EditSettings;
 use harmony_players::editor::{EditorFormat, EditorOptions, EditorPlayer};
 use harmony_players::http::{ApiKey, Auth, ServiceOptions};
+use harmony_players::mesh::hosted::tasks::Tasks;
+use harmony_players::mesh::hosted::{Host as Hosted, HostedOptions, HostedPlayer};
 use harmony_players::mesh::hunyuan::{HunyuanOptions, HunyuanPlayer, Route, Version};
 use harmony_players::mesh::trellis::{Host, TrellisOptions, TrellisPlayer};
 use harmony_players::offline_cast;
@@ -84,6 +86,7 @@ struct Everybody {
     editors: Vec<Arc<EditorPlayer>>,
     hunyuan: Arc<HunyuanPlayer>,
     trellis: Arc<TrellisPlayer>,
+    hosted: Vec<Arc<HostedPlayer>>,
     locate: Arc<LocatePlayer>,
     grounding: Arc<GroundingPlayer>,
 }
@@ -112,6 +115,24 @@ fn everybody(server: &Loopback) -> Everybody {
         concurrency: 1,
     };
     let trellis = TrellisOptions { service: bearer(), host: Host::Nim, model: "m".into(), seed: 1, concurrency: 1 };
+    let hosted = |host, service| {
+        let second = std::time::Duration::from_secs(1);
+        let options = HostedOptions {
+            service,
+            host,
+            model: "m/n".into(),
+            texture: true,
+            seed: 1,
+            extra: serde_json::Map::new(),
+            frame: None,
+            usd_per_credit: None,
+            poll: std::time::Duration::from_millis(5),
+            patience: second,
+            tasks: Arc::new(Tasks::default()),
+            concurrency: 1,
+        };
+        Arc::new(HostedPlayer::new(&http, options).unwrap())
+    };
     let locate = LocateOptions { service: bearer(), model: "m".into(), concurrency: 1 };
     let grounding = GroundingOptions { service: bearer(), model: "m".into(), threshold: 0.3, concurrency: 1 };
     Everybody {
@@ -129,6 +150,12 @@ fn everybody(server: &Loopback) -> Everybody {
         ],
         hunyuan: Arc::new(HunyuanPlayer::new(&http, hunyuan).unwrap()),
         trellis: Arc::new(TrellisPlayer::new(&http, trellis).unwrap()),
+        hosted: vec![
+            hosted(Hosted::Fal, server.service_with("/v1", Auth::Scheme("Key", key()))),
+            hosted(Hosted::Replicate, bearer()),
+            hosted(Hosted::Tripo, bearer()),
+            hosted(Hosted::Meshy, bearer()),
+        ],
         locate: Arc::new(LocatePlayer::new(&http, locate).unwrap()),
         grounding: Arc::new(GroundingPlayer::new(&http, grounding).unwrap()),
     }
@@ -215,6 +242,11 @@ async fn a_planted_key_appears_nowhere() {
         tell(all.hunyuan.generate(&mesh()).await.map(|made| made.source));
         tell(all.hunyuan.check(false).await.map(|c| format!("{c:?}")));
         tell(all.trellis.generate(&mesh()).await.map(|made| made.source));
+        for player in &all.hosted {
+            tell(player.generate(&mesh()).await.map(|made| made.source));
+            tell(player.check(true).await.map(|c| format!("{c:?}")));
+            tell(Ok(format!("{player:?} {:?}", player.card())));
+        }
         tell(all.locate.detect(&detect()).await.map(|found| format!("{found:?}")));
         tell(all.grounding.detect(&detect()).await.map(|found| format!("{found:?}")));
         tell(Ok(format!("{:?} {:?} {:?} {:?}", all.hunyuan, all.trellis, all.locate, all.grounding)));
@@ -227,7 +259,7 @@ async fn a_planted_key_appears_nowhere() {
         let mut cast = offline.clone();
         cast.vision_language = all.language[which % all.language.len()].clone();
         cast.image_editor = all.editors[which % all.editors.len()].clone();
-        cast.mesh_generator = all.hunyuan.clone();
+        cast.mesh_generator = if which % 2 == 0 { all.hunyuan.clone() } else { all.hosted[which / 2 % 4].clone() };
         cast.detector = all.locate.clone();
         let secrets = vec![key().secret()];
         let book = CallBook::open(folder.path(), BookOptions { secrets, ..BookOptions::default() }).unwrap();

@@ -3,6 +3,7 @@
 
 mod canary;
 mod files;
+mod hosted;
 mod http;
 mod loopback;
 mod offline;

@@ -42,16 +42,26 @@ pub fn hunyuan_error(message: &str) -> Reply {
     Reply::json(404, &json!({"text": format!("NETWORK ERROR DUE TO HIGH TRAFFIC. {message}"), "error_code": 1}))
 }
 
-/// The file that is made of a request's picture, with the fault that befalls it.
+/// The file that is made of a request's picture in base64, with the fault that befalls it.
 async fn file(call: &Call<'_>, image: &str) -> Result<Arc<Vec<u8>>, String> {
     let bytes = STANDARD.decode(image).map_err(|_| "cannot identify image file".to_owned())?;
-    let picture = looked_at(&bytes)?.to_rgba8();
+    file_of(call, &bytes, |p| p).await
+}
+
+/// The file that is made of a picture, in the frame that `turned` makes of ours.
+pub(super) async fn file_of(
+    call: &Call<'_>,
+    bytes: &[u8],
+    turned: fn(glam::Vec3) -> glam::Vec3,
+) -> Result<Arc<Vec<u8>>, String> {
+    let picture = looked_at(bytes)?.to_rgba8();
     if call.is(Fault::HugeMesh) {
         return tokio::task::spawn_blocking(glb::huge).await.map_err(|error| error.to_string());
     }
     let (mind, fault) = (Arc::clone(&call.studio.mind), call.fault);
     let work = move || {
-        let mesh = mind.mesh(&picture)?;
+        let mut mesh = mind.mesh(&picture)?;
+        mesh.map(turned, turned);
         Ok(Arc::new(match fault {
             Some(Fault::HalfGlb) => {
                 let whole = glb::of(&mesh);

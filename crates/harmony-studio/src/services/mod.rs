@@ -6,9 +6,11 @@ mod detectors;
 mod edits;
 mod form;
 mod google;
+mod hosted;
 mod meshes;
 mod openai;
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -43,11 +45,15 @@ pub enum Service {
     TrellisLocalAi,
     LocateAnything,
     GroundingDino,
+    Fal,
+    Replicate,
+    Tripo,
+    Meshy,
 }
 
 impl Service {
     /// All.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 16] = [
         Self::OpenAi,
         Self::Gemini,
         Self::Anthropic,
@@ -60,7 +66,14 @@ impl Service {
         Self::TrellisLocalAi,
         Self::LocateAnything,
         Self::GroundingDino,
+        Self::Fal,
+        Self::Replicate,
+        Self::Tripo,
+        Self::Meshy,
     ];
+
+    /// Those that make meshes for money.
+    pub const HOSTED_MESHES: [Self; 4] = [Self::Fal, Self::Replicate, Self::Tripo, Self::Meshy];
 
     /// First part of its paths here: all services share one port.
     pub fn prefix(self) -> &'static str {
@@ -77,18 +90,27 @@ impl Service {
             Self::TrellisLocalAi => "localai",
             Self::LocateAnything => "locate",
             Self::GroundingDino => "dino",
+            Self::Fal => "fal",
+            Self::Replicate => "replicate",
+            Self::Tripo => "tripo",
+            Self::Meshy => "meshy",
         }
     }
 
     /// What follows in the base address that a user configures.
     pub fn base(self) -> &'static str {
         match self {
-            Self::OpenAi | Self::Anthropic | Self::Vllm | Self::LlamaCpp | Self::SdServer | Self::LocateAnything => {
-                "/v1"
-            }
+            Self::OpenAi
+            | Self::Anthropic
+            | Self::Vllm
+            | Self::LlamaCpp
+            | Self::SdServer
+            | Self::LocateAnything
+            | Self::Replicate => "/v1",
+            Self::Tripo => "/v2/openapi",
             Self::Gemini => "/v1beta",
             Self::GroundingDino => "/",
-            Self::Hunyuan2 | Self::Hunyuan21 | Self::TrellisNim | Self::TrellisLocalAi => "",
+            Self::Hunyuan2 | Self::Hunyuan21 | Self::TrellisNim | Self::TrellisLocalAi | Self::Fal | Self::Meshy => "",
         }
     }
 }
@@ -120,9 +142,12 @@ pub(crate) struct Services {
     pub options: StudioOptions,
     pub ledger: Arc<Ledger>,
     pub buckets: Buckets,
+    /// Address of this studio, for links to files.
+    pub own: String,
     /// Address of another host, for redirects.
     pub elsewhere: String,
     jobs: meshes::Jobs,
+    tasks: hosted::Tasks,
 }
 
 /// One request to a service.
@@ -148,9 +173,18 @@ impl Call<'_> {
 }
 
 impl Services {
-    pub fn new(mind: Arc<Mind>, options: StudioOptions, elsewhere: String) -> Self {
+    pub fn new(mind: Arc<Mind>, options: StudioOptions, own: SocketAddr, elsewhere: SocketAddr) -> Self {
         let buckets = Buckets::new(options.requests, options.window);
-        Self { mind, options, ledger: Arc::default(), buckets, elsewhere, jobs: meshes::Jobs::default() }
+        Self {
+            mind,
+            options,
+            ledger: Arc::default(),
+            buckets,
+            own: format!("http://{own}"),
+            elsewhere: format!("http://{elsewhere}"),
+            jobs: meshes::Jobs::default(),
+            tasks: hosted::Tasks::default(),
+        }
     }
 
     async fn answer(&self, request: &Request) -> (Reply, u64) {
@@ -205,6 +239,9 @@ impl Services {
             Service::SdServer => edits::sd_server(call).await,
             Service::Hunyuan2 | Service::Hunyuan21 => meshes::hunyuan(call, &self.jobs).await,
             Service::TrellisNim | Service::TrellisLocalAi => meshes::trellis(call).await,
+            Service::Fal | Service::Replicate | Service::Tripo | Service::Meshy => {
+                hosted::serve(call, &self.tasks).await
+            }
             Service::LocateAnything => detectors::locate(call).await,
             Service::GroundingDino => detectors::grounding(call).await,
         }
@@ -228,6 +265,7 @@ fn part_of(call: &Call<'_>) -> Part {
         Service::OpenAi | Service::Gemini | Service::Anthropic | Service::Vllm | Service::LlamaCpp => Part::Language,
         Service::SdServer => Part::Editor,
         Service::Hunyuan2 | Service::Hunyuan21 | Service::TrellisNim | Service::TrellisLocalAi => Part::Mesh,
+        Service::Fal | Service::Replicate | Service::Tripo | Service::Meshy => Part::HostedMesh,
         Service::LocateAnything | Service::GroundingDino => Part::Detector,
     }
 }
@@ -255,6 +293,11 @@ fn fingerprint(request: &Request) -> String {
 fn early(call: &Call<'_>) -> Option<Made> {
     let part = part_of(call);
     let made = |reply| Some(Made::free(part, reply));
+    if part == Part::HostedMesh
+        && let Some(reply) = hosted::refusal(call.service, call.fault?)
+    {
+        return made(reply);
+    }
     match call.fault? {
         Fault::RateLimited => made(refused(call, 429, "rate_limit_exceeded", "Rate limit reached.", None)),
         Fault::RateLimitedWait => {

@@ -14,7 +14,7 @@ use serde_json::Value;
 const WRONG: &str = "wrong-key-4711-that-opens-nothing";
 
 /// Role, player, further settings, who plays it, the variable of its key.
-const SERVICES: [(&str, &str, &str, Service, &str); 15] = [
+const SERVICES: [(&str, &str, &str, Service, &str); 19] = [
     ("vision_language", "openai", "", Service::OpenAi, "OPENAI_API_KEY"),
     ("vision_language", "openai_chat", "", Service::OpenAi, "OPENAI_API_KEY"),
     ("vision_language", "gemini", "", Service::Gemini, "GEMINI_API_KEY"),
@@ -28,6 +28,10 @@ const SERVICES: [(&str, &str, &str, Service, &str); 15] = [
     ("mesh_generator", "hunyuan3d_2_1", "", Service::Hunyuan21, ""),
     ("mesh_generator", "trellis_nim", "", Service::TrellisNim, ""),
     ("mesh_generator", "trellis_localai", "model = \"trellis\"", Service::TrellisLocalAi, ""),
+    ("mesh_generator", "fal", "", Service::Fal, "FAL_KEY"),
+    ("mesh_generator", "replicate", "", Service::Replicate, "REPLICATE_API_TOKEN"),
+    ("mesh_generator", "tripo", "", Service::Tripo, "TRIPO_API_KEY"),
+    ("mesh_generator", "meshy", "", Service::Meshy, "MESHY_API_KEY"),
     ("detector", "locate_anything", "", Service::LocateAnything, ""),
     ("detector", "grounding_dino", "", Service::GroundingDino, ""),
 ];
@@ -50,7 +54,7 @@ async fn doctor(config: String, key: Option<&str>) -> (Output, Vec<Value>) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_harmony-studio"));
     command.args(["harmony", "doctor", "--json", "--config", &config]).env_remove("RUST_LOG");
     command.env("HARMONY_MODELS", std::env::temp_dir().join("harmony-studio-no-models"));
-    for name in ["OPENAI_API_KEY", "GEMINI_API_KEY", "ANTHROPIC_API_KEY"] {
+    for name in SERVICES.iter().map(|(.., variable)| *variable).filter(|variable| !variable.is_empty()) {
         match key {
             Some(key) => command.env(name, key),
             None => command.env_remove(name),

@@ -3,6 +3,8 @@
 
 mod doctor;
 mod faults;
+mod hosted;
 mod local_only;
 mod profiles;
 mod rates;
+mod setup;

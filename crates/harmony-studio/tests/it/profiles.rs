@@ -54,7 +54,7 @@ async fn harmony(args: Vec<String>, keys: bool) -> Output {
     command.arg("harmony").args(args).env("NO_COLOR", "1").env_remove("RUST_LOG");
     // Weights that this machine may have would play too.
     command.env("HARMONY_MODELS", std::env::temp_dir().join("harmony-studio-no-models"));
-    for name in ["OPENAI_API_KEY", "GEMINI_API_KEY"] {
+    for name in ["OPENAI_API_KEY", "GEMINI_API_KEY", "FAL_KEY"] {
         if keys {
             command.env(name, KEY)
         } else {
@@ -102,6 +102,7 @@ async fn inside(room: &Room, out: &Path) -> Scene {
         depth_scale: 1000.0,
         masks: Some(&masks),
         questions: PathBuf::from("questions"),
+        tasks: None,
         timeout_minutes: 0.0,
         path_tracer: false,
         working_px: file.settings.working_px,
@@ -259,6 +260,11 @@ fn without_cast_warnings(bytes: &[u8]) -> Vec<u8> {
 #[tokio::test(flavor = "multi_thread")]
 async fn the_papers_profile_ends_in_the_scene_of_the_truth() {
     as_inside(Profile::Paper, NoiseLevel::Clean).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_hosted_profile_ends_in_the_scene_of_the_truth() {
+    as_inside(Profile::Hosted, NoiseLevel::Clean).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -1,0 +1,5 @@
+//! What `harmony setup` proposes and writes. [`propose`] chooses players from a [`crate::survey::Survey`] and what the user
+//! wishes; [`file`] puts them into `harmony.toml` and leaves everything else there as it is.
+
+pub mod file;
+pub mod propose;
