@@ -264,17 +264,14 @@ impl Surroundings {
             ("back wall", low.z, own.low.z),
             ("front wall", e.depth - high.z, e.depth - own.high.z),
         ];
-        let mut best: Option<(Other, f64)> = None;
-        let mut take = |other, distance: f64| {
-            if best.is_none_or(|b| distance < b.1) {
-                best = Some((other, distance));
-            }
+        let nearer = |best: Option<(Other, f64)>, found: (Other, f64)| match best {
+            Some(b) if b.1 <= found.1 => Some(b),
+            _ => Some(found),
         };
-        for (name, distance, before) in walls {
-            if distance < before {
-                take(Other::Face(name), distance);
-            }
-        }
+        let mut best = walls
+            .into_iter()
+            .filter(|(_, distance, before)| distance < before)
+            .fold(None, |best, (name, distance, _)| nearer(best, (Other::Face(name), distance)));
         let here = Pose::from_parts(vector(offset), Rotation::IDENTITY);
         for (k, other) in self.things.iter().enumerate().filter(|(k, t)| *k != thing && !t.flat) {
             if self.rides(k, thing) || self.rides(thing, k) {
@@ -288,7 +285,7 @@ impl Surroundings {
                 query::distance(at, &own.mesh, &Pose::IDENTITY, &other.mesh).map_or(f64::INFINITY, |d| f64::from(d.distance))
             };
             if between(&Pose::IDENTITY) > 1e-4 {
-                take(Other::Thing(k), between(&here));
+                best = nearer(best, (Other::Thing(k), between(&here)));
             }
         }
         best
