@@ -41,8 +41,6 @@ const COLUMNS: [f64; 10] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
 const TOUCH_M: f64 = 2e-4;
 /// What is touched may be this deep in a finger, metres.
 const DEEP_M: f64 = 1e-3;
-/// Places that are tried with the whole way.
-const TRIED: usize = 24;
 
 /// A task of an arm, done.
 pub struct Done {
@@ -145,7 +143,7 @@ pub fn pick(room: &Surroundings, model: &Model, object: Option<&str>, level: imp
         Some(id) => vec![room.named(id)?],
         None => (0..room.things.len()).filter(stands).collect(),
     };
-    let mut first = None;
+    let mut reasons: Vec<(String, RobotError)> = Vec::new();
     for k in all {
         let thing = &room.things[k];
         let forbidden = |why: String| RobotError::Forbidden { task: format!("{} cannot be picked up", thing.id), why };
@@ -155,10 +153,21 @@ pub fn pick(room: &Surroundings, model: &Model, object: Option<&str>, level: imp
         });
         match tried {
             Ok(done) => return Ok(done),
-            Err(e) => first = first.or(Some(e)),
+            Err(e) => reasons.push((thing.id.clone(), e)),
         }
     }
-    Err(first.unwrap_or_else(|| RobotError::Nothing { what: "decoration that stands on something".to_owned() }))
+    match reasons.len() {
+        0 => Err(RobotError::Nothing { what: "decoration that stands on something".to_owned() }),
+        1 => Err(reasons.remove(0).1),
+        n => {
+            let why = |(id, e): &(String, RobotError)| match e {
+                RobotError::Forbidden { why, .. } => format!("{id}: {why}"),
+                other => format!("{id}: {other}"),
+            };
+            let all: Vec<String> = reasons.iter().map(why).collect();
+            Err(RobotError::Forbidden { task: format!("none of {n} decorations can be picked up"), why: all.join("; ") })
+        }
+    }
 }
 
 /// A place of the arm's base and how the hand is turned.
@@ -168,8 +177,8 @@ struct Stand {
     column: f64,
     closing: DVec3,
     margin: f64,
-    /// Posture above the object.
-    start: Posture,
+    /// Postures above the object, at it, midway and at the end.
+    keys: Vec<Posture>,
 }
 
 /// Solves hand poses of one arm.
@@ -186,7 +195,7 @@ impl Hand<'_> {
         let tasks = [
             Task::new(0, Goal::Point { link: self.jaw.hand, point: self.jaw.centre, target }),
             Task::new(0, Goal::Turn { link: self.jaw.hand, target: self.jaw.down(closing) }),
-            Task::weighted(1, Goal::Joints { target: home }, DVec3::splat(0.2)),
+            Task::new(1, Goal::Joints { target: home }),
         ];
         let settings = Settings { steps, tolerance: 1e-6, ..Settings::default() };
         solve(self.model, start, &tasks, &settings)
@@ -208,7 +217,15 @@ fn carry(
     let stands = stands(room, &hand, grasp, way)?;
     let count = stands.len();
     let mut best: Option<(f64, String)> = None;
-    for stand in stands.into_iter().take(TRIED) {
+    let bare = Shapes::new(&pieces(model));
+    for stand in stands {
+        // The key poses first: most places are out by them.
+        if let Some((distance, why)) = in_the_way(room, &hand, &bare, object, way, &stand) {
+            if best.as_ref().is_none_or(|b| distance > b.0) {
+                best = Some((distance, why));
+            }
+            continue;
+        }
         let mut standing = model.clone();
         stand_on(&mut standing, stand.column);
         let shapes = Shapes::new(&pieces(&standing));
@@ -264,6 +281,34 @@ fn carry(
     })
 }
 
+/// What a link is in at a key pose, with the fingers open.
+fn in_the_way(
+    room: &Surroundings,
+    hand: &Hand<'_>,
+    shapes: &Shapes,
+    object: usize,
+    way: DVec3,
+    stand: &Stand,
+) -> Option<(f64, String)> {
+    let mut worst: Option<(f64, String)> = None;
+    for (posture, share) in stand.keys.iter().zip([0.0, 0.0, 0.5, 1.0]) {
+        let looks = |link: usize, other: Other| {
+            (link != 0 || other != Other::Face("floor"))
+                && (other != Other::Thing(object) || !hand.jaw.fingers.contains(&link))
+        };
+        let moved = Some((object, way * share));
+        if let Some(near) = room.nearest(shapes, &hand.model.places(posture), moved, 0.02, &looks)
+            && near.distance < 0.0
+            && worst.as_ref().is_none_or(|w| near.distance < w.0)
+        {
+            let link = &hand.model.links[near.link].name;
+            let why = format!("{link} is {:.0} mm in {}", -1e3 * near.distance, room.name(near.other));
+            worst = Some((near.distance, why));
+        }
+    }
+    worst
+}
+
 /// How far the middle between the pads leaves the straight way while the object is moved, metres.
 fn off_line(motion: &Motion, jaw: &Jaw, way: DVec3) -> f64 {
     let tips: Vec<DVec3> = motion
@@ -306,7 +351,7 @@ fn stands(room: &Surroundings, hand: &Hand<'_>, grasp: &Grasp, way: DVec3) -> Re
     let mut looked = 0;
     let columns = Shapes::new(&[vec![Hull::cuboid(DVec3::new(-0.16, -0.10, 0.05), DVec3::new(0.09, 0.10, 0.3))]]);
     for angle in (0..16).map(|k| std::f64::consts::TAU * f64::from(k) / 16.0) {
-        for distance in [0.35, 0.45, 0.55, 0.65] {
+        for distance in [0.35, 0.45, 0.55, 0.65, 0.72] {
             let out_there = DVec3::new(angle.cos(), 0.0, angle.sin()) * distance;
             for column in COLUMNS {
                 let at = DVec3::new(middle.x, column, middle.z) + out_there;
@@ -329,7 +374,7 @@ fn stands(room: &Surroundings, hand: &Hand<'_>, grasp: &Grasp, way: DVec3) -> Re
     }
     if out.is_empty() {
         return Err(format!(
-            "the arm reaches the hand's way at {:.2} m height, {:.2} m long, from none of {looked} free places within 0.65 m",
+            "the arm reaches the hand's way at {:.2} m height, {:.2} m long, from none of {looked} free places within 0.72 m",
             grasp.section.height_m,
             way.length()
         ));
@@ -353,7 +398,7 @@ fn stand(hand: &Hand<'_>, keys: &[DVec3], closing: DVec3, root: DAffine3, column
     for closing in [closing, -closing] {
         let mut posture = Posture { root, joints: hand.model.rest() };
         let mut margin = f64::INFINITY;
-        let mut start = None;
+        let mut made: Vec<Posture> = Vec::new();
         for key in keys {
             let found = hand.at(&posture, *key, closing, 60);
             if found.error > 1e-4 {
@@ -361,20 +406,11 @@ fn stand(hand: &Hand<'_>, keys: &[DVec3], closing: DVec3, root: DAffine3, column
                 break;
             }
             posture = found.posture;
-            start = start.or_else(|| Some(posture.clone()));
-            let mut arm = posture.joints.clone();
-            // Fingers are at their limits when open.
-            for k in hand.jaw.joints {
-                let range = hand.model.joints[k].range;
-                arm[k] = f64::midpoint(range[0], range[1]);
-            }
-            margin = margin.min(hand.model.margin(&arm).0);
+            made.push(posture.clone());
+            margin = margin.min(hand.model.margin(&posture.joints).0);
         }
-        if let Some(start) = start
-            && margin > 0.02
-            && best.as_ref().is_none_or(|b| margin > b.margin)
-        {
-            best = Some(Stand { root, column, closing, margin, start });
+        if made.len() == keys.len() && margin > 0.02 && best.as_ref().is_none_or(|b| margin > b.margin) {
+            best = Some(Stand { root, column, closing, margin, keys: made });
         }
     }
     best
@@ -403,7 +439,7 @@ fn frames(
     };
     // Close until the nearer finger touches, then shift the hand until both do.
     let mut centre = grasp.centre;
-    let mut held = hand.at(&stand.start, centre, stand.closing, 120);
+    let mut held = hand.at(&stand.keys[0], centre, stand.closing, 120);
     let mut each = open;
     for _ in 0..6 {
         let gaps = |v: f64| {
@@ -422,12 +458,12 @@ fn frames(
         if (a - b).abs() < TOUCH_M {
             break;
         }
-        // The first finger opens along the hand's closing direction.
-        centre += stand.closing * ((a - b) / 2.0).clamp(-0.005, 0.005);
+        // The first finger opens along the hand's closing direction: where its gap is the larger, the hand is too far there.
+        centre -= stand.closing * ((a - b) / 2.0).clamp(-0.005, 0.005);
         held = hand.at(&held.posture, centre, stand.closing, 120);
     }
     let mut frames: Vec<Frame> = Vec::new();
-    let mut posture = stand.start.clone();
+    let mut posture = stand.keys[0].clone();
     let mut put = |frames: &mut Vec<Frame>, step: usize, at: DVec3, each: f64, moved: DVec3, touching: &[usize]| {
         let found = hand.at(&posture, at, stand.closing, 60);
         posture = found.posture;

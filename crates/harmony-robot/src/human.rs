@@ -44,11 +44,15 @@ const DEEP_M: f64 = 0.01;
 /// Hands are at the backrest when they are this near, metres.
 const HANDS_M: f64 = 0.01;
 /// Free way before and behind the feet between chair and desk, metres.
-const PASS_M: f64 = 0.03;
+const PASS_M: f64 = 0.04;
 /// Longest stride, metres.
 const STRIDE_M: f64 = 0.22;
 /// The pelvis is this much below where the legs are straight while standing, metres.
-const EASY_M: f64 = 0.05;
+const EASY_M: f64 = 0.02;
+/// Farthest that an idle joint moves in a frame, radians.
+const EASE_RAD: f64 = 0.06;
+/// Elbows of who sits: the forearms are above the seat and its arms, radians.
+const LAP_RAD: f64 = 0.35;
 /// Offsets of the hands from the middle of the chair and the desk that are tried, metres.
 const ASIDE_M: [f64; 4] = [0.22, 0.18, 0.27, 0.14];
 
@@ -237,7 +241,7 @@ fn sit_on(room: &Surroundings, model: &Model, body: &Body, shapes: &Shapes, obje
     }
     let mut why: Vec<String> = Vec::new();
     for side in [1.0, -1.0] {
-        for turn in [1.0, 0.66, 0.33, 0.0] {
+        for turn in [0.66, 0.33, 0.0] {
             let start = Stance { at: DVec3::ZERO, facing: front };
             let mut plan = Plan {
                 room,
@@ -254,7 +258,7 @@ fn sit_on(room: &Surroundings, model: &Model, body: &Body, shapes: &Shapes, obje
             };
             match plan.all(&desk, side, turn) {
                 Ok(done) => return Ok(done),
-                Err(e) => why.push(e),
+                Err(e) => { if std::env::var_os("DBG").is_some() { eprintln!("DBG side {side} turn {turn}: {e}"); } why.push(e) }
             }
         }
     }
@@ -285,6 +289,8 @@ struct Want {
     /// Lean forward, radians.
     lean: f64,
     hands: Option<[DVec3; 2]>,
+    /// Whether the hands are only on their way there.
+    passing: bool,
     balance: bool,
 }
 
@@ -303,6 +309,11 @@ impl Plan<'_> {
     }
 
     fn solve(&self, start: &Posture, want: &Want) -> Found {
+        self.solve_near(start, want, &self.easy)
+    }
+
+    /// With another easy posture.
+    fn solve_near(&self, start: &Posture, want: &Want, easy: &[f64]) -> Found {
         let mut tasks = Vec::new();
         for (k, link) in self.body.feet.into_iter().enumerate() {
             let stance = &self.feet[k];
@@ -325,8 +336,8 @@ impl Plan<'_> {
         }
         let leaning = level * DMat3::from_rotation_y(want.lean);
         tasks.push(Task::weighted(4, Goal::Turn { link: 0, target: leaning }, DVec3::splat(0.5)));
-        tasks.push(Task::weighted(4, Goal::Joints { target: self.easy.clone() }, DVec3::splat(0.15)));
-        let must = if want.hands.is_some() { 3 } else { want.level.min(1) + 1 };
+        tasks.push(Task::new(5, Goal::Joints { target: easy.to_vec() }));
+        let must = if want.hands.is_some() && !want.passing { 3 } else { 1 + usize::from(want.level == 1) };
         solve(self.model, start, &tasks, &Settings { steps: 150, must, tolerance: 1e-5 })
     }
 
@@ -341,10 +352,13 @@ impl Plan<'_> {
             Some(f) => f.posture.clone(),
             None => Posture { root: upright(want.pelvis, want.facing), joints: self.easy.clone() },
         };
-        let found = self.solve(&start, want);
-        if found.error > 1e-4 {
+        // Joints that nothing asks for go to the easy posture by a little a frame.
+        let near = |(easy, now): (&f64, &f64)| now + (easy - now).clamp(-EASE_RAD, EASE_RAD);
+        let easy: Vec<f64> = self.easy.iter().zip(&start.joints).map(near).collect();
+        let found = self.solve_near(&start, want, &easy);
+        if found.error > 1e-3 {
             return Err(format!(
-                "in step {} (\"{}\") the robot misses its goal by {:.0} mm",
+                "in step {} (\"{}\") the robot misses its goal by {:.1} mm",
                 step + 1,
                 STEPS[step],
                 1e3 * found.error
@@ -369,6 +383,7 @@ impl Plan<'_> {
             facing: stance.facing,
             lean: 0.0,
             hands: None,
+            passing: false,
             balance: false,
         }
     }
@@ -387,9 +402,14 @@ impl Plan<'_> {
             let n = (t.floor() as usize).min(strides.len() - 2);
             let part = t - n as f64;
             let between = |p: f64| mix(&strides[n], &strides[n + 1], smooth(p));
-            // The left foot goes in the first half of a stride, the right in the second.
-            self.feet = [between((2.0 * part).min(1.0)), between((2.0 * part - 1.0).max(0.0))];
             let body = mix(&strides[n], &strides[n + 1], part);
+            // Forwards the left foot goes in the first half of a stride and the right in the second; sideways and in turns
+            // both go with the body, for they must stay as far apart as the hips.
+            let foot = |p: f64| {
+                let ahead = (between(p.clamp(0.0, 1.0)).at - body.at).dot(body.facing);
+                Stance { at: body.at + body.facing * ahead, facing: body.facing }
+            };
+            self.feet = [foot(2.0 * part), foot(2.0 * part - 1.0)];
             let mut want = self.upright_at(&body);
             let mut moved = self.frames.last().map_or(0.0, |f| f.moved.dot(self.chair.back));
             let mut touching: Vec<usize> = Vec::new();
@@ -457,15 +477,22 @@ impl Plan<'_> {
         // 3: release and stand.
         let last = self.frames.last().map(|f| f.posture.clone()).ok_or("no frame")?;
         let pelvis = last.root.translation;
+        let beside = {
+            let places = self.model.places(&self.solve(&last, &self.upright_at(&drawn)).posture);
+            self.body.hands.map(|h| places[h].transform_point3(self.body.palm))
+        };
         for k in 0..FRAMES[2] {
             let part = smooth((k + 1) as f64 / FRAMES[2] as f64);
             let mut want = self.upright_at(&drawn);
             want.pelvis = pelvis.lerp(want.pelvis, part);
-            if part < 0.5 {
-                let up = DVec3::Y * 0.12 * smooth(2.0 * part) + self.chair.back * 0.10 * smooth(2.0 * part);
-                want.hands = Some(hands.map(|h| h + self.chair.back * self.draw + up));
-                want.level = 3;
-            }
+            // Up first, then back behind the backrest, then down beside the body.
+            let t = (k + 1) as f64 / FRAMES[2] as f64;
+            let (up, back, down) = (smooth(t / 0.3), smooth((t - 0.2) / 0.4), smooth((t - 0.55) / 0.45));
+            want.hands = Some(std::array::from_fn(|i| {
+                let free = hands[i] + self.chair.back * (self.draw + 0.22 * back) + DVec3::Y * 0.15 * up;
+                free.lerp(beside[i], down)
+            }));
+            want.passing = true;
             self.put(2, &want, self.draw, &[], k + 1 == FRAMES[2])?;
         }
         // 4 to 6: around it, across, and turned to the desk.
@@ -487,13 +514,13 @@ impl Plan<'_> {
         self.shuffle(4, FRAMES[4], &[cross], None)?;
         self.shuffle(5, FRAMES[5], &[seat], None)?;
         self.clear(0..6)?;
+        if std::env::var_os("DBG").is_some() { eprintln!("DBG walked side {side} turn {turn}"); }
         let (sitting, depth) = self.sit_down(desk, &seat)?;
         self.finish(desk, &sitting, depth, turn)
     }
 
     /// Step 1: where to stand, and the hands on the backrest.
     fn reach(&mut self) -> Result<([DVec3; 2], Stance, f64), String> {
-        let thing = &self.room.things[self.object];
         let top_at = self.chair.seat.centre;
         let tops = self
             .tops(self.object, DVec3::new(top_at.x, 0.0, top_at.z), self.chair.back, self.chair.left, 0.01)
@@ -501,7 +528,7 @@ impl Plan<'_> {
         let rear = tops.iter().map(|t| (*t - top_at).dot(self.chair.back)).fold(0.0, f64::max);
         let high = tops[0].y.max(tops[1].y);
         // The robot faces the chair's back: its left is the sitter's left.
-        let mut why = String::new();
+        let (mut why, mut least) = (String::new(), f64::INFINITY);
         for away in [0.36, 0.32, 0.40, 0.44, 0.48, 0.28] {
             for crouch in [0.10, 0.16, 0.22, 0.05] {
                 let p = top_at + self.chair.back * (rear + away);
@@ -524,12 +551,18 @@ impl Plan<'_> {
                 let near = self.room.nearest(self.shapes, &self.model.places(&found.posture), None, 0.1, &rest);
                 let clear = near.map_or(0.1, |n| n.distance);
                 if found.error > 1e-4 || gaps.iter().any(|g| g.abs() > HANDS_M) || clear < 0.0 {
-                    why = format!(
-                        "hands on its backrest at {high:.2} m from {away:.2} m behind it: missed by {:.0} mm, {:.0} mm to the \
-                         nearest thing",
-                        1e3 * found.error,
-                        1e3 * clear
-                    );
+                    // The one that came nearest to being possible speaks.
+                    let short = found.error.max(-clear).max(gaps[0].abs() - HANDS_M);
+                    if short < least {
+                        least = short;
+                        let near = near.map_or_else(String::new, |n| {
+                            format!("; {:.0} mm from {} to {}", 1e3 * n.distance, self.model.links[n.link].name, self.room.name(n.other))
+                        });
+                        why = format!(
+                            "with the feet {away:.2} m behind its backrest the hands miss its top at {high:.2} m by {:.0} mm{near}",
+                            1e3 * (found.error + gaps[0].abs().max(gaps[1].abs()))
+                        );
+                    }
                     continue;
                 }
                 let (Some(hands), crouched) = (want.hands, found.posture.root.translation.y) else { continue };
@@ -549,10 +582,10 @@ impl Plan<'_> {
                     });
                     want.hands = Some(at);
                     let last = k + 1 == FRAMES[0];
+                    want.passing = !last;
                     let touching = if last { self.body.hands.to_vec() } else { vec![] };
                     self.put(0, &want, 0.0, &touching, last || k == 0)?;
                 }
-                let _ = thing;
                 return Ok((hands, stance, crouched));
             }
         }
@@ -593,9 +626,14 @@ impl Plan<'_> {
     /// Steps 7: how deep on the seat, and the postures down to it.
     fn sit_down(&mut self, desk: &Desk, seat: &Stance) -> Result<(Posture, f64), String> {
         let stood = self.frames.last().map(|f| f.posture.clone()).ok_or("no frame")?;
+        for name in ["left_elbow", "right_elbow"] {
+            if let Some(k) = self.model.joint(name) {
+                self.easy[k] = LAP_RAD;
+            }
+        }
         let standing = self.upright_at(seat).pelvis;
         let mut why = String::new();
-        for depth in [0.24, 0.20, 0.16, 0.28, 0.12] {
+        for depth in [0.24, 0.20, 0.16, 0.12, 0.09] {
             // The hip axes are this far behind the front edge of the seat.
             let on = self.spot(self.chair.front_m - depth, 0.0) - self.front * self.body.hip.x;
             let (mut low, mut high) = (self.chair.seat.height_m - self.body.hip.z - 0.05, self.chair.seat.height_m - self.body.hip.z + 0.25);
@@ -710,9 +748,8 @@ impl Plan<'_> {
             let hip = DVec3::new(self.body.hip.x, 0.0, self.body.hip.z);
             sitting.root.transform_point3(hip) - upright(DVec3::ZERO, self.front).matrix3 * hip
         };
-        let (want, found) = self.desk_hands(desk, sitting, pelvis, &seat)?;
+        let (want, _) = self.desk_hands(desk, sitting, pelvis, &seat)?;
         let goal = want.hands.ok_or("no hands")?;
-        let _ = found;
         for k in 0..FRAMES[7] {
             let t = (k + 1) as f64 / FRAMES[7] as f64;
             let (over, down) = (smooth((1.5 * t).min(1.0)), smooth((t - 0.6) / 0.4));
@@ -722,6 +759,7 @@ impl Plan<'_> {
                 start_hands[i].lerp(above, over).lerp(goal[i], down)
             }));
             want.lean *= smooth(t);
+            want.passing = k + 1 < FRAMES[7];
             self.put(7, &want, self.draw, &[], k + 1 == FRAMES[7])?;
         }
         self.clear(0..8)?;

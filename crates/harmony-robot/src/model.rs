@@ -186,12 +186,15 @@ impl Model {
         sum / self.mass().max(1e-9)
     }
 
-    /// Smallest distance of a joint value to its limits as a share of its half range, 0 at a limit, and the joint.
+    /// Smallest distance of a hinge to its limits as a share of its half range, 0 at a limit, and the joint.
+    ///
+    /// Slides are left out: open fingers are at their limits.
     pub fn margin(&self, joints: &[f64]) -> (f64, usize) {
         self.joints
             .iter()
             .zip(joints)
             .enumerate()
+            .filter(|(_, (j, _))| j.kind == JointKind::Hinge)
             .map(|(k, (j, q))| ((q - j.range[0]).min(j.range[1] - q) / ((j.range[1] - j.range[0]) / 2.0).max(1e-9), k))
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .unwrap_or((1.0, 0))

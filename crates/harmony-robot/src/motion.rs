@@ -57,7 +57,7 @@ pub struct Evidence {
     pub failed_frames: usize,
     /// The largest miss, metres or radians.
     pub largest_miss: f64,
-    /// Smallest distance of a joint to a limit, as a share of its half range.
+    /// Smallest distance of a hinge to a limit, as a share of its half range.
     pub smallest_margin: f64,
     /// That joint.
     pub tightest_joint: String,
