@@ -48,7 +48,9 @@ const PASS_M: f64 = 0.04;
 /// Longest stride, metres.
 const STRIDE_M: f64 = 0.22;
 /// The pelvis is this much below where the legs are straight while standing, metres.
-const EASY_M: f64 = 0.02;
+const EASY_M: f64 = 0.05;
+/// And this much higher from the side of the chair on, where knees must not reach the desk.
+const RISE_M: f64 = 0.03;
 /// Farthest that an idle joint moves in a frame, radians.
 const EASE_RAD: f64 = 0.06;
 /// Elbows of who sits: the forearms are above the seat and its arms, radians.
@@ -161,6 +163,8 @@ struct Plan<'a> {
     easy: Vec<f64>,
     frames: Vec<Frame>,
     feet: [Stance; 2],
+    /// How much higher than at first the pelvis is.
+    rise: f64,
 }
 
 /// Sits down at the desk.
@@ -255,10 +259,11 @@ fn sit_on(room: &Surroundings, model: &Model, body: &Body, shapes: &Shapes, obje
                 easy: easy(model),
                 frames: vec![],
                 feet: [start; 2],
+                rise: 0.0,
             };
             match plan.all(&desk, side, turn) {
                 Ok(done) => return Ok(done),
-                Err(e) => { if std::env::var_os("DBG").is_some() { eprintln!("DBG side {side} turn {turn}: {e}"); } why.push(e) }
+                Err(e) => why.push(e),
             }
         }
     }
@@ -378,7 +383,7 @@ impl Plan<'_> {
 
     fn upright_at(&self, stance: &Stance) -> Want {
         Want {
-            pelvis: stance.at + DVec3::Y * self.body.standing(),
+            pelvis: stance.at + DVec3::Y * (self.body.standing() + self.rise),
             level: 1,
             facing: stance.facing,
             lean: 0.0,
@@ -410,6 +415,9 @@ impl Plan<'_> {
                 Stance { at: body.at + body.facing * ahead, facing: body.facing }
             };
             self.feet = [foot(2.0 * part), foot(2.0 * part - 1.0)];
+            if step == 3 {
+                self.rise = RISE_M * smooth((k + 1) as f64 / frames as f64);
+            }
             let mut want = self.upright_at(&body);
             let mut moved = self.frames.last().map_or(0.0, |f| f.moved.dot(self.chair.back));
             let mut touching: Vec<usize> = Vec::new();
@@ -514,7 +522,6 @@ impl Plan<'_> {
         self.shuffle(4, FRAMES[4], &[cross], None)?;
         self.shuffle(5, FRAMES[5], &[seat], None)?;
         self.clear(0..6)?;
-        if std::env::var_os("DBG").is_some() { eprintln!("DBG walked side {side} turn {turn}"); }
         let (sitting, depth) = self.sit_down(desk, &seat)?;
         self.finish(desk, &sitting, depth, turn)
     }
