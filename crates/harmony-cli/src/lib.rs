@@ -85,6 +85,8 @@ enum Command {
     Export(commands::export::Args),
     /// Let the scene of a run stand, repair what does not, shake it.
     Simulate(commands::simulate::Args),
+    /// What robots can do in the scene of a run: what can be grasped, sat on, opened; scripted tasks on its geometry.
+    Robot(commands::robot::Args),
     /// The modelling program of an object: print it, change it, run it again.
     Model(commands::model::Args),
     /// Keep the answers of a run as a recording that can be replayed (answers only, no photo).
@@ -136,6 +138,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Render(args) => commands::render::run(&args),
         Command::Export(args) => commands::export::run(&args),
         Command::Simulate(args) => commands::simulate::run(&args),
+        Command::Robot(args) => commands::robot::run(&args),
         Command::Model(args) => commands::model::run(&args),
         Command::Record(args) => commands::record::run(&args),
         Command::Models(args) => commands::models::run(&args),

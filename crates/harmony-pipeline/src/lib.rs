@@ -30,6 +30,7 @@ pub use ctx::{PhaseCtx, PhaseError, Warnings};
 pub use estimate::{Estimate, Inventory, RoleEstimate, estimate};
 pub use filter::{Dropped, Filtered, filter_boxes, filter_masks};
 pub use outputs::GENERATOR;
+pub use harmony_viewer::PlausibilityRow;
 pub use phase::Phase;
 pub use phases::layout::layout_prior;
 pub use progress::{ProgressEvent, ProgressSink};

@@ -149,6 +149,7 @@ pub async fn run(
         objects: 0,
         questions_per_object: 0.0,
         bill: Bill::default(),
+        plausibility: Vec::new(),
         files: BTreeMap::new(),
     };
     let mut stage = Stage { request, calls, warnings, progress, file: &mut file, failure: None, lit: None };

@@ -6,6 +6,7 @@ use std::path::Path;
 use harmony_calls::Bill;
 use harmony_io::{FileError, read_bounded};
 use harmony_roles::{PlayerCard, Role};
+use harmony_viewer::{PlausibilityRow, ReportError, show_plausibility};
 use serde::{Deserialize, Serialize};
 
 use crate::{LOCK_FILE, Settings};
@@ -60,6 +61,9 @@ pub struct RunFile {
     pub questions_per_object: f64,
     /// Calls, tokens, cost and time spent in calls, from their records.
     pub bill: Bill,
+    /// How plausible the scene is as a place, when `harmony simulate` was asked; a new reconstruction has none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub plausibility: Vec<PlausibilityRow>,
     /// Every file of the run but this one and the calls: path and hash.
     pub files: BTreeMap<String, String>,
 }
@@ -77,6 +81,24 @@ impl RunFile {
     /// An unwritable folder.
     pub fn write(&self, run: &Path) -> Result<(), FileError> {
         harmony_io::write_json(&run.join("run.json"), self)
+    }
+
+    /// Keeps what a simulation said of a run's scene, here and in its report.
+    ///
+    /// `false` when the folder has no `run.json` of this program.
+    ///
+    /// # Errors
+    /// An unwritable folder.
+    pub fn keep_plausibility(run: &Path, rows: &[PlausibilityRow]) -> Result<bool, ReportError> {
+        let Some(mut file) = Self::read(run) else { return Ok(false) };
+        if show_plausibility(run, rows)?
+            && let Some(hash) = file_hash(&run.join("report.html"))
+        {
+            file.files.insert("report.html".to_owned(), hash);
+        }
+        file.plausibility = rows.to_vec();
+        file.write(run)?;
+        Ok(true)
     }
 
     /// Whether all phases are done.

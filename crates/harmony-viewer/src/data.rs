@@ -165,3 +165,15 @@ pub struct Evidence {
     /// Residuals and other numbers.
     pub facts: Vec<Fact>,
 }
+
+/// A line of the table of a scene's plausibility, as a simulation found it.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct PlausibilityRow {
+    /// What is counted.
+    pub what: String,
+    /// The count or share in words.
+    pub value: String,
+    /// Whether it is as it should be.
+    pub good: bool,
+}

@@ -11,7 +11,8 @@ mod sections;
 use std::path::Path;
 
 pub use data::{
-    CallRow, DroppedObject, Evidence, Fact, ObjectReport, PhaseReport, PhaseStatus, ReportData, ReportPicture,
+    CallRow, DroppedObject, Evidence, Fact, ObjectReport, PhaseReport, PhaseStatus, PlausibilityRow, ReportData,
+    ReportPicture,
 };
 use harmony_io::FileError;
 use harmony_scene::Scene;
@@ -73,6 +74,7 @@ pub fn report_html(run_folder: &Path, scene: &Scene, report: &ReportData) -> Res
         view3d,
         sections::phases(scene, report),
         sections::room(scene, report),
+        sections::plausibility(&[]),
         objects,
         sections::calls(report, scene.objects.len()),
     ];
@@ -89,6 +91,19 @@ pub fn report_html(run_folder: &Path, scene: &Scene, report: &ReportData) -> Res
         json = script_json(scene)?,
         js = include_str!("../assets/page.js"),
     ))
+}
+
+/// Fills the table of plausibility of `<run_folder>/report.html` in; `false` when there is no page, or one without a
+/// place for it.
+///
+/// # Errors
+/// [`ReportError::File`] for a page that cannot be written.
+pub fn show_plausibility(run_folder: &Path, rows: &[PlausibilityRow]) -> Result<bool, ReportError> {
+    let path = run_folder.join("report.html");
+    let Ok(page) = std::fs::read_to_string(&path) else { return Ok(false) };
+    let Some(page) = sections::filled(&page, rows) else { return Ok(false) };
+    harmony_io::write_atomic(&path, page.as_bytes())?;
+    Ok(true)
 }
 
 #[cfg(test)]

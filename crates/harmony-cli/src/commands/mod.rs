@@ -15,6 +15,7 @@ pub mod models;
 pub mod reconstruct;
 pub mod record;
 pub mod render;
+pub mod robot;
 pub mod schema;
 pub mod setup;
 pub mod show;

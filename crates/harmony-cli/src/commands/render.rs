@@ -1,15 +1,20 @@
 //! `harmony render`: the scene of a run from a chosen camera, read back from its files.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use glam::{DMat3, DVec3};
+use harmony_export::World;
+use harmony_export::world::Item;
 use harmony_io::{ReadLimits, load_glb, picture};
+use harmony_mesh::Mesh;
 use harmony_render::{Instance, Lighting, RenderOptions, canonical_camera, orbit_cameras, render};
 use harmony_scene::{Camera, ImageSize, Scene, Surface};
 use image::DynamicImage;
 
-use crate::{EXIT_OK, say};
+use crate::display::hinted;
+use crate::{EXIT_OK, say, tell};
 
 /// Which view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -39,12 +44,34 @@ pub struct Args {
     /// Shade with a light at the camera instead of showing the textures as they are.
     #[arg(long)]
     head_light: bool,
+    /// Open doors and drawers by a share of their ranges, 0 to 1; without a number all the way.
+    #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "1", value_parser = share)]
+    open: Option<f64>,
     /// Output PNG (orbit: a number is added); default `<run>/render_<camera>.png`.
     #[arg(long, short)]
     out: Option<PathBuf>,
     /// Also write which object each pixel shows: a 16-bit grey PNG of the `index` in scene.json, 0 for the room.
     #[arg(long, value_name = "PNG")]
     ids: Option<PathBuf>,
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("\"{text}\" is no number"))?;
+    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err("a share is between 0 and 1".to_owned()) }
+}
+
+/// Meshes of the objects that open, opened, by node.
+fn opened(args: &Args, open: f64) -> Result<BTreeMap<String, Mesh>> {
+    let world = World::read(&args.run).map_err(|e| hinted(e.to_string(), e.hint()))?;
+    let items: Vec<&Item> = world.items.iter().filter(|i| !i.opens.is_empty()).collect();
+    if items.is_empty() {
+        tell!("nothing in this scene opens: harmony export says of each object why, in export.json");
+    }
+    for item in &items {
+        let parts: Vec<&str> = item.opens.iter().map(|o| o.name.as_str()).collect();
+        tell!("open: {}", parts.join(", "));
+    }
+    Ok(items.into_iter().map(|i| (i.name().to_owned(), i.opened(open))).collect())
 }
 
 /// Runs the command.
@@ -54,6 +81,7 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<u8> {
     let scene: Scene = harmony_io::read_json(&args.run.join("scene.json")).context("this run has no scene yet")?;
     let glb = load_glb(&args.run.join("scene_full.glb"), &ReadLimits::default())?;
+    let opened = args.open.map(|share| opened(args, share)).transpose()?.unwrap_or_default();
     let photo = Camera::from(&scene.camera);
     if args.ids.is_some() && args.camera == View::Orbit {
         bail!("--ids is one picture, an orbit is many; choose --camera input or canonical");
@@ -80,7 +108,7 @@ pub fn run(args: &Args) -> Result<u8> {
             .iter()
             .filter(|node| !hidden.contains(&node.name.as_str()))
             .map(|node| Instance {
-                mesh: &node.mesh,
+                mesh: opened.get(&node.name).unwrap_or(&node.mesh),
                 linear: DMat3::from_cols_array(&node.transform.matrix3.to_cols_array()),
                 translation: DVec3::from_array(node.transform.translation.to_array()),
                 id: index_of(&scene, &node.name),

@@ -11,6 +11,7 @@ use harmony_physics::{
     Bodies, BodySettings, Motion, Plausibility, Quake, Repaired, RunScene, Settled, Shaken, animate, bodies, ground,
     places, plausibility, quake, repair, settle, shake,
 };
+use harmony_pipeline::{PlausibilityRow, RunFile};
 use harmony_render::canonical_camera;
 use harmony_scene::{Camera, ImageSize, Surface};
 use image::RgbImage;
@@ -159,6 +160,12 @@ fn settle_run(args: &Args, loaded: &RunScene, made: &Bodies, out: &Path) -> Resu
     };
     let path = out.join("settle.json");
     write_json(&path, &file)?;
+    let rows: Vec<PlausibilityRow> = table
+        .rows()
+        .into_iter()
+        .map(|(what, value, good)| PlausibilityRow { what: what.to_owned(), value, good })
+        .collect();
+    RunFile::keep_plausibility(&args.run, &rows).context("the table cannot be kept in run.json and report.html")?;
     say!("{}", path.display())
 }
 

@@ -128,42 +128,76 @@ fn corners(centre: DVec3, half: DVec3) -> [DVec3; 8] {
     })
 }
 
-/// One object.
+/// One object: a link, and links of parts that open on joints with limits.
 pub(super) fn urdf(bytes: &[u8], folder: &Path) -> Result<Inventory, Unreadable> {
     let doc = document(bytes)?;
     let mut out = Inventory::default();
-    for link in doc.descendants().filter(|n| n.has_tag_name("link")) {
-        let name = link.attribute("name").ok_or("a link has no name")?;
+    let joints: Vec<Node<'_, '_>> = doc.root_element().children().filter(|n| n.has_tag_name("joint")).collect();
+    let of = |joint: &Node<'_, '_>, tag: &str| -> Option<String> {
+        Some(joint.children().find(|n| n.has_tag_name(tag))?.attribute("link")?.to_owned())
+    };
+    let links: Vec<Node<'_, '_>> = doc.root_element().children().filter(|n| n.has_tag_name("link")).collect();
+    let named = |link: &Node<'_, '_>| link.attribute("name").map(ToOwned::to_owned).ok_or("a link has no name");
+    for link in &links {
+        let name = named(link)?;
+        if joints.iter().any(|j| of(j, "child").as_deref() == Some(&name)) {
+            continue;
+        }
         let mut seen = Seen { position: Some(DVec3::ZERO), ..Seen::default() };
-        let value = |tag: &str| {
-            link.descendants().find(|n| n.has_tag_name(tag)).and_then(|n| n.attribute("value")?.parse::<f64>().ok())
-        };
-        seen.mass = value("mass");
-        seen.friction = value("lateral_friction");
-        for part in link.children().filter(|n| n.has_tag_name("visual") || n.has_tag_name("collision")) {
-            let visual = part.has_tag_name("visual");
-            let origin = part.children().find(|n| n.has_tag_name("origin"));
-            let at = origin.map_or(Ok(DVec3::ZERO), |o| vector(o, "xyz"))?;
-            let geometry = part.descendants().find(|n| n.has_tag_name("mesh") || n.has_tag_name("box"));
-            let geometry = geometry.ok_or_else(|| format!("a part of {name} has no geometry"))?;
-            if let Some(file) = geometry.attribute("filename") {
-                let solid = mesh_file(folder, file)?;
-                if visual {
-                    solid.faces.iter().flatten().for_each(|i| seen.visual(from_z_up(solid.vertices[*i] + at)));
-                    seen.triangles += solid.faces.len();
-                } else {
-                    solid.vertices.iter().for_each(|v| seen.collider(from_z_up(*v + at)));
-                }
-            } else {
-                for c in corners(at, vector(geometry, "size")? / 2.0) {
-                    seen.collider(from_z_up(c));
-                }
+        urdf_link(*link, DVec3::ZERO, true, folder, &mut seen)?;
+        for joint in joints.iter().filter(|j| of(j, "parent").as_deref() == Some(&name)) {
+            let limit = joint.children().find(|n| n.has_tag_name("limit"));
+            let bound = |which: &str| limit.and_then(|l| l.attribute(which)?.parse::<f64>().ok());
+            let child = of(joint, "child").ok_or("a joint has no child")?;
+            if !matches!((bound("lower"), bound("upper")), (Some(low), Some(high)) if low < high) {
+                return Err(format!("part {child} of {name} has no joint with limits"));
             }
-            seen.hulls += usize::from(!visual);
+            let origin = joint.children().find(|n| n.has_tag_name("origin"));
+            let at = origin.map_or(Ok(DVec3::ZERO), |o| vector(o, "xyz"))?;
+            let part = links.iter().find(|l| l.attribute("name") == Some(&child));
+            urdf_link(*part.ok_or_else(|| format!("there is no link {child}"))?, at, false, folder, &mut seen)?;
+            seen.parts += 1;
         }
         // URDF does not say whether a thing is fixed to the world: whoever loads it does.
         seen.moves = true;
-        out.add(name, seen);
+        out.add(&name, seen);
     }
     Ok(out)
+}
+
+/// What a link adds to its object; colliders of the object's own link alone are compared.
+fn urdf_link(link: Node<'_, '_>, origin: DVec3, own: bool, folder: &Path, seen: &mut Seen) -> Result<(), Unreadable> {
+    let name = link.attribute("name").unwrap_or("?");
+    let value = |tag: &str| {
+        link.descendants().find(|n| n.has_tag_name(tag)).and_then(|n| n.attribute("value")?.parse::<f64>().ok())
+    };
+    if let Some(mass) = value("mass") {
+        seen.mass = Some(seen.mass.unwrap_or(0.0) + mass);
+    }
+    seen.friction = value("lateral_friction");
+    for part in link.children().filter(|n| n.has_tag_name("visual") || n.has_tag_name("collision")) {
+        let visual = part.has_tag_name("visual");
+        if !visual && !own {
+            continue;
+        }
+        let at = part.children().find(|n| n.has_tag_name("origin")).map_or(Ok(DVec3::ZERO), |o| vector(o, "xyz"))?;
+        let at = at + origin;
+        let geometry = part.descendants().find(|n| n.has_tag_name("mesh") || n.has_tag_name("box"));
+        let geometry = geometry.ok_or_else(|| format!("a part of {name} has no geometry"))?;
+        if let Some(file) = geometry.attribute("filename") {
+            let solid = mesh_file(folder, file)?;
+            if visual {
+                solid.faces.iter().flatten().for_each(|i| seen.visual(from_z_up(solid.vertices[*i] + at)));
+                seen.triangles += solid.faces.len();
+            } else {
+                solid.vertices.iter().for_each(|v| seen.collider(from_z_up(*v + at)));
+            }
+        } else {
+            for c in corners(at, vector(geometry, "size")? / 2.0) {
+                seen.collider(from_z_up(c));
+            }
+        }
+        seen.hulls += usize::from(!visual);
+    }
+    Ok(())
 }

@@ -116,7 +116,7 @@ fn one(world: &World, bodies: Option<&Bodies>, folder: &Path, path: &str, bytes:
                 mjcf::scene(bytes, &folder.join("mjcf/assets")).map(|i| (i, Rules::alone(id).with_joints()))
             } else if let Some(id) = own("urdf/", ".urdf") {
                 let id = id.split('/').next_back().unwrap_or(id).to_owned();
-                mjcf::urdf(bytes, &folder.join("urdf").join(&id)).map(|i| (i, Rules::alone(&id)))
+                mjcf::urdf(bytes, &folder.join("urdf").join(&id)).map(|i| (i, Rules::alone(&id).with_joints()))
             } else {
                 return;
             };

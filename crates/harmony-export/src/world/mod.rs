@@ -149,6 +149,31 @@ impl Item {
         crate::budget::compacted(&mesh)
     }
 
+    /// The canonical mesh with its parts opened by a share of their ranges.
+    ///
+    /// `share` is held to 0 to 1; an object without parts that open stays as it is.
+    pub fn opened(&self, share: f64) -> Mesh {
+        let scale = self.scale();
+        let mut out = self.selected(Select::Fixed);
+        for (k, part) in self.opens.iter().enumerate() {
+            let value = part.range[0] + (part.range[1] - part.range[0]) * share.clamp(0.0, 1.0);
+            let (turn, shift) = match part.joint {
+                Jointed::Hinge { axis, pivot } => {
+                    let turn = DMat3::from_axis_angle(axis, value);
+                    (turn, pivot - turn * pivot)
+                }
+                Jointed::Slide { axis } => (DMat3::IDENTITY, axis * value),
+            };
+            let mut moved = self.selected(Select::Part(k));
+            moved.map(
+                |p| ((turn * (p.as_dvec3() * scale) + shift) / scale).as_vec3(),
+                |n| ((turn * (n.as_dvec3() / scale)) * scale).as_vec3(),
+            );
+            out.append(&moved);
+        }
+        out
+    }
+
     /// The id as text.
     pub fn name(&self) -> &str {
         self.object.id.as_str()

@@ -5,6 +5,7 @@ mod objects;
 mod overview;
 mod phases;
 mod pictures;
+mod plausibility;
 mod room;
 mod view3d;
 
@@ -13,5 +14,6 @@ pub(crate) use objects::objects;
 pub(crate) use overview::overview;
 pub(crate) use phases::phases;
 pub(crate) use pictures::pictures;
+pub(crate) use plausibility::{filled, plausibility};
 pub(crate) use room::room;
 pub(crate) use view3d::view3d;

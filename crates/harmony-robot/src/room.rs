@@ -1,0 +1,387 @@
+//! The scene around a robot: meshes to measure and to keep away from.
+//!
+//! # Frames
+//! The room frame. Every mesh is taken into it once, where `scene.json` has the object; what a robot moves is moved by an
+//! offset, for scripted tasks draw and lift without turning.
+//!
+//! # What is in the way
+//! The reconstructed triangles themselves, and the six faces of the room. What lies flat under everything (rugs) gives way,
+//! as it does in `harmony-physics`.
+//!
+//! # Distances
+//! Between a convex piece of the robot and the triangles, by parry, in single precision (a hundredth of a millimetre in a
+//! room). Below 0 is how far the piece must move to leave the deepest triangle that it meets: a mesh is a surface, and a
+//! piece wholly inside a closed one would meet none. Robots move by small steps, so that they meet the surface first.
+
+use glam::{DAffine3, DQuat, DVec3, Vec3};
+use harmony_catalogue::Trait;
+use harmony_export::World;
+use harmony_mesh::{Bvh, Mesh};
+use harmony_physics::Hull;
+use harmony_scene::{Extents, Support};
+use parry3d::math::{Pose, Rotation, Vector};
+use parry3d::query;
+use parry3d::shape::{ConvexPolyhedron, TriMesh};
+
+use crate::RobotError;
+
+/// An object of the scene.
+pub struct Thing {
+    /// As in `scene.json`.
+    pub id: String,
+    /// What it is.
+    pub label: String,
+    /// What it rests on.
+    pub support: Support,
+    /// Turn about +Y, radians.
+    pub yaw: f64,
+    /// Triangles in the room.
+    pub triangles: Vec<[DVec3; 3]>,
+    /// For rays.
+    pub bvh: Bvh,
+    /// Smallest corner.
+    pub low: DVec3,
+    /// Largest corner.
+    pub high: DVec3,
+    /// Whether it lies flat under everything and gives way.
+    pub flat: bool,
+    mesh: TriMesh,
+}
+
+/// What a robot has around it.
+pub struct Surroundings {
+    /// In the scene's order.
+    pub things: Vec<Thing>,
+    /// Of the room.
+    pub extents: Extents,
+}
+
+/// What is near.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Other {
+    /// An object by its number.
+    Thing(usize),
+    /// A face of the room.
+    Face(&'static str),
+}
+
+/// The nearest of what was looked at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Near {
+    /// Link of the robot.
+    pub link: usize,
+    /// What it is near to.
+    pub other: Other,
+    /// Metres; below 0 they are in each other.
+    pub distance: f64,
+    /// The point of the other, room.
+    pub point: DVec3,
+}
+
+/// Convex pieces of a robot's links, ready for queries.
+pub struct Shapes {
+    links: Vec<Vec<Piece>>,
+}
+
+struct Piece {
+    shape: ConvexPolyhedron,
+    vertices: Vec<DVec3>,
+    centre: DVec3,
+    radius: f64,
+}
+
+impl Shapes {
+    /// From the hulls of every link, link frame.
+    pub fn new(links: &[Vec<Hull>]) -> Self {
+        let piece = |hull: &Hull| {
+            let points: Vec<Vector> = hull.vertices.iter().map(|v| vector(*v)).collect();
+            let shape = ConvexPolyhedron::from_convex_mesh(points.clone(), &hull.faces)
+                .or_else(|| ConvexPolyhedron::from_convex_hull(&points))?;
+            let (low, high) = hull.bounds();
+            let centre = (low + high) / 2.0;
+            let radius = hull.vertices.iter().map(|v| v.distance(centre)).fold(0.0, f64::max);
+            Some(Piece { shape, vertices: hull.vertices.clone(), centre, radius })
+        };
+        Self { links: links.iter().map(|l| l.iter().filter_map(piece).collect()).collect() }
+    }
+
+    /// Corners of a link's pieces in the room.
+    pub fn corners<'a>(&'a self, link: usize, place: &'a DAffine3) -> impl Iterator<Item = DVec3> + 'a {
+        self.links[link].iter().flat_map(|p| &p.vertices).map(|v| place.transform_point3(*v))
+    }
+}
+
+fn vector(v: DVec3) -> Vector {
+    Vector::new(v.x as f32, v.y as f32, v.z as f32)
+}
+
+fn pose(place: &DAffine3) -> Pose {
+    let q = DQuat::from_mat3(&place.matrix3).normalize();
+    let turn = Rotation::from_xyzw(q.x as f32, q.y as f32, q.z as f32, q.w as f32);
+    Pose::from_parts(vector(place.translation), turn)
+}
+
+impl Thing {
+    /// Triangles, corners and search trees of a mesh that is in the room's frame.
+    ///
+    /// `None` when it has no triangle with an area.
+    pub fn new(id: &str, label: &str, support: Support, yaw: f64, room_mesh: &Mesh) -> Option<Self> {
+        let corner = |i: u32| room_mesh.positions[i as usize].as_dvec3();
+        let triangles: Vec<[DVec3; 3]> = room_mesh.triangles().map(|t| t.map(corner)).collect();
+        let points: Vec<Vector> = room_mesh.positions.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
+        let whole = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(corner);
+            (b - a).cross(c - a).length() > 1e-12
+        };
+        let mesh = TriMesh::new(points, room_mesh.triangles().filter(whole).collect()).ok()?;
+        let (low, high) = triangles
+            .iter()
+            .flatten()
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+        Some(Self {
+            id: id.to_owned(),
+            label: label.to_owned(),
+            support,
+            yaw,
+            triangles,
+            bvh: Bvh::new(room_mesh),
+            low,
+            high,
+            flat: harmony_catalogue::has(label, Trait::Flat),
+            mesh,
+        })
+    }
+}
+
+impl Surroundings {
+    /// From a scene.
+    pub fn new(world: &World) -> Self {
+        let things = world.items.iter().filter_map(|item| {
+            let mut mesh = (*item.mesh).clone();
+            for p in &mut mesh.positions {
+                *p = item.room_point(*p).as_vec3();
+            }
+            let o = &item.object;
+            Thing::new(o.id.as_str(), &o.label, o.support.clone(), o.pose.yaw, &mesh)
+        });
+        Self { things: things.collect(), extents: world.scene.room.extents }
+    }
+
+    /// The number of an object by its id.
+    ///
+    /// # Errors
+    /// [`RobotError::Nothing`].
+    pub fn named(&self, id: &str) -> Result<usize, RobotError> {
+        let found = self.things.iter().position(|t| t.id == id);
+        found.ok_or_else(|| RobotError::Nothing { what: format!("object {id}") })
+    }
+
+    /// Name of what is near.
+    pub fn name(&self, other: Other) -> String {
+        match other {
+            Other::Thing(k) => self.things[k].id.clone(),
+            Other::Face(name) => format!("the {name}"),
+        }
+    }
+
+    /// The nearest of all that a robot has around it, within a distance; one object may be moved, with what it carries.
+    ///
+    /// `looks` says which pairs are looked at.
+    pub fn nearest(
+        &self,
+        shapes: &Shapes,
+        places: &[DAffine3],
+        moved: Option<(usize, DVec3)>,
+        within: f64,
+        looks: &dyn Fn(usize, Other) -> bool,
+    ) -> Option<Near> {
+        let mut best: Option<Near> = None;
+        for (link, pieces) in shapes.links.iter().enumerate() {
+            let place = &places[link];
+            let at = pose(place);
+            for piece in pieces {
+                let centre = place.transform_point3(piece.centre);
+                for (k, thing) in self.things.iter().enumerate().filter(|(_, t)| !t.flat) {
+                    let offset = moved.filter(|m| self.rides(k, m.0)).map_or(DVec3::ZERO, |m| m.1);
+                    let reach = piece.radius + best.map_or(within, |b| b.distance.min(within)).max(0.0);
+                    let from = centre - offset;
+                    if from.distance(from.clamp(thing.low, thing.high)) > reach || !looks(link, Other::Thing(k)) {
+                        continue;
+                    }
+                    if let Some((distance, point)) = thing.contact(&piece.shape, &at, offset, within)
+                        && best.is_none_or(|b| distance < b.distance)
+                    {
+                        best = Some(Near { link, other: Other::Thing(k), distance, point });
+                    }
+                }
+                self.faces(piece, place, link, within, looks, &mut best);
+            }
+        }
+        best
+    }
+
+    fn faces(
+        &self,
+        piece: &Piece,
+        place: &DAffine3,
+        link: usize,
+        within: f64,
+        looks: &dyn Fn(usize, Other) -> bool,
+        best: &mut Option<Near>,
+    ) {
+        let e = &self.extents;
+        let centre = place.transform_point3(piece.centre);
+        let faces: [(&'static str, DVec3, f64); 6] = [
+            ("floor", DVec3::Y, 0.0),
+            ("ceiling", DVec3::NEG_Y, e.height),
+            ("left wall", DVec3::X, 0.0),
+            ("right wall", DVec3::NEG_X, e.width),
+            ("back wall", DVec3::Z, 0.0),
+            ("front wall", DVec3::NEG_Z, e.depth),
+        ];
+        for (name, normal, offset) in faces {
+            if centre.dot(normal) + offset - piece.radius > within || !looks(link, Other::Face(name)) {
+                continue;
+            }
+            for v in &piece.vertices {
+                let at = place.transform_point3(*v);
+                let distance = at.dot(normal) + offset;
+                if distance < within && best.is_none_or(|b| distance < b.distance) {
+                    *best = Some(Near { link, other: Other::Face(name), distance, point: at - normal * distance });
+                }
+            }
+        }
+    }
+
+    /// The nearest of other objects and walls to an object that is moved; what it met where it stands does not count.
+    pub fn nearest_of_thing(&self, thing: usize, offset: DVec3) -> Option<(Other, f64)> {
+        let own = &self.things[thing];
+        let (low, high) = (own.low + offset, own.high + offset);
+        let e = &self.extents;
+        let walls = [
+            ("left wall", low.x, own.low.x),
+            ("right wall", e.width - high.x, e.width - own.high.x),
+            ("back wall", low.z, own.low.z),
+            ("front wall", e.depth - high.z, e.depth - own.high.z),
+        ];
+        let nearer = |best: Option<(Other, f64)>, found: (Other, f64)| match best {
+            Some(b) if b.1 <= found.1 => Some(b),
+            _ => Some(found),
+        };
+        let mut best = walls
+            .into_iter()
+            .filter(|(_, distance, before)| distance < before)
+            .fold(None, |best, (name, distance, _)| nearer(best, (Other::Face(name), distance)));
+        let here = Pose::from_parts(vector(offset), Rotation::IDENTITY);
+        for (k, other) in self.things.iter().enumerate().filter(|(k, t)| *k != thing && !t.flat) {
+            if self.rides(k, thing) || self.rides(thing, k) {
+                continue;
+            }
+            let apart = (low - other.high).max(other.low - high).max_element();
+            if best.is_some_and(|b| apart > b.1) || apart > 1.0 {
+                continue;
+            }
+            let between = |at: &Pose| {
+                query::distance(at, &own.mesh, &Pose::IDENTITY, &other.mesh).map_or(f64::INFINITY, |d| f64::from(d.distance))
+            };
+            if between(&Pose::IDENTITY) > 1e-4 {
+                best = nearer(best, (Other::Thing(k), between(&here)));
+            }
+        }
+        best
+    }
+
+    /// Whether a thing is another, or stands on it, directly or by what it stands on.
+    pub fn rides(&self, thing: usize, on: usize) -> bool {
+        let mut at = thing;
+        // No longer chain than there are things, should supports be a ring.
+        for _ in 0..=self.things.len() {
+            if at == on {
+                return true;
+            }
+            let Support::Object { id } = &self.things[at].support else { return false };
+            let Some(next) = self.things.iter().position(|t| t.id == id.as_str()) else { return false };
+            at = next;
+        }
+        false
+    }
+}
+
+impl Thing {
+    /// Distance of a convex piece, and the nearest point of this; `None` when farther than `within`.
+    fn contact(&self, piece: &ConvexPolyhedron, at: &Pose, offset: DVec3, within: f64) -> Option<(f64, DVec3)> {
+        let here = Pose::from_parts(vector(offset), Rotation::IDENTITY);
+        let contact = query::contact(at, piece, &here, &self.mesh, within as f32).ok()??;
+        let p = contact.point2;
+        Some((contact.dist.into(), DVec3::new(p.x.into(), p.y.into(), p.z.into())))
+    }
+
+    /// Height of the highest point below a height at a place, if there is one, and whether it looks up.
+    pub fn top_at(&self, x: f64, z: f64, below: f64) -> Option<(f64, bool)> {
+        let from = DVec3::new(x, below, z);
+        let hit = self.bvh.raycast(from, DVec3::NEG_Y, below + 1.0)?;
+        Some((hit.point.y, hit.normal.y.abs() > 0.5))
+    }
+}
+
+/// A hull as a mesh of one colour.
+pub fn hull_mesh(hulls: &[Hull], color: [f32; 3]) -> Mesh {
+    let mut mesh = Mesh { materials: vec![harmony_mesh::Material::plain("body", color)], ..Mesh::default() };
+    let mut group = harmony_mesh::Group::default();
+    for hull in hulls {
+        let base = mesh.positions.len() as u32;
+        mesh.positions.extend(hull.vertices.iter().map(|v| v.as_vec3()));
+        group.triangles.extend(hull.faces.iter().map(|f| f.map(|i| i + base)));
+    }
+    mesh.groups.push(group);
+    mesh.uvs = vec![glam::Vec2::ZERO; mesh.positions.len()];
+    mesh.normals = vec![Vec3::Y; mesh.positions.len()];
+    mesh.recompute_normals();
+    mesh
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    pub(crate) fn thing(id: &str, label: &str, boxes: &[([f64; 3], [f64; 3])]) -> Thing {
+        let hulls: Vec<Hull> = boxes.iter().map(|(l, h)| Hull::cuboid((*l).into(), (*h).into())).collect();
+        Thing::new(id, label, Support::Floor, 0.0, &hull_mesh(&hulls, [0.5; 3])).unwrap()
+    }
+
+    pub(crate) fn room(things: Vec<Thing>) -> Surroundings {
+        Surroundings { things, extents: Extents { width: 5.0, height: 2.6, depth: 4.0 } }
+    }
+
+    fn ball(radius: f64) -> Shapes {
+        Shapes::new(&[vec![Hull::cuboid(DVec3::splat(-radius), DVec3::splat(radius))]])
+    }
+
+    #[test]
+    fn distances_and_depths_are_those_of_boxes() {
+        let room = room(vec![thing("table_01", "table", &[([2.0, 0.7, 1.0], [3.0, 0.74, 2.0])])]);
+        let shapes = ball(0.05);
+        let at = |x: f64, y: f64, z: f64| [DAffine3::from_translation(DVec3::new(x, y, z))];
+        let near = |p: &[DAffine3]| room.nearest(&shapes, p, None, 0.5, &|_, _| true).unwrap();
+        let above = near(&at(2.5, 0.84, 1.5));
+        assert!((above.distance - 0.05).abs() < 1e-5 && above.other == Other::Thing(0), "{above:?}");
+        let sunk = near(&at(2.5, 0.78, 1.5));
+        assert!((sunk.distance + 0.01).abs() < 1e-4, "{sunk:?}");
+        let low = near(&at(4.0, 0.03, 1.5));
+        assert!((low.distance + 0.02).abs() < 1e-5 && low.other == Other::Face("floor"), "{low:?}");
+        let moved = room.nearest(&shapes, &at(2.5, 0.84, 1.5), Some((0, DVec3::Y * 0.02)), 0.5, &|_, _| true).unwrap();
+        assert!((moved.distance - 0.03).abs() < 1e-5, "{moved:?}");
+        assert!(room.nearest(&shapes, &at(1.0, 1.3, 1.5), None, 0.3, &|_, _| true).is_none());
+    }
+
+    #[test]
+    fn a_chair_that_is_drawn_meets_what_is_behind_it() {
+        let chair = thing("chair_01", "chair", &[([1.0, 0.0, 1.0], [1.4, 0.9, 1.4])]);
+        let shelf = thing("shelf_01", "bookshelf", &[([1.0, 0.0, 1.7], [1.4, 1.8, 2.0])]);
+        let room = room(vec![chair, shelf]);
+        let (other, distance) = room.nearest_of_thing(0, DVec3::Z * 0.2).unwrap();
+        assert!(other == Other::Thing(1) && (distance - 0.1).abs() < 1e-4, "{other:?} {distance}");
+        let (other, distance) = room.nearest_of_thing(0, DVec3::X * -0.95).unwrap();
+        assert!(other == Other::Face("left wall") && (distance - 0.05).abs() < 1e-9, "{other:?} {distance}");
+    }
+}

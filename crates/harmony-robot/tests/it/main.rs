@@ -1,0 +1,184 @@
+//! Robots of the MuJoCo Menagerie in a small study: tasks, what they say when geometry forbids them, and MuJoCo's opinion.
+//!
+//! The models are not part of the project: `tools/setup.sh robots` installs them; without them these tests are skipped.
+#![expect(clippy::unwrap_used, reason = "tests, helpers included")]
+
+mod room;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use harmony_export::World;
+use harmony_robot::{Job, Model, Output, RobotError, Surroundings, affordances, jaw::Jaw, perform, write};
+use harmony_scene::ImageSize;
+use room::{Study, study};
+
+fn cache() -> Option<PathBuf> {
+    let set = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+    set("HARMONY_CACHE").or_else(|| set("HOME").map(|home| home.join(".cache").join("harmony")))
+}
+
+/// A robot's model file, or a skip.
+fn robot(name: &str) -> Option<PathBuf> {
+    let path = cache()?.join("robots").join(name).join(format!("{name}.xml"));
+    if path.is_file() {
+        return Some(path);
+    }
+    harmony_testing::skip(format!("the model of {name} is not installed (tools/setup.sh robots)"));
+    None
+}
+
+/// The Python with MuJoCo, or a skip.
+fn mujoco() -> Option<PathBuf> {
+    let python = cache()?.join("checkers").join("bin").join("python");
+    if Command::new(&python).args(["-c", "import mujoco"]).output().is_ok_and(|o| o.status.success()) {
+        return Some(python);
+    }
+    harmony_testing::skip("MuJoCo is not installed (tools/setup.sh)");
+    None
+}
+
+fn output(folder: &Path) -> Output {
+    Output { folder: folder.to_owned(), hulls: Some(folder.join("hulls")), size: ImageSize::new(160, 120), pictures: 3 }
+}
+
+/// What MuJoCo measures of a motion's files.
+fn replayed(python: &Path, folder: &Path, task: &str, touching: &str, original: &Path) -> serde_json::Value {
+    let found = Command::new(python)
+        .arg(harmony_testing::root().join("tools/robot_replay.py"))
+        .arg(folder.join(format!("mjcf/{task}.xml")))
+        .arg(folder.join("trajectory.json"))
+        .args(["--touching", touching, "--original"])
+        .arg(original)
+        .output()
+        .unwrap();
+    assert!(found.status.success(), "{}", String::from_utf8_lossy(&found.stderr));
+    serde_json::from_slice(&found.stdout).unwrap()
+}
+
+#[test]
+fn the_panda_draws_a_chair_by_its_backrest_and_mujoco_finds_the_same() {
+    let Some(path) = robot("panda") else { return };
+    let model = Model::read(&path).unwrap();
+    assert_eq!((model.joints.len(), model.floating), (9, false));
+    let jaw = Jaw::of(&model).unwrap();
+    assert!((jaw.size.opening_m - 0.08).abs() < 1e-9, "{:?}", jaw.size);
+    let run = study(&Study::default());
+    let world = World::read(run.path()).unwrap();
+    let room = Surroundings::new(&world);
+    let done = perform(&world, &room, &model, Job::DrawChair, None).unwrap();
+    let e = &done.evidence;
+    assert_eq!((e.frames, e.failed_frames), (140, 0), "{e:?}");
+    assert!(e.smallest_clearance_m >= 0.0 && e.smallest_margin >= 0.0, "{e:?}");
+    assert!(e.largest_gap_m < 1e-3 && e.deepest_touch_m < 1e-3, "both fingers touch: {e:?}");
+    let m = &done.measured;
+    assert!((m["grasp_thickness_m"] - 0.03).abs() < 1e-4 && m["fingertip_off_its_line_m"] < 2e-3, "{m:?}");
+    assert!((m["jaw_closed_to_m"] - 0.03).abs() < 2e-3, "{m:?}");
+    let last = done.motion.frames.last().unwrap().moved;
+    assert!((last.length() - 0.45).abs() < 1e-9 && last.z > 0.4, "away from the desk: {last}");
+    let out = tempfile::tempdir().unwrap();
+    write(&world, &room, &done, &output(out.path())).unwrap();
+    assert!(out.path().join("sheet.png").is_file());
+    let Some(python) = mujoco() else { return };
+    let found = replayed(&python, out.path(), "draw-chair", "left_finger,right_finger", &path);
+    assert_eq!(found["frames"], 140);
+    assert!(found["over_limits"].as_f64().unwrap() < 1e-6, "{found}");
+    assert!(found["links_apart"].as_f64().unwrap() < 1e-4, "the kinematics are those of the model file: {found}");
+    assert!(found["height_spread"].as_f64().unwrap() < 2e-3, "{found}");
+    assert!(found["deepest"]["distance"].as_f64().unwrap() > -1e-3, "{found}");
+    assert!(found["deepest_touch"]["distance"].as_f64().unwrap() > -2e-3, "{found}");
+}
+
+#[test]
+fn the_panda_picks_what_is_thin_enough_and_says_of_the_rest_why_not() {
+    let Some(path) = robot("panda") else { return };
+    let model = Model::read(&path).unwrap();
+    let run = study(&Study::default());
+    let world = World::read(run.path()).unwrap();
+    let room = Surroundings::new(&world);
+    let done = perform(&world, &room, &model, Job::Pick, Some("vase_01")).unwrap();
+    assert!(done.evidence.smallest_clearance_m >= 0.0 && done.evidence.failed_frames == 0, "{:?}", done.evidence);
+    assert!((done.motion.frames.last().unwrap().moved.y - 0.2).abs() < 1e-9);
+    let wide = perform(&world, &room, &model, Job::Pick, Some("box_01")).err().unwrap();
+    let said = wide.to_string();
+    assert!(matches!(wide, RobotError::Forbidden { .. }) && said.contains("150 mm across"), "{said}");
+    assert!(matches!(perform(&world, &room, &model, Job::Pick, Some("cup_09")), Err(RobotError::Nothing { .. })));
+    let found = affordances(&world, &room, &Jaw::of(&model).unwrap().size);
+    let of = |id: &str| found.iter().find(|a| a.id == id).unwrap();
+    assert!(of("vase_01").grasp.possible && !of("box_01").grasp.possible);
+    assert!(of("chair_01").sit.possible && of("chair_01").grasp.possible, "{:?}", of("chair_01"));
+    assert!(of("desk_01").place.possible && !of("desk_01").sit.possible);
+}
+
+#[test]
+fn what_forbids_a_task_is_told_with_its_number() {
+    let Some(path) = robot("panda") else { return };
+    let model = Model::read(&path).unwrap();
+    let said = |study_of: &Study| {
+        let run = study(study_of);
+        let world = World::read(run.path()).unwrap();
+        perform(&world, &Surroundings::new(&world), &model, Job::DrawChair, None).err().unwrap()
+    };
+    let thick = said(&Study { back_m: 0.12, ..Study::default() }).to_string();
+    assert!(thick.contains("120 mm across") && thick.contains("80 mm"), "{thick}");
+    let blocked = said(&Study { wall_behind_m: Some(0.2), ..Study::default() }).to_string();
+    assert!(blocked.contains("bookshelf_01") && blocked.contains("0.45 m"), "{blocked}");
+    let none = said(&Study { chair: false, ..Study::default() });
+    assert!(matches!(&none, RobotError::Nothing { what } if what == "chair"), "{none}");
+}
+
+#[test]
+fn the_h1_sits_down_at_the_desk_and_mujoco_finds_the_same() {
+    let Some(path) = robot("h1") else { return };
+    let model = Model::read(&path).unwrap();
+    assert_eq!((model.joints.len(), model.floating), (19, true));
+    assert!((model.mass() - 51.4).abs() < 0.3, "{}", model.mass());
+    let run = study(&Study::default());
+    let world = World::read(run.path()).unwrap();
+    let room = Surroundings::new(&world);
+    let done = perform(&world, &room, &model, Job::Sit, None).unwrap();
+    let (e, m) = (&done.evidence, &done.measured);
+    assert_eq!((e.frames, e.failed_frames), (230, 0), "{e:?}");
+    assert!(e.smallest_clearance_m > -0.01 && e.smallest_margin >= 0.0, "{e:?}");
+    for (name, most) in [
+        ("hands_to_backrest_m", 0.01),
+        ("hands_to_desk_m", 0.01),
+        ("thighs_to_seat_m", 0.01),
+        ("deepest_in_seat_m", 0.01),
+        ("feet_off_floor_m", 0.002),
+    ] {
+        assert!(m[name] <= most, "{name}: {m:?}");
+    }
+    assert!(m["balance_margin_m"] > 0.0, "{m:?}");
+    let out = tempfile::tempdir().unwrap();
+    write(&world, &room, &done, &output(out.path())).unwrap();
+    let Some(python) = mujoco() else { return };
+    let seated = "pelvis,left_hip_yaw_link,left_hip_roll_link,left_hip_pitch_link,right_hip_yaw_link,right_hip_roll_link,\
+                  right_hip_pitch_link,left_elbow_link,right_elbow_link";
+    let found = replayed(&python, out.path(), "sit", seated, &path);
+    assert_eq!(found["frames"], 230);
+    assert!(found["over_limits"].as_f64().unwrap() < 1e-6, "{found}");
+    assert!(found["links_apart"].as_f64().unwrap() < 1e-4, "{found}");
+    assert!(found["deepest"]["distance"].as_f64().unwrap() > -0.011, "{found}");
+    assert!(found["deepest_touch"]["distance"].as_f64().unwrap() > -0.011, "{found}");
+    let feet = &found["lowest_foot"];
+    assert!(feet[0].as_f64().unwrap() > -0.002 && feet[1].as_f64().unwrap() < 0.002, "{found}");
+}
+
+#[test]
+fn a_robot_for_another_task_and_files_that_lack_something_are_named() {
+    let (Some(panda), Some(h1)) = (robot("panda"), robot("h1")) else { return };
+    let run = study(&Study::default());
+    let world = World::read(run.path()).unwrap();
+    let room = Surroundings::new(&world);
+    let said = perform(&world, &room, &Model::read(&h1).unwrap(), Job::DrawChair, None).err().unwrap();
+    assert!(matches!(said, RobotError::NotThisRobot { .. }), "{said}");
+    let said = perform(&world, &room, &Model::read(&panda).unwrap(), Job::Sit, None).err().unwrap();
+    assert!(said.to_string().contains("left_ankle_link"), "{said}");
+    // The XML without its meshes.
+    let folder = tempfile::tempdir().unwrap();
+    let copy = folder.path().join("panda.xml");
+    std::fs::copy(&panda, &copy).unwrap();
+    let said = Model::read(&copy).unwrap_err();
+    assert!(matches!(&said, RobotError::NoMesh { path, .. } if path.starts_with(folder.path())), "{said}");
+}

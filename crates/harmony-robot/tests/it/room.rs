@@ -1,0 +1,163 @@
+//! A small study: a desk at the back wall, a chair before it, a vase and a box on the desk.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use harmony_io::{GlbNode, GlbScene, NodeTransform, write_glb, write_json};
+use harmony_mesh::{Group, Material, Mesh};
+use harmony_physics::Hull;
+use harmony_scene::{
+    Camera, Confidence, Extents, ImageSize, Intrinsics, Level, Lighting, MaterialCategory, ObjectId, Physical, Pose,
+    Relations, Room, SCENE_VERSION, Scene, SceneObject, Size, Support, SurfaceMaterial, Vec3, ViewTransform,
+};
+
+/// What is in it.
+pub struct Study {
+    /// Thickness of the chair's back, metres.
+    pub back_m: f64,
+    /// Whether there is a chair.
+    pub chair: bool,
+    /// A bookshelf this far behind the chair, metres.
+    pub wall_behind_m: Option<f64>,
+}
+
+impl Default for Study {
+    fn default() -> Self {
+        Self { back_m: 0.03, chair: true, wall_behind_m: None }
+    }
+}
+
+fn mesh(hulls: &[Hull]) -> Arc<Mesh> {
+    let mut mesh = Mesh { materials: vec![Material::plain("body", [0.5, 0.45, 0.4])], ..Mesh::default() };
+    let mut group = Group::default();
+    for hull in hulls {
+        let base = mesh.positions.len() as u32;
+        mesh.positions.extend(hull.vertices.iter().map(|v| v.as_vec3()));
+        group.triangles.extend(hull.faces.iter().map(|f| f.map(|i| i + base)));
+    }
+    mesh.groups.push(group);
+    mesh.uvs = vec![glam::Vec2::ZERO; mesh.positions.len()];
+    mesh.recompute_normals();
+    Arc::new(mesh)
+}
+
+fn cuboid(low: [f64; 3], high: [f64; 3]) -> Hull {
+    Hull::cuboid(low.into(), high.into())
+}
+
+fn thing(id: &str, label: &str, at: [f64; 3], yaw: f64, support: Support, hulls: &[Hull]) -> (SceneObject, Arc<Mesh>) {
+    let (low, high) = hulls
+        .iter()
+        .map(Hull::bounds)
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), (a, b)| (l.min(a), h.max(b)));
+    let level = if support == Support::Floor { Level::Furniture } else { Level::Decoration };
+    let category = MaterialCategory::Wood;
+    let object = SceneObject {
+        id: ObjectId::new(id).unwrap(),
+        index: 10,
+        level,
+        label: label.into(),
+        description: String::new(),
+        source_phrase: label.into(),
+        pose: Pose::new(Vec3::from_array(at), yaw, 1.0),
+        size: Size::from_vec(high - low),
+        support,
+        relations: Relations::default(),
+        material: SurfaceMaterial {
+            category,
+            pbr: category.defaults(),
+            physical: Physical { weight_kg: 0.0, thickness_m: 0.02, elasticity: 0.1 },
+        },
+        mesh: String::new(),
+        mask: None,
+        seen_box: None,
+        mesh_source: "test".into(),
+        confidence: Confidence::default(),
+    };
+    (object, mesh(hulls))
+}
+
+/// Front +Z: four legs, a seat at 0.45 m, a back to 0.92 m.
+fn chair(back: f64) -> Vec<Hull> {
+    let leg = |x: f64, z: f64| cuboid([x - 0.02, 0.0, z - 0.02], [x + 0.02, 0.41, z + 0.02]);
+    vec![
+        leg(-0.28, -0.18),
+        leg(0.28, -0.18),
+        leg(-0.28, 0.18),
+        leg(0.28, 0.18),
+        cuboid([-0.30, 0.41, -0.20], [0.30, 0.45, 0.20]),
+        cuboid([-0.30, 0.45, -0.20], [0.30, 0.92, back - 0.20]),
+    ]
+}
+
+fn desk() -> Vec<Hull> {
+    let leg = |x: f64, z: f64| cuboid([x - 0.025, 0.0, z - 0.025], [x + 0.025, 0.71, z + 0.025]);
+    vec![
+        leg(-0.77, -0.32),
+        leg(0.77, -0.32),
+        leg(-0.77, 0.32),
+        leg(0.77, 0.32),
+        cuboid([-0.8, 0.71, -0.35], [0.8, 0.74, 0.35]),
+    ]
+}
+
+/// A run folder.
+pub fn study(study: &Study) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let on = |id: &str| Support::Object { id: ObjectId::new(id).unwrap() };
+    let half = |x: f64, y: f64, z: f64| vec![cuboid([-x, 0.0, -z], [x, y, z])];
+    let mut things = vec![
+        thing("desk_01", "desk", [2.5, 0.0, 0.37], 0.0, Support::Floor, &desk()),
+        thing("vase_01", "vase", [3.0, 0.74, 0.45], 0.3, on("desk_01"), &half(0.03, 0.2, 0.03)),
+        thing("box_01", "box", [1.9, 0.74, 0.3], 0.0, on("desk_01"), &half(0.075, 0.12, 0.1)),
+    ];
+    if study.chair {
+        // It faces the desk: its front is at -Z.
+        let at = [2.5, 0.0, 0.82];
+        things.push(thing("chair_01", "chair", at, std::f64::consts::PI, Support::Floor, &chair(study.back_m)));
+    }
+    if let Some(behind) = study.wall_behind_m {
+        let at = [2.5, 0.0, 0.82 + 0.2 + behind + 0.15];
+        things.push(thing("bookshelf_01", "bookshelf", at, 0.0, Support::Floor, &half(0.5, 1.8, 0.15)));
+    }
+    write_run(folder.path(), &things);
+    folder
+}
+
+fn write_run(folder: &Path, things: &[(SceneObject, Arc<Mesh>)]) {
+    let size = ImageSize::new(320, 240);
+    let lens = Intrinsics::from_horizontal_fov(size, 1.2);
+    let camera = Camera::looking(size, lens, Vec3::new(2.5, 1.6, 4.4), Vec3::new(0.0, -0.2, -1.0));
+    let scene = Scene {
+        version: SCENE_VERSION,
+        generator: "test".into(),
+        room: Room {
+            room_type: "study".into(),
+            extents: Extents { width: 5.0, height: 2.6, depth: 4.5 },
+            seen: vec![],
+            openings: vec![],
+            floor_texture: None,
+            wall_texture: None,
+        },
+        camera: (&camera).into(),
+        objects: things.iter().map(|(o, _)| o.clone()).collect(),
+        lighting: Lighting {
+            lights: vec![],
+            ambient_color: [1.0; 3],
+            ambient_intensity: 1.0,
+            exposure: 0.0,
+            view: ViewTransform::default(),
+        },
+        summary: String::new(),
+        warnings: vec![],
+    };
+    let node = |(o, m): &(SceneObject, Arc<Mesh>)| GlbNode {
+        name: o.id.to_string(),
+        mesh: Arc::clone(m),
+        transform: NodeTransform::from(&o.pose),
+        extras: serde_json::Value::Null,
+    };
+    let glb = GlbScene { objects: things.iter().map(node).collect(), ..GlbScene::default() };
+    write_glb(&glb, &folder.join("scene_full.glb")).unwrap();
+    write_json(&folder.join("scene.json"), &scene).unwrap();
+}
