@@ -340,18 +340,17 @@ impl View<'_> {
             self.points(&hint.face).iter().map(|p| (hint.wall.distance(e, *p), p.y)).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         let sane = |s: &Slope| s.low >= 0.0 && s.low < e.height - THINNEST && s.run > 0.1 && s.run < 20.0;
-        let fitted = line(&points).filter(|(_, rise)| *rise > 0.05).map(|(low, rise)| {
-            // Where it starts below the floor (a tent), it meets the floor before the wall: as low as the floor there.
-            Slope { wall: hint.wall, low, run: (e.height - low) / rise }
+        let fitted = line(&points).filter(|(_, rise)| *rise > 0.05).map(|(low, rise)| Slope {
+            wall: hint.wall,
+            low,
+            run: (e.height - low) / rise,
         });
-        match fitted.filter(sane) {
-            Some(slope) => (Some(slope), None),
-            None => {
-                let seen = self.slope_by_outline(hint, told);
-                let note = (seen == told).then(|| format!("{}: as told, nothing measures it", hint.what));
-                if sane(&seen) { (Some(seen), note) } else { (sane(&told).then_some(told), note) }
-            }
+        if let Some(slope) = fitted.filter(sane) {
+            return (Some(slope), None);
         }
+        let seen = self.slope_by_outline(hint, told);
+        let note = (seen == told).then(|| format!("{}: as told, nothing measures it", hint.what));
+        if sane(&seen) { (Some(seen), note) } else { (Some(told).filter(sane), note) }
     }
 }
 

@@ -235,7 +235,7 @@ fn room_lines(room: &Room) -> Vec<(DVec3, DVec3)> {
         .into_values()
         .filter(|(a, b, normals)| {
             let flat = normals.windows(2).any(|n| n[0].dot(n[1]) > 0.999);
-            !flat && !(front(*a) && front(*b))
+            !(flat || front(*a) && front(*b))
         })
         .map(|(a, b, _)| (a, b))
         .collect()

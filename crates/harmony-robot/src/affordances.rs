@@ -146,11 +146,8 @@ fn sit(room: &Surroundings, k: usize) -> Verdict {
         Ok(seat) => {
             let (free, what) = free_above(room, k, seat.centre + DVec3::Y * 0.05);
             let free = free + 0.05;
-            let measured = BTreeMap::from([
-                ("height_m", seat.height_m),
-                ("area_m2", seat.area_m2),
-                ("headroom_m", free),
-            ]);
+            let measured =
+                BTreeMap::from([("height_m", seat.height_m), ("area_m2", seat.area_m2), ("headroom_m", free)]);
             let possible = free >= HEADROOM_M;
             let because = if possible {
                 format!("{:.2} m2 level at {:.2} m", seat.area_m2, seat.height_m)

@@ -115,7 +115,13 @@ pub fn grasp_of(room: &Surroundings, thing: usize, jaw: &measure::JawSize) -> Re
     for k in 0..18 {
         let angle = thing.yaw + f64::from(k) * 10.0_f64.to_radians();
         let along = DVec3::new(angle.sin(), 0.0, angle.cos());
-        let window = Window { origin: middle, along, across: DVec3::Y.cross(along), half_width: f64::INFINITY, from: f64::NEG_INFINITY };
+        let window = Window {
+            origin: middle,
+            along,
+            across: DVec3::Y.cross(along),
+            half_width: f64::INFINITY,
+            from: f64::NEG_INFINITY,
+        };
         match measure::grasp(thing, &window, jaw, thing.low.y + 0.003) {
             Ok(g) if best.as_ref().is_none_or(|b| g.section.straddle_m < b.section.straddle_m - 1e-6) => best = Some(g),
             Ok(_) => {}
@@ -134,11 +140,15 @@ pub fn grasp_of(room: &Surroundings, thing: usize, jaw: &measure::JawSize) -> Re
 ///
 /// # Errors
 /// As [`draw_chair`].
-pub fn pick(room: &Surroundings, model: &Model, object: Option<&str>, level: impl Fn(usize) -> Level) -> Result<Done, RobotError> {
+pub fn pick(
+    room: &Surroundings,
+    model: &Model,
+    object: Option<&str>,
+    level: impl Fn(usize) -> Level,
+) -> Result<Done, RobotError> {
     let jaw = Jaw::of(model)?;
-    let stands = |k: &usize| {
-        matches!(room.things[*k].support, Support::Object { .. }) && level(*k) == Level::Decoration
-    };
+    let stands =
+        |k: &usize| matches!(room.things[*k].support, Support::Object { .. }) && level(*k) == Level::Decoration;
     let all: Vec<usize> = match object {
         Some(id) => vec![room.named(id)?],
         None => (0..room.things.len()).filter(stands).collect(),
@@ -165,7 +175,10 @@ pub fn pick(room: &Surroundings, model: &Model, object: Option<&str>, level: imp
                 other => format!("{id}: {other}"),
             };
             let all: Vec<String> = reasons.iter().map(why).collect();
-            Err(RobotError::Forbidden { task: format!("none of {n} decorations can be picked up"), why: all.join("; ") })
+            Err(RobotError::Forbidden {
+                task: format!("none of {n} decorations can be picked up"),
+                why: all.join("; "),
+            })
         }
     }
 }
@@ -339,12 +352,7 @@ fn stand_on(model: &mut Model, column: f64) {
 
 /// Places from which the key poses are reached, best first.
 fn stands(room: &Surroundings, hand: &Hand<'_>, grasp: &Grasp, way: DVec3) -> Result<Vec<Stand>, String> {
-    let keys = [
-        grasp.centre + DVec3::Y * ABOVE_M,
-        grasp.centre,
-        grasp.centre + way * 0.5,
-        grasp.centre + way,
-    ];
+    let keys = [grasp.centre + DVec3::Y * ABOVE_M, grasp.centre, grasp.centre + way * 0.5, grasp.centre + way];
     let middle = grasp.centre + way * 0.5;
     let mut out: Vec<Stand> = Vec::new();
     let e = &room.extents;

@@ -78,7 +78,9 @@ impl RobotError {
     /// What a person can do about it.
     pub fn hint(&self) -> Option<String> {
         let said = match self {
-            Self::Model { .. } => "give the MJCF file of the robot (panda.xml, h1.xml); docs/simulation.md tells where they come from",
+            Self::Model { .. } => {
+                "give the MJCF file of the robot (panda.xml, h1.xml); docs/simulation.md tells where they come from"
+            }
             Self::NoMesh { .. } => "keep the model's XML beside its folder of meshes, as it was packed",
             Self::Mesh { .. } => "binary STL and OBJ are read",
             Self::NoLimits { .. } => "give the joint a range in the model file",

@@ -202,16 +202,12 @@ fn desk(room: &Surroundings, chair: &Chair, object: usize) -> Result<Desk, Strin
     let front = -chair.back;
     let mut best: Option<Desk> = None;
     for (k, thing) in room.things.iter().enumerate().filter(|(k, t)| *k != object && !t.flat) {
-        if !harmony_catalogue::has(&thing.label, harmony_catalogue::Trait::Carries) || !(0.6..=0.9).contains(&thing.high.y) {
+        if !harmony_catalogue::has(&thing.label, harmony_catalogue::Trait::Carries)
+            || !(0.6..=0.9).contains(&thing.high.y)
+        {
             continue;
         }
-        let window = Window {
-            origin: chair.seat.centre,
-            along: front,
-            across: chair.left,
-            half_width: 0.3,
-            from: 0.0,
-        };
+        let window = Window { origin: chair.seat.centre, along: front, across: chair.left, half_width: 0.3, from: 0.0 };
         if let Some([edge, _]) = window.extent(thing, [thing.high.y - 0.04, thing.high.y])
             && edge < 1.5
             && best.as_ref().is_none_or(|b| edge < b.edge)
@@ -219,7 +215,9 @@ fn desk(room: &Surroundings, chair: &Chair, object: usize) -> Result<Desk, Strin
             best = Some(Desk { thing: k, edge });
         }
     }
-    best.ok_or_else(|| "within 1.5 m of the front of its seat is no desk or table between 0.6 and 0.9 m high".to_owned())
+    best.ok_or_else(|| {
+        "within 1.5 m of the front of its seat is no desk or table between 0.6 and 0.9 m high".to_owned()
+    })
 }
 
 fn sit_on(room: &Surroundings, model: &Model, body: &Body, shapes: &Shapes, object: usize) -> Result<Done, String> {
@@ -275,7 +273,9 @@ fn sit_on(room: &Surroundings, model: &Model, body: &Body, shapes: &Shapes, obje
 /// Arms beside the body.
 fn easy(model: &Model) -> Vec<f64> {
     let mut out = model.rest();
-    for (name, value) in [("left_elbow", 1.35), ("right_elbow", 1.35), ("left_shoulder_pitch", 0.12), ("right_shoulder_pitch", 0.12)] {
+    for (name, value) in
+        [("left_elbow", 1.35), ("right_elbow", 1.35), ("left_shoulder_pitch", 0.12), ("right_shoulder_pitch", 0.12)]
+    {
         if let Some(k) = model.joint(name) {
             out[k] = model.joints[k].clamped(value);
         }
@@ -394,7 +394,13 @@ impl Plan<'_> {
     }
 
     /// Shuffles from where the feet are along stances; `hands` are taken along when the chair is drawn.
-    fn shuffle(&mut self, step: usize, frames: usize, way: &[Stance], drawn: Option<([DVec3; 2], f64)>) -> Result<(), String> {
+    fn shuffle(
+        &mut self,
+        step: usize,
+        frames: usize,
+        way: &[Stance],
+        drawn: Option<([DVec3; 2], f64)>,
+    ) -> Result<(), String> {
         let from = Stance {
             at: (self.feet[0].at + self.feet[1].at) / 2.0,
             facing: (self.feet[0].facing + self.feet[1].facing).normalize_or(self.front),
@@ -505,7 +511,9 @@ impl Plan<'_> {
         }
         // 4 to 6: around it, across, and turned to the desk.
         let thing = &self.room.things[self.object];
-        let corners = [thing.low.x, thing.high.x].into_iter().flat_map(|x| [thing.low.z, thing.high.z].map(|z| DVec3::new(x, 0.0, z)));
+        let corners = [thing.low.x, thing.high.x]
+            .into_iter()
+            .flat_map(|x| [thing.low.z, thing.high.z].map(|z| DVec3::new(x, 0.0, z)));
         let from = self.chair.seat.centre;
         let half = corners.clone().map(|c| ((c - from).dot(self.chair.left) * side).max(0.0)).fold(0.0, f64::max);
         let own = self.body.hip.y.abs() + self.body.foot_half + 0.03;
@@ -563,7 +571,12 @@ impl Plan<'_> {
                     if short < least {
                         least = short;
                         let near = near.map_or_else(String::new, |n| {
-                            format!("; {:.0} mm from {} to {}", 1e3 * n.distance, self.model.links[n.link].name, self.room.name(n.other))
+                            format!(
+                                "; {:.0} mm from {} to {}",
+                                1e3 * n.distance,
+                                self.model.links[n.link].name,
+                                self.room.name(n.other)
+                            )
                         });
                         why = format!(
                             "with the feet {away:.2} m behind its backrest the hands miss its top at {high:.2} m by {:.0} mm{near}",
@@ -584,9 +597,8 @@ impl Plan<'_> {
                     let mut want = want.clone();
                     want.pelvis = standing.lerp(want.pelvis, smooth(t));
                     let above = |h: DVec3| h + DVec3::Y * 0.10 + self.chair.back * 0.02;
-                    let at: [DVec3; 2] = std::array::from_fn(|i| {
-                        easy_hands[i].lerp(above(hands[i]), over).lerp(hands[i], down)
-                    });
+                    let at: [DVec3; 2] =
+                        std::array::from_fn(|i| easy_hands[i].lerp(above(hands[i]), over).lerp(hands[i], down));
                     want.hands = Some(at);
                     let last = k + 1 == FRAMES[0];
                     want.passing = !last;
@@ -643,7 +655,8 @@ impl Plan<'_> {
         for depth in [0.24, 0.20, 0.16, 0.12, 0.09] {
             // The hip axes are this far behind the front edge of the seat.
             let on = self.spot(self.chair.front_m - depth, 0.0) - self.front * self.body.hip.x;
-            let (mut low, mut high) = (self.chair.seat.height_m - self.body.hip.z - 0.05, self.chair.seat.height_m - self.body.hip.z + 0.25);
+            let (mut low, mut high) =
+                (self.chair.seat.height_m - self.body.hip.z - 0.05, self.chair.seat.height_m - self.body.hip.z + 0.25);
             let mut found: Option<Found> = None;
             let mut from = stood.clone();
             // Part of the way first: a seat is far from standing.
@@ -657,14 +670,19 @@ impl Plan<'_> {
                 let mut want = self.upright_at(seat);
                 want.pelvis = DVec3::new(on.x, y, on.z);
                 let tried = self.solve(&from, &want);
-                if self.gap(&tried.posture, &self.body.seated, self.object, self.draw) > 5e-4 { high = y } else { low = y }
+                if self.gap(&tried.posture, &self.body.seated, self.object, self.draw) > 5e-4 {
+                    high = y;
+                } else {
+                    low = y;
+                }
                 if tried.error < 1e-4 {
                     from = tried.posture.clone();
                 }
                 found = Some(tried);
             }
             let Some(found) = found.filter(|f| f.error < 1e-4) else {
-                why = format!("with the hips {depth:.2} m behind the front of the seat the feet do not reach the floor");
+                why =
+                    format!("with the hips {depth:.2} m behind the front of the seat the feet do not reach the floor");
                 continue;
             };
             let gap = self.gap(&found.posture, &self.body.thighs, self.object, self.draw);
@@ -707,14 +725,17 @@ impl Plan<'_> {
         for inward in [0.05, 0.08, 0.11, 0.14] {
             for aside in ASIDE_M {
                 let at = |sign: f64| {
-                    let p = self.chair.seat.centre + self.front * (desk.edge + inward) + self.chair.left * (sign * aside);
+                    let p =
+                        self.chair.seat.centre + self.front * (desk.edge + inward) + self.chair.left * (sign * aside);
                     DVec3::new(p.x, thing.high.y + self.body.radius, p.z)
                 };
                 let hands = [at(1.0), at(-1.0)];
                 let taken = hands.iter().find_map(|h| {
                     let over = |t: &&crate::room::Thing| {
                         let flat = DVec3::new(h.x, t.low.y, h.z);
-                        t.low.y > thing.high.y - 0.05 && t.low.y < h.y + 0.1 && flat.distance(flat.clamp(t.low, t.high)) < 0.06
+                        t.low.y > thing.high.y - 0.05
+                            && t.low.y < h.y + 0.1
+                            && flat.distance(flat.clamp(t.low, t.high)) < 0.06
                     };
                     self.room.things.iter().find(over)
                 });
@@ -781,7 +802,10 @@ impl Plan<'_> {
             frames: std::mem::take(&mut self.frames),
             column_m: 0.0,
         };
-        let bears = |f: &Frame, l: usize, o: Other| bears(self.body, self.object, f, l, o) || o == Other::Thing(desk.thing) && f.step == 7 && f.held && self.body.hands.contains(&l);
+        let bears = |f: &Frame, l: usize, o: Other| {
+            bears(self.body, self.object, f, l, o)
+                || o == Other::Thing(desk.thing) && f.step == 7 && f.held && self.body.hands.contains(&l)
+        };
         let found: Evidence = evidence(self.room, self.shapes, &motion, &bears);
         if found.smallest_clearance_m < -DEEP_M {
             return Err(format!("{} are {:.0} mm in each other", found.nearest, -1e3 * found.smallest_clearance_m));

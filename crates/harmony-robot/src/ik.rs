@@ -460,16 +460,10 @@ mod tests {
         let found = solve(&model, &start(), &[reach, pull], &Settings::default());
         assert!(found.error < 1e-4, "{}", found.error);
         // Alone in its plane: x by the first level, and y as near as the second can.
-        let x = Task::weighted(
-            0,
-            Goal::Point { link: 2, point: DVec3::X, target: DVec3::new(1.2, 0.0, 0.0) },
-            DVec3::X,
-        );
-        let y = Task::weighted(
-            1,
-            Goal::Point { link: 2, point: DVec3::X, target: DVec3::new(0.0, 5.0, 0.0) },
-            DVec3::Y,
-        );
+        let x =
+            Task::weighted(0, Goal::Point { link: 2, point: DVec3::X, target: DVec3::new(1.2, 0.0, 0.0) }, DVec3::X);
+        let y =
+            Task::weighted(1, Goal::Point { link: 2, point: DVec3::X, target: DVec3::new(0.0, 5.0, 0.0) }, DVec3::Y);
         let found = solve(&model, &start(), &[x, y], &Settings { steps: 300, ..Settings::default() });
         let at = model.places(&found.posture)[2].transform_point3(DVec3::X);
         assert!((at.x - 1.2).abs() < 1e-3 && (at.y - 1.6).abs() < 0.02, "{at}: the circle of 2 m at x = 1.2");

@@ -385,13 +385,8 @@ pub(crate) mod tests {
     use super::*;
     use crate::room::tests::thing;
 
-    pub(crate) const JAW: JawSize = JawSize {
-        opening_m: 0.08,
-        tip_m: 0.0095,
-        palm_m: 0.037,
-        pad_half_height_m: 0.0085,
-        pad_half_width_m: 0.0085,
-    };
+    pub(crate) const JAW: JawSize =
+        JawSize { opening_m: 0.08, tip_m: 0.0095, palm_m: 0.037, pad_half_height_m: 0.0085, pad_half_width_m: 0.0085 };
 
     /// A chair that faces +Z: legs, seat, and a back that gets thicker by steps from its top at 0.9 m down.
     pub(crate) fn stepped_chair() -> Thing {

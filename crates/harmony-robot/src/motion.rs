@@ -103,9 +103,8 @@ pub fn evidence(
         }
         let places = model.places(&frame.posture);
         let moved = Some((motion.object, frame.moved));
-        let touches = |link: usize, other: Other| {
-            other == Other::Thing(motion.object) && frame.touching.contains(&link)
-        };
+        let touches =
+            |link: usize, other: Other| other == Other::Thing(motion.object) && frame.touching.contains(&link);
         let free = |link: usize, other: Other| !touches(link, other) && !supports(frame, link, other);
         if let Some(near) = room.nearest(shapes, &places, moved, FAR_M, &free)
             && near.distance < out.smallest_clearance_m

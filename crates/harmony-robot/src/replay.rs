@@ -185,7 +185,10 @@ impl Writer {
                 Form::Cylinder(r, h) => format!("type=\"cylinder\" size=\"{r} {h}\""),
                 Form::Sphere(r) => format!("type=\"sphere\" size=\"{r}\""),
             };
-            let _ = writeln!(out, "      <geom {form} {at} rgba=\"{rgba} 1\" group=\"2\" contype=\"0\" conaffinity=\"0\" density=\"0\"/>");
+            let _ = writeln!(
+                out,
+                "      <geom {form} {at} rgba=\"{rgba} 1\" group=\"2\" contype=\"0\" conaffinity=\"0\" density=\"0\"/>"
+            );
         }
         for (k, hull) in pieces[number].iter().enumerate() {
             let piece = format!("{name}_piece_{k:02}");

@@ -134,10 +134,8 @@ impl Thing {
             (b - a).cross(c - a).length() > 1e-12
         };
         let mesh = TriMesh::new(points, room_mesh.triangles().filter(whole).collect()).ok()?;
-        let (low, high) = triangles
-            .iter()
-            .flatten()
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+        let (low, high) =
+            triangles.iter().flatten().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
         Some(Self {
             id: id.to_owned(),
             label: label.to_owned(),
@@ -282,7 +280,8 @@ impl Surroundings {
                 continue;
             }
             let between = |at: &Pose| {
-                query::distance(at, &own.mesh, &Pose::IDENTITY, &other.mesh).map_or(f64::INFINITY, |d| f64::from(d.distance))
+                query::distance(at, &own.mesh, &Pose::IDENTITY, &other.mesh)
+                    .map_or(f64::INFINITY, |d| f64::from(d.distance))
             };
             if between(&Pose::IDENTITY) > 1e-4 {
                 best = nearer(best, (Other::Thing(k), between(&here)));

@@ -27,7 +27,11 @@ fn collision(link: &Link) -> Vec<Hull> {
 
 fn visual(link: &Link) -> Vec<Hull> {
     let meshes = link.geoms.iter().filter(|g| g.visual);
-    meshes.flat_map(|g| if matches!(g.form, Form::Mesh(_)) { sliced(g) } else { Hull::of(&points(g)).into_iter().collect() }).collect()
+    meshes
+        .flat_map(
+            |g| if matches!(g.form, Form::Mesh(_)) { sliced(g) } else { Hull::of(&points(g)).into_iter().collect() },
+        )
+        .collect()
 }
 
 /// Points whose hull is that of a geom, link frame; round forms by their polygons of 16 sides.
@@ -134,9 +138,10 @@ mod tests {
         let volume: f64 = hulls.iter().map(|h| h.moments().mass).sum();
         let one = 0.1 * (0.01 + (0.9 * 0.9 / 2.0));
         assert!(volume < 0.6 * one && volume > 0.018, "{volume} of {one}");
-        let (low, high) = hulls.iter().map(Hull::bounds).fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |a, b| {
-            (a.0.min(b.0), a.1.max(b.1))
-        });
+        let (low, high) = hulls
+            .iter()
+            .map(Hull::bounds)
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
         assert!(low.distance(DVec3::Z) < 1e-5 && high.distance(DVec3::new(1.0, 0.9, 1.1)) < 1e-5, "{low} {high}");
     }
 }

@@ -43,7 +43,13 @@ pub struct Output {
 ///
 /// # Errors
 /// [`RobotError`], with the measurement that forbids it.
-pub fn perform(world: &World, room: &Surroundings, model: &Model, job: Job, object: Option<&str>) -> Result<Done, RobotError> {
+pub fn perform(
+    world: &World,
+    room: &Surroundings,
+    model: &Model,
+    job: Job,
+    object: Option<&str>,
+) -> Result<Done, RobotError> {
     let level = |k: usize| {
         let id = &room.things[k].id;
         world.items.iter().find(|i| i.name() == id).map_or(harmony_scene::Level::Furniture, |i| i.object.level)
@@ -65,8 +71,10 @@ pub fn write(world: &World, room: &Surroundings, done: &Done, output: &Output) -
     write_json(&output.folder.join("trajectory.json"), &trajectory)?;
     let options = Options { cache: output.hulls.clone(), ..Options::default() };
     let files = harmony_export::export(world, &[Format::Mjcf], &output.folder, &options)?;
-    let scene = files.iter().find(|(name, _)| *name == "mjcf/scene.xml").map(|(_, bytes)| String::from_utf8_lossy(bytes));
-    let scene = scene.ok_or_else(|| RobotError::Nothing { what: "mjcf/scene.xml among the exported files".to_owned() })?;
+    let scene =
+        files.iter().find(|(name, _)| *name == "mjcf/scene.xml").map(|(_, bytes)| String::from_utf8_lossy(bytes));
+    let scene =
+        scene.ok_or_else(|| RobotError::Nothing { what: "mjcf/scene.xml among the exported files".to_owned() })?;
     let made = replay::replay(&scene, room, motion, &pieces(&motion.model))?;
     for (name, bytes) in &made.meshes {
         write_atomic(&output.folder.join("mjcf/assets").join(name), bytes)?;

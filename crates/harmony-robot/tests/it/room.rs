@@ -134,6 +134,7 @@ fn write_run(folder: &Path, things: &[(SceneObject, Arc<Mesh>)]) {
         room: Room {
             room_type: "study".into(),
             extents: Extents { width: 5.0, height: 2.6, depth: 4.5 },
+            shape: harmony_scene::RoomShape::default(),
             seen: vec![],
             openings: vec![],
             floor_texture: None,
