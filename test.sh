@@ -1,6 +1,5 @@
 #!/usr/bin/env bash
-# All tests of HARMONY, and the installation of what they need. More than an hour on two cores from scratch: building
-# takes 36 minutes and the Rust tests 29; each step prints its time.
+# All tests of HARMONY, and the installation of what they need. Each step prints its time: docs/performance.md.
 #
 #   ./test.sh            everything
 #   ./test.sh --quick    format, lints, maps and Rust tests only

@@ -3,7 +3,7 @@
 //! The answer names the wall and outlines the face in the photo. The face's plane is where the map's points of the outline
 //! agree (or where the outline meets the floor, or else the depth that was told); the outline's rays on that plane give
 //! its sides. When the plane turns out to be the one that calibration took for the wall, the box's wall is moved to where
-//! the wall really is. Beyond the paper, whose rooms are boxes.
+//! the wall really is. Beyond the paper, whose rooms are boxes. Key `layout.shape`.
 
 use harmony_scene::{Block, Camera, Extents, ImageSize, Niche, RoomShape, Slope, Vec2, Vec3, Wall};
 

@@ -1,7 +1,8 @@
 //! Rooms that are not boxes: what is solid inside the box, what is free behind its walls, and ceilings that come down.
 //!
 //! The free space of a room is its box, less the blocks, plus the niches, below the slopes. Everything is along the
-//! room's axes but the slopes, which are level along one wall. [`Room::faces`] turns it into flat faces.
+//! room's axes but the slopes, which are level along one wall. [`Room::faces`] turns it into flat faces. Key
+//! `layout.shape`.
 
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;

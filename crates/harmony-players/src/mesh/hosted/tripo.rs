@@ -3,7 +3,7 @@
 //! Read in November 2026: Tripo's pages "General", "Upload", "Generation", "Task" as a public repository keeps them, and the
 //! models of its own Python package.
 //!
-//! - `POST /upload/sts` (a form) -> `data.image_token`; `POST /task` -> `data.task_id`; `GET /task/{id}` -> `data.status` of
+//! - `POST /upload/sts` (a form) -> `image_token` in `data`; `POST /task` -> `task_id` in `data`; `GET /task/{id}` -> `status` in `data` of
 //!   `queued`, `running`, `success`, `failed`, `banned`, `expired`, `cancelled`, `unknown`; `GET /user/balance`.
 //! - Links to files end after five minutes; each look at the task gives fresh ones. A task can only be looked at with the
 //!   key that made it.
