@@ -117,25 +117,12 @@ impl MeasuredShape {
         (after, shift)
     }
 
-    /// Coordinates were in the old box: the origin moves with the back and the left wall, what reaches a wall goes on to
-    /// where that is now.
+    /// Coordinates were in the old box: the origin moves with the back and the left wall.
     fn shape_in_moved_box(&mut self, old: &Extents) {
-        let (after, shift) = self.box_after(old);
-        let (low, high) = (-shift, after.as_vec() - shift);
-        let fit = |p: &mut Vec3, outside: bool| {
-            for i in [0, 2] {
-                let (was_low, was_high) = (0.0, old.as_vec()[i]);
-                if !outside && (p[i] - was_low).abs() < 1e-9 {
-                    p[i] = low[i];
-                } else if !outside && (p[i] - was_high).abs() < 1e-9 {
-                    p[i] = high[i];
-                }
-            }
-            *p += shift;
-        };
+        let (_, shift) = self.box_after(old);
         for block in &mut self.shape.blocks {
-            fit(&mut block.min, false);
-            fit(&mut block.max, false);
+            block.min += shift;
+            block.max += shift;
         }
         for slope in &mut self.shape.slopes {
             // The same plane, from where its wall is now.
@@ -145,8 +132,8 @@ impl MeasuredShape {
             slope.run += outward;
         }
         for niche in &mut self.shape.niches {
-            fit(&mut niche.min, true);
-            fit(&mut niche.max, true);
+            niche.min += shift;
+            niche.max += shift;
         }
     }
 }
@@ -255,10 +242,22 @@ impl View<'_> {
         }
         // The outline lies on the block's face, or on the wall's plane that a niche opens.
         let plane = if hint.kind == ShapeKind::Niche { -outward } else { inset - outward };
-        let Some([u, y]) = self.spans(hint, plane) else {
+        let Some([mut u, y]) = self.spans(hint, plane, outward) else {
             out.notes.push(format!("{}: its outline is not on the {:?} wall; left out", hint.what, hint.wall));
             return;
         };
+        // What reaches the wall at its end goes on to where that is now.
+        let [first, last] = match hint.wall {
+            Wall::Back | Wall::Front => [Wall::Left, Wall::Right],
+            Wall::Left | Wall::Right => [Wall::Back, Wall::Front],
+        };
+        let moved = |wall: Wall| out.moved.iter().find(|(w, _)| *w == wall).map_or(0.0, |m| m.1);
+        if u[0] <= 0.0 {
+            u[0] -= moved(first);
+        }
+        if u[1] >= hint.wall.length(self.extents) {
+            u[1] += moved(last);
+        }
         let (from, to) = (inset.min(0.0) - outward, inset.max(0.0) - outward);
         let corner = |u: f64, y: f64, d: f64| hint.wall.point(self.extents, u, y) + hint.wall.normal() * d;
         let (a, b) = (corner(u[0], y[0], from), corner(u[1], y[1], to));
@@ -275,7 +274,7 @@ impl View<'_> {
     }
 
     /// From where to where a face reaches along its wall and in height.
-    fn spans(&self, hint: &ShapeHint, plane: f64) -> Option<[[f64; 2]; 2]> {
+    fn spans(&self, hint: &ShapeHint, plane: f64, outward: f64) -> Option<[[f64; 2]; 2]> {
         let (wall, e) = (hint.wall, self.extents);
         let on_plane = |pixel: Vec2| {
             let ray = self.camera.ray(pixel);
@@ -295,7 +294,7 @@ impl View<'_> {
         if hint.kind == ShapeKind::Block {
             for (k, end) in u.iter_mut().enumerate() {
                 if !ends[k] {
-                    *end = self.side(hint, plane, *end).unwrap_or(*end);
+                    *end = self.side(hint, [-outward, plane], *end).unwrap_or(*end);
                 }
             }
         }
@@ -312,15 +311,15 @@ impl View<'_> {
     }
 
     /// A block's side as the map has it, near to where the outline ends.
-    fn side(&self, hint: &ShapeHint, plane: f64, end: f64) -> Option<f64> {
+    fn side(&self, hint: &ShapeHint, [from, to]: [f64; 2], end: f64) -> Option<f64> {
         let map = self.map?;
         let near: Vec<f64> = map
             .xyz
             .iter()
             .filter(|p| p.is_finite())
             .filter(|p| {
-                let away = hint.wall.distance(self.extents, **p);
-                away > 0.1 * plane && away < 0.9 * plane && p.y > 0.1 && p.y < self.extents.height - 0.1
+                let share = (hint.wall.distance(self.extents, **p) - from) / (to - from);
+                share > 0.1 && share < 0.9 && p.y > 0.1 && p.y < self.extents.height - 0.1
             })
             .map(|p| hint.wall.coordinates(*p).x)
             .filter(|u| (u - end).abs() < SIDE)

@@ -484,10 +484,8 @@ impl Plan<'_> {
     }
 
     fn all(&mut self, desk: &Desk, side: f64, turn: f64) -> Result<Done, String> {
-        let (hands, back_stance, crouch) = self.reach()?;
-        let drawn = Stance { at: back_stance.at + self.chair.back * self.draw, ..back_stance };
-        // 2: draw.
-        self.shuffle(1, FRAMES[1], &[drawn], Some((hands, crouch)))?;
+        // 1 and 2: reach and draw.
+        let (hands, drawn) = self.reach_and_draw()?;
         // 3: release and stand.
         let last = self.frames.last().map(|f| f.posture.clone()).ok_or("no frame")?;
         let pelvis = last.root.translation;
@@ -534,8 +532,9 @@ impl Plan<'_> {
         self.finish(desk, &sitting, depth, turn)
     }
 
-    /// Step 1: where to stand, and the hands on the backrest.
-    fn reach(&mut self) -> Result<([DVec3; 2], Stance, f64), String> {
+    /// Steps 1 and 2: where to stand, the hands on the backrest, and the chair drawn; the first place from which the way
+    /// back is free, too.
+    fn reach_and_draw(&mut self) -> Result<([DVec3; 2], Stance), String> {
         let top_at = self.chair.seat.centre;
         let tops = self
             .tops(self.object, DVec3::new(top_at.x, 0.0, top_at.z), self.chair.back, self.chair.left, 0.01)
@@ -591,6 +590,7 @@ impl Plan<'_> {
                     let places = self.model.places(&stood.posture);
                     self.body.hands.map(|h| places[h].transform_point3(self.body.palm))
                 };
+                let mut reached = Ok(());
                 for k in 0..FRAMES[0] {
                     let t = k as f64 / (FRAMES[0] - 1) as f64;
                     let (down, over) = (smooth((t - 0.5) * 2.0), smooth(t * 2.0));
@@ -603,9 +603,18 @@ impl Plan<'_> {
                     let last = k + 1 == FRAMES[0];
                     want.passing = !last;
                     let touching = if last { self.body.hands.to_vec() } else { vec![] };
-                    self.put(0, &want, 0.0, &touching, last || k == 0)?;
+                    reached = reached.and_then(|()| self.put(0, &want, 0.0, &touching, last || k == 0));
                 }
-                return Ok((hands, stance, crouched));
+                let drawn = Stance { at: stance.at + self.chair.back * self.draw, ..stance };
+                let all = reached
+                    .and_then(|()| self.shuffle(1, FRAMES[1], &[drawn], Some((hands, crouched))))
+                    .and_then(|()| self.clear(0..2));
+                match all {
+                    Ok(()) => return Ok((hands, drawn)),
+                    // It came further than those that do not reach the backrest: it speaks.
+                    Err(e) => (why, least) = (e, f64::NEG_INFINITY),
+                }
+                self.frames.clear();
             }
         }
         Err(why)

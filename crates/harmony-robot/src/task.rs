@@ -105,7 +105,7 @@ fn sheet_frames(steps: &[usize], wanted: usize) -> Vec<usize> {
     out.dedup();
     while out.len() < wanted.min(steps.len()) {
         // The middle of the longest stretch.
-        let Some(at) = (1..out.len()).max_by_key(|k| out[*k] - out[k - 1]) else { break };
+        let Some(at) = (1..out.len()).rev().max_by_key(|k| out[*k] - out[k - 1]) else { break };
         let middle = usize::midpoint(out[at - 1], out[at]);
         if out.contains(&middle) {
             break;

@@ -25,8 +25,8 @@ pub struct Seen {
     pub mass: Option<f64>,
     /// Friction of its colliders.
     pub friction: Option<f64>,
-    /// Whether it can move.
-    pub moves: bool,
+    /// Whether it can move, where the file says so.
+    pub moves: Option<bool>,
     /// Parts of it that open.
     pub parts: usize,
 }
@@ -43,7 +43,7 @@ impl Default for Seen {
             hull_high: DVec3::NEG_INFINITY,
             mass: None,
             friction: None,
-            moves: false,
+            moves: None,
             parts: 0,
         }
     }

@@ -69,7 +69,7 @@ pub(super) fn scene(bytes: &[u8], assets: &Path) -> Result<Inventory, Unreadable
         let turn = if alone && at == DVec3::ZERO { DQuat::IDENTITY } else { turn };
         let room = |p: DVec3| from_z_up(turn * p + at);
         let mut seen = Seen { position: Some(from_z_up(at)), ..Seen::default() };
-        seen.moves = body.children().any(|n| n.has_tag_name("freejoint"));
+        seen.moves = Some(body.children().any(|n| n.has_tag_name("freejoint")));
         // Parts that open are bodies in this one's frame.
         let parts: Vec<Node<'_, '_>> = body.children().filter(|n| n.has_tag_name("body")).collect();
         seen.parts = parts.len();
@@ -159,7 +159,6 @@ pub(super) fn urdf(bytes: &[u8], folder: &Path) -> Result<Inventory, Unreadable>
             seen.parts += 1;
         }
         // URDF does not say whether a thing is fixed to the world: whoever loads it does.
-        seen.moves = true;
         out.add(&name, seen);
     }
     Ok(out)

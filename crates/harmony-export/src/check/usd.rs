@@ -94,7 +94,7 @@ fn object(prim: &Prim, looks: Option<&Prim>) -> Result<Seen, Unreadable> {
     let own = prim.child("body").unwrap_or(prim);
     let opening: Vec<&Prim> =
         prim.children.iter().filter(|c| c.name != "body" && c.applies("PhysicsRigidBodyAPI")).collect();
-    seen.moves = own.applies("PhysicsRigidBodyAPI");
+    seen.moves = Some(own.applies("PhysicsRigidBodyAPI"));
     seen.mass =
         own.number("physics:mass").map(|m| m + opening.iter().filter_map(|p| p.number("physics:mass")).sum::<f64>());
     seen.parts = opening.len();
