@@ -44,7 +44,7 @@ cargo fmt --all --check
 step "lints"
 cargo clippy --quiet --workspace --all-targets --features "$NETS" -- -D warnings
 # What is shipped by default: without the networks.
-cargo check --quiet --workspace --all-targets
+cargo clippy --quiet --workspace --all-targets -- -D warnings
 step "maps of paper and crates"
 cargo xtask paper
 cargo xtask deps
