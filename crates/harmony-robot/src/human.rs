@@ -22,7 +22,7 @@ use crate::arm::{Done, chairs};
 use crate::ik::{Found, Goal, Settings, Task, solve};
 use crate::measure::{self, Chair, Window};
 use crate::model::{Form, Model, Posture, upright};
-use crate::motion::{Evidence, Frame, Motion, evidence, smooth};
+use crate::motion::{Evidence, Frame, MISSED, Motion, evidence, smooth};
 use crate::room::{Other, Shapes, Surroundings};
 use crate::shapes::pieces;
 
@@ -608,7 +608,8 @@ impl Plan<'_> {
                 let drawn = Stance { at: stance.at + self.chair.back * self.draw, ..stance };
                 let all = reached
                     .and_then(|()| self.shuffle(1, FRAMES[1], &[drawn], Some((hands, crouched))))
-                    .and_then(|()| self.clear(0..2));
+                    .and_then(|()| self.clear(0..2))
+                    .and_then(|()| self.met());
                 match all {
                     Ok(()) => return Ok((hands, drawn)),
                     // It came further than those that do not reach the backrest: it speaks.
@@ -618,6 +619,20 @@ impl Plan<'_> {
             }
         }
         Err(why)
+    }
+
+    /// Whether frames so far meet their goals, else how far the worst is off.
+    fn met(&self) -> Result<(), String> {
+        let worst = self.frames.iter().enumerate().max_by(|a, b| a.1.error.total_cmp(&b.1.error));
+        match worst.filter(|(_, f)| f.error > MISSED) {
+            None => Ok(()),
+            Some((number, frame)) => Err(format!(
+                "in step {} (\"{}\") the robot misses its goal by {:.1} mm (frame {number})",
+                frame.step + 1,
+                STEPS[frame.step],
+                1e3 * frame.error
+            )),
+        }
     }
 
     /// Whether frames so far are free, else which is not.

@@ -48,6 +48,9 @@ pub struct Motion {
     pub column_m: f64,
 }
 
+/// A goal that is missed by more than this is missed, metres or radians.
+pub(crate) const MISSED: f64 = 1e-4;
+
 /// What holds of a whole motion.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
@@ -92,7 +95,7 @@ pub fn evidence(
     };
     for (number, frame) in motion.frames.iter().enumerate() {
         out.largest_miss = out.largest_miss.max(frame.error);
-        out.failed_frames += usize::from(frame.error > 1e-4);
+        out.failed_frames += usize::from(frame.error > MISSED);
         let (margin, joint) = model.margin(&frame.posture.joints);
         if margin < out.smallest_margin {
             (out.smallest_margin, out.tightest_joint) = (margin, model.joints[joint].name.clone());
