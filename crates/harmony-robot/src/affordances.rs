@@ -166,20 +166,9 @@ fn place(room: &Surroundings, k: usize) -> Verdict {
     }
     let cells = measure::cells(thing);
     let flat: Vec<(DVec2, f64)> = cells.iter().filter(|c| c.2).map(|c| (c.0, c.1)).collect();
-    let mut heights: Vec<f64> = flat.iter().map(|c| c.1).collect();
-    heights.sort_by(f64::total_cmp);
-    let mut best = (0, 0.0);
-    let mut low = 0;
-    for high in 0..heights.len() {
-        while heights[high] - heights[low] > 2.0 * LEVEL_M {
-            low += 1;
-        }
-        if high + 1 - low > best.0 {
-            best = (high + 1 - low, heights[usize::midpoint(low, high)]);
-        }
-    }
-    let level: Vec<DVec2> = flat.iter().filter(|c| (c.1 - best.1).abs() <= LEVEL_M).map(|c| c.0).collect();
-    let taken = |c: &DVec2| room.things.iter().enumerate().any(|(other, t)| other != k && covers(t, c, best.1));
+    let height = measure::fullest_height(flat.iter().map(|c| c.1), LEVEL_M);
+    let level: Vec<DVec2> = flat.iter().filter(|c| (c.1 - height).abs() <= LEVEL_M).map(|c| c.0).collect();
+    let taken = |c: &DVec2| room.things.iter().enumerate().any(|(other, t)| other != k && covers(t, c, height));
     let (mut free, mut blocked) = (Vec::new(), Vec::new());
     for c in &level {
         if taken(c) { blocked.push(*c) } else { free.push(*c) }
@@ -190,14 +179,14 @@ fn place(room: &Surroundings, k: usize) -> Verdict {
     let is_free: std::collections::BTreeSet<(i64, i64)> = free.iter().map(|c| key(thing, c)).collect();
     let radius = free.iter().map(|c| clear(&is_free, key(thing, c))).fold(0.0, f64::max);
     let measured = BTreeMap::from([
-        ("height_m", best.1),
+        ("height_m", height),
         ("level_m2", whole),
         ("free_m2", area),
         ("largest_free_circle_m", 2.0 * radius),
     ]);
     let possible = radius >= PLACE_M;
     let because = if possible {
-        format!("{area:.2} of {whole:.2} m2 at {:.2} m are free, a disc of {:.2} m fits", best.1, 2.0 * radius)
+        format!("{area:.2} of {whole:.2} m2 at {:.2} m are free, a disc of {:.2} m fits", height, 2.0 * radius)
     } else {
         format!("the largest free disc is {:.2} m, {:.2} m are needed", 2.0 * radius, 2.0 * PLACE_M)
     };

@@ -300,6 +300,11 @@ struct Want {
 }
 
 impl Plan<'_> {
+    /// Middle of the hip axes, the pelvis' frame.
+    fn hip_axes(&self) -> DVec3 {
+        DVec3::new(self.body.hip.x, 0.0, self.body.hip.z)
+    }
+
     /// Where a foot's ankle is.
     fn ankle(&self, foot: usize, stance: &Stance) -> DVec3 {
         let side = if foot == 0 { self.body.hip.y.abs() } else { -self.body.hip.y.abs() };
@@ -326,7 +331,7 @@ impl Plan<'_> {
             tasks.push(Task::new(0, Goal::Turn { link, target: upright(DVec3::ZERO, stance.facing).matrix3 }));
         }
         // The pelvis is held where its hip axes are: it may lean about them.
-        let hip = DVec3::new(self.body.hip.x, 0.0, self.body.hip.z);
+        let hip = self.hip_axes();
         let level = upright(DVec3::ZERO, want.facing).matrix3;
         let hips = want.pelvis + level * hip;
         tasks.push(Task::new(want.level, Goal::Point { link: 0, point: hip, target: hips }));
@@ -488,7 +493,9 @@ impl Plan<'_> {
         let (hands, drawn) = self.reach_and_draw()?;
         // 3: release and stand.
         let last = self.frames.last().map(|f| f.posture.clone()).ok_or("no frame")?;
-        let pelvis = last.root.translation;
+        // Where an upright pelvis has its hip axes where those of the leaning one are: from there it goes on without a jump.
+        let hip = self.hip_axes();
+        let pelvis = last.root.transform_point3(hip) - upright(DVec3::ZERO, drawn.facing).matrix3 * hip;
         let beside = {
             let places = self.model.places(&self.solve(&last, &self.upright_at(&drawn)).posture);
             self.body.hands.map(|h| places[h].transform_point3(self.body.palm))
@@ -528,6 +535,7 @@ impl Plan<'_> {
         self.shuffle(4, FRAMES[4], &[cross], None)?;
         self.shuffle(5, FRAMES[5], &[seat], None)?;
         self.clear(0..6)?;
+        self.met()?;
         let (sitting, depth) = self.sit_down(desk, &seat)?;
         self.finish(desk, &sitting, depth, turn)
     }

@@ -260,6 +260,23 @@ pub struct Chair {
     pub front_m: f64,
 }
 
+/// The middle of the window of heights, `within` up and down, that holds most of some; 0 without any.
+pub(crate) fn fullest_height(heights: impl Iterator<Item = f64>, within: f64) -> f64 {
+    let mut heights: Vec<f64> = heights.collect();
+    heights.sort_by(f64::total_cmp);
+    let mut best = (0, 0.0);
+    let mut low = 0;
+    for high in 0..heights.len() {
+        while heights[high] - heights[low] > 2.0 * within {
+            low += 1;
+        }
+        if high + 1 - low > best.0 {
+            best = (high + 1 - low, heights[usize::midpoint(low, high)]);
+        }
+    }
+    best.1
+}
+
 /// The seat of a thing.
 ///
 /// # Errors
@@ -268,20 +285,7 @@ pub fn seat(thing: &Thing) -> Result<Seat, String> {
     let cells = cells(thing);
     let fits = |h: f64| (SEAT_M[0]..=SEAT_M[1]).contains(&h);
     let flat: Vec<(DVec2, f64)> = cells.iter().filter(|c| c.2 && fits(c.1)).map(|c| (c.0, c.1)).collect();
-    let mut heights: Vec<f64> = flat.iter().map(|c| c.1).collect();
-    heights.sort_by(f64::total_cmp);
-    // The window of heights that holds most cells.
-    let mut best = (0, 0.0);
-    let mut low = 0;
-    for high in 0..heights.len() {
-        while heights[high] - heights[low] > 2.0 * LEVEL_M {
-            low += 1;
-        }
-        if high + 1 - low > best.0 {
-            best = (high + 1 - low, heights[usize::midpoint(low, high)]);
-        }
-    }
-    let height_m = best.1;
+    let height_m = fullest_height(flat.iter().map(|c| c.1), LEVEL_M);
     let seat: Vec<(DVec2, f64)> = flat.into_iter().filter(|c| (c.1 - height_m).abs() <= LEVEL_M).collect();
     let area_m2 = seat.len() as f64 * CELL_M * CELL_M;
     if area_m2 < SEAT_M2 {
