@@ -8,6 +8,7 @@ mod convex;
 mod front;
 mod mesh;
 mod part_model;
+mod rest;
 mod shell;
 mod templates;
 mod upright;
@@ -25,4 +26,5 @@ pub use shell::{ShellOptions, Trim, Trims, room_shell, room_shell_with, shell_ma
 pub use templates::{
     ArmStyle, BackStyle, LegStyle, PlantHabit, ShadeShape, SlotColor, TemplateParams, template, template_name,
 };
+pub use rest::{Stand, stand};
 pub use upright::{Upright, upright};

@@ -55,8 +55,9 @@ pub async fn canonicalise(
     let (crop, labelled) = (Arc::clone(&c.image), id.clone());
     let back = harmony_catalogue::back(&c.object.said.kind);
     let on_wall = c.object.level == Level::Wall;
+    let stands = matches!(c.object.level, Level::Furniture | Level::Decoration) && by_faces;
     let named = c.object.size();
-    let (mesh, turn, sheet, panels, by_form, among) = ctx
+    let (mesh, turn, stand, sheet, panels, by_form, among) = ctx
         .computed(move || {
             let (mut mesh, _) = harmony_mesh::clean(&raw, faces);
             let turn = if by_faces {
@@ -66,6 +67,7 @@ pub async fn canonicalise(
                 harmony_geometry::detilt(&vertices)
             };
             harmony_mesh::canonicalise(&mut mesh, turn.unwrap_or(glam::DMat3::IDENTITY));
+            let stand = stands.then(|| harmony_mesh::stand(&mut mesh));
             let mut pictures: Vec<(String, RgbaImage)> = vec![(format!("{labelled} photo"), (*crop).clone())];
             for (k, letter) in ["A", "B", "C", "D"].iter().enumerate() {
                 pictures.push((format!("{labelled} {letter}"), views::mesh_view(&mesh, k, VIEW)));
@@ -76,7 +78,7 @@ pub async fn canonicalise(
             let panels: Vec<RgbaImage> = pictures.into_iter().skip(1).map(|(_, view)| view).collect();
             let by_form = back.and_then(|back| front_by_form(&mesh, back));
             let among = if on_wall { broad_sides(&mesh) } else { front_by_size(&mesh, named, back) };
-            (mesh, turn, sheet, panels, by_form, among)
+            (mesh, turn, stand, sheet, panels, by_form, among)
         })
         .await?;
     let shown = NamedObject { id: id.clone(), about: c.object.said.kind.clone() };
@@ -105,6 +107,7 @@ pub async fn canonicalise(
     let upright = if by_faces { "set upright by its faces" } else { "de-tilted by PCA" };
     let record = json!({
         "frame": format!("{upright}, {}", front.basis),
+        "stand": stand.map(|s| json!({ "turned_deg": s.turned_deg, "stands": s.stands })),
         "detilt": turn.map(|m| m.to_cols_array_2d()),
         "front_panel_answered": answered,
         "front_panel": panel,

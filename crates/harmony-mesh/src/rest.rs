@@ -1,0 +1,183 @@
+//! What a mesh stands on.
+//!
+//! A body rests on a face of its convex hull over which its centre of mass lies; any other pose rocks or falls. Generated
+//! meshes are tilted, and the feet on the side that nobody saw are made up, so that what was set upright by its faces
+//! ([`crate::upright`]) still stands on one foot and a corner. Here it gets a base: the lowest part of its height is
+//! pressed flat, and where that does not reach below the centre of mass, the mesh turns to the nearest face that it can
+//! rest on first.
+//!
+//! The centre of mass is taken to be that of the surface: an even thickness, as boards and legs have.
+
+use glam::{DMat3, DQuat, DVec3};
+use parry3d::math::Vector;
+use parry3d::transformation::try_convex_hull;
+
+use crate::{Mesh, canonicalise};
+
+/// Height of what is pressed flat: a share of the bounds' diagonal ...
+const PRESSED: f64 = 0.006;
+/// ... and at most one of the height: rugs and plates are flat already.
+const PRESSED_OF_HEIGHT: f64 = 0.05;
+/// A base reaches so far beyond the centre of mass on every side, a share of the bounds' diagonal.
+const MARGIN: f64 = 0.01;
+/// Farthest turn to a face that carries, degrees: more is another pose, not a crooked foot. Photo frames lean by so much.
+const MAX_TURN_DEG: f64 = 20.0;
+
+/// What was done to make a mesh stand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stand {
+    /// The turn that was made, degrees; 0 where the base was good enough.
+    pub turned_deg: f64,
+    /// Whether it rests on its base now; else it has none within reach (a ball on a stick), and is left as it was.
+    pub stands: bool,
+}
+
+/// Gives a canonical mesh (+Y up) a flat base at y = 0 below its centre of mass; x and z are centred anew when it turns.
+pub fn stand(mesh: &mut Mesh) -> Stand {
+    let Some(bounds) = mesh.bounds().filter(|b| b.size().min_element() > 0.0) else {
+        return Stand { turned_deg: 0.0, stands: false };
+    };
+    let size = bounds.size().length();
+    let pressed = (PRESSED * size).min(PRESSED_OF_HEIGHT * bounds.size().y);
+    let centre = centre_of_surface(mesh);
+    let line = bounds.min.y + pressed;
+    if carried(mesh, line, MARGIN * size, centre) {
+        press(mesh, line);
+        return Stand { turned_deg: 0.0, stands: true };
+    }
+    let Some(turn) = turn_to_face(mesh, centre) else { return Stand { turned_deg: 0.0, stands: false } };
+    canonicalise(mesh, turn);
+    press(mesh, pressed);
+    let turned_deg = (turn * DVec3::Y).y.clamp(-1.0, 1.0).acos().to_degrees();
+    Stand { turned_deg, stands: true }
+}
+
+/// Mean of the surface, by area.
+fn centre_of_surface(mesh: &Mesh) -> DVec3 {
+    let (sum, area) = mesh.triangles().fold((DVec3::ZERO, 0.0), |(sum, total), t| {
+        let [a, b, c] = t.map(|i| mesh.positions[i as usize].as_dvec3());
+        let area = (b - a).cross(c - a).length();
+        (sum + (a + b + c) / 3.0 * area, total + area)
+    });
+    if area > 0.0 { sum / area } else { DVec3::ZERO }
+}
+
+/// Whether what is below `line` reaches beyond the centre of mass by the margin on every side.
+fn carried(mesh: &Mesh, line: f64, margin: f64, centre: DVec3) -> bool {
+    let low: Vec<DVec3> = mesh.positions.iter().map(|p| p.as_dvec3()).filter(|p| p.y <= line).collect();
+    (0..32).all(|k| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / 32.0).sin_cos();
+        let out = |p: &DVec3| (p.x - centre.x) * cos + (p.z - centre.z) * sin;
+        low.iter().map(out).fold(f64::NEG_INFINITY, f64::max) >= margin
+    })
+}
+
+/// The least turn that brings a face of the hull which carries the centre of mass to the ground.
+fn turn_to_face(mesh: &Mesh, centre: DVec3) -> Option<DMat3> {
+    let points: Vec<Vector> = mesh.positions.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
+    let (corners, faces) = try_convex_hull(&points).ok()?;
+    let corner = |i: u32| {
+        let v = corners[i as usize];
+        DVec3::new(v.x.into(), v.y.into(), v.z.into())
+    };
+    faces
+        .iter()
+        .filter_map(|face| {
+            let [a, b, c] = face.map(corner);
+            let out = (b - a).cross(c - a).try_normalize()?;
+            // The centre of mass along the normal, inside all three sides of the face.
+            let carries = [(a, b), (b, c), (c, a)]
+                .iter()
+                .all(|(from, to)| (*to - *from).cross(centre - *from).dot(out) >= 0.0);
+            (carries && -out.y >= MAX_TURN_DEG.to_radians().cos()).then_some(out)
+        })
+        .min_by(|a, b| a.y.total_cmp(&b.y))
+        .map(|out| DMat3::from_quat(DQuat::from_rotation_arc(out, DVec3::NEG_Y)))
+}
+
+/// Presses what is below `line` flat onto it, and sets it down to y = 0.
+fn press(mesh: &mut Mesh, line: f64) {
+    let line = line as f32;
+    mesh.map(|p| glam::Vec3::new(p.x, (p.y - line).max(0.0), p.z), |n| n);
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::Size;
+
+    use super::*;
+    use crate::{TemplateParams, template};
+
+    fn built(name: &str, width: f64, height: f64, depth: f64) -> Mesh {
+        let size = Size { width, height, depth };
+        template(name, &TemplateParams::default(), size).build(size).unwrap().mesh
+    }
+
+    /// Points on the ground, and how far apart they are along x and z.
+    fn base(mesh: &Mesh) -> (usize, f32, f32) {
+        let low: Vec<_> = mesh.positions.iter().filter(|p| p.y == 0.0).collect();
+        let spread = |f: fn(&glam::Vec3) -> f32| {
+            let all: Vec<f32> = low.iter().map(|p| f(p)).collect();
+            all.iter().copied().fold(f32::NEG_INFINITY, f32::max) - all.iter().copied().fold(f32::INFINITY, f32::min)
+        };
+        (low.len(), spread(|p| p.x), spread(|p| p.z))
+    }
+
+    #[test]
+    fn a_table_with_a_short_leg_and_a_tilt_stands_on_all_its_legs() {
+        for tilt_deg in [0.0_f64, 0.3, 4.0, 9.0] {
+            let mut mesh = built("table", 1.4, 0.74, 0.8);
+            // 6 mm short; the legs are near the corners.
+            for p in &mut mesh.positions {
+                if p.y < 0.01 && p.x > 0.0 && p.z > 0.0 {
+                    p.y += 0.006;
+                }
+            }
+            let tilt = DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), tilt_deg.to_radians()).as_mat3();
+            mesh.map(|p| tilt * p, |n| tilt * n);
+            let done = stand(&mut mesh);
+            assert!(done.stands && (done.turned_deg - tilt_deg).abs() < 0.7, "{tilt_deg}: {done:?}");
+            let (count, x, z) = base(&mesh);
+            assert!(count >= 16 && x > 1.0 && z > 0.5, "{tilt_deg}: {count} points, {x} by {z}");
+            let top = mesh.positions.iter().map(|p| p.y).fold(0.0, f32::max);
+            assert!((top - 0.74).abs() < 0.02, "{top}");
+        }
+    }
+
+    #[test]
+    fn what_stands_is_not_turned_and_hardly_pressed() {
+        for (name, w, h, d) in [("chair", 0.5, 0.95, 0.55), ("sofa", 2.0, 0.8, 0.9), ("floor_lamp", 0.4, 1.6, 0.4)] {
+            let mut mesh = built(name, w, h, d);
+            let before = mesh.bounds().unwrap().size();
+            assert_eq!(stand(&mut mesh), Stand { turned_deg: 0.0, stands: true }, "{name}");
+            let lost = before - mesh.bounds().unwrap().size();
+            assert!(lost.max_element() <= 0.0061 * before.length() && lost.x == 0.0 && lost.z == 0.0, "{name}: {lost}");
+        }
+    }
+
+    #[test]
+    fn a_frame_that_was_set_straight_leans_on_its_stand_again() {
+        let size = Size { width: 0.2, height: 0.25, depth: 0.02 };
+        let mut frame = template("box", &TemplateParams::default(), size).build(size).unwrap().mesh;
+        // A stand behind it, whose end is as low as the frame when that leans by about 12 degrees.
+        let slant = DMat3::from_rotation_x(0.55).as_mat3();
+        let mut strut = frame.clone();
+        let end = glam::Vec3::new(0.0, 0.12, -0.01);
+        strut.map(|p| end + slant * (glam::Vec3::new(0.1, 0.5, 0.2) * p - glam::Vec3::Y * 0.125), |n| slant * n);
+        frame.append(&strut);
+        let done = stand(&mut frame);
+        assert!(done.stands && (5.0..20.0).contains(&done.turned_deg), "{done:?}");
+        assert!(base(&frame).2 > 0.04, "frame and strut are on the ground: {:?}", base(&frame));
+    }
+
+    #[test]
+    fn what_cannot_stand_is_left_as_it_was() {
+        let mut mesh = built("table", 1.0, 0.7, 0.7);
+        // Its legs are far to the side of its top.
+        mesh.map(|p| p + glam::Vec3::X * (1.2 * p.y), |n| n);
+        let before = mesh.clone();
+        assert!(!stand(&mut mesh).stands);
+        assert_eq!(mesh.positions, before.positions);
+        assert!(!stand(&mut Mesh::default()).stands);
+    }
+}
