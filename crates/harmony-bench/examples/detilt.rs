@@ -17,7 +17,7 @@ fn main() {
     let folder = args.next().expect("a folder of rooms");
     let level: NoiseLevel = args.next().unwrap_or_else(|| "real".into()).parse().unwrap();
     let seeds: u64 = args.next().map_or(1, |s| s.parse().unwrap());
-    let mut errors: [Vec<f64>; 3] = Default::default();
+    let mut errors: [Vec<f64>; 4] = Default::default();
     for room in rooms_in(Path::new(&folder)).unwrap() {
         let truth = TruthRoom::load(&room).unwrap();
         for seed in 1..=seeds {
@@ -35,10 +35,16 @@ fn main() {
                 let off = |turn: DMat3| (turn * rigid.rotation * DVec3::Y).y.clamp(-1.0, 1.0).acos().to_degrees();
                 let by_pca = harmony_geometry::detilt(&points(&mesh, 1.0)).unwrap_or(DMat3::IDENTITY);
                 let upright = harmony_mesh::upright(&mesh).turn;
-                let row = [off(DMat3::IDENTITY), off(by_pca), off(upright)];
+                let mut stood = generated.clone();
+                harmony_mesh::canonicalise(&mut stood, upright);
+                harmony_mesh::stand(&mut stood);
+                let unit = stood.bounds().unwrap().size().length() / object.size.length();
+                let stood = best_rigid(&points(&object.mesh, 1.0), &points(&stood, 1.0 / unit));
+                let left = stood.map_or(f64::NAN, |r| (r.rotation * DVec3::Y).y.clamp(-1.0, 1.0).acos().to_degrees());
+                let row = [off(DMat3::IDENTITY), off(by_pca), off(upright), left];
                 println!(
-                    "{:<16} {:<18} tilted {:>5.1}  PCA {:>5.1}  ours {:>5.1}",
-                    truth.name, object.id, row[0], row[1], row[2]
+                    "{:<16} {:<18} tilted {:>5.1}  PCA {:>5.1}  by faces {:>5.1}  on its base {:>5.1}",
+                    truth.name, object.id, row[0], row[1], row[2], row[3]
                 );
                 for (all, v) in errors.iter_mut().zip(row) {
                     all.push(v);
@@ -46,7 +52,7 @@ fn main() {
             }
         }
     }
-    for (name, v) in ["as generated", "PCA", "ours"].iter().zip(&errors) {
+    for (name, v) in ["as generated", "PCA", "by faces", "on its base"].iter().zip(&errors) {
         let above = v.iter().filter(|e| **e > 3.0).count() as f64 / v.len() as f64;
         println!(
             "{name:<14} median {:.2}  90th {:.2}  worst {:.1} deg, above 3 deg {:.0} %",

@@ -4,6 +4,7 @@
 
 pub mod ablate;
 pub mod compare;
+pub mod fit;
 pub mod generate;
 pub mod metrics;
 pub mod oracle;

@@ -305,9 +305,14 @@ fn has_photo_of(run: &Path, room: &Path) -> bool {
     photo.is_some() && photo == std::fs::read(run.join("input.jpg")).ok()
 }
 
-type Pair = (PathBuf, PathBuf, Option<u64>);
+/// A run folder, the room that it is of, and its seed where the name tells one.
+pub type Pair = (PathBuf, PathBuf, Option<u64>);
 
-fn pairs(runs: &Path, rooms: &[PathBuf]) -> Result<Vec<Pair>, BenchError> {
+/// The runs of a folder, with their rooms; see [`judge_finished`].
+///
+/// # Errors
+/// Folders that cannot be used, or no run that goes with a room.
+pub fn pairs(runs: &Path, rooms: &[PathBuf]) -> Result<Vec<Pair>, BenchError> {
     let missing = |reason: &str| BenchError::NoRuns { path: runs.to_owned(), reason: reason.to_owned() };
     let name = |path: &Path| path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     if is_run(runs) {

@@ -1,6 +1,6 @@
 //! Cleaning and orienting meshes that came from elsewhere.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3, Vec2, Vec3};
@@ -172,9 +172,14 @@ pub fn simplified(mesh: &Mesh, triangles: usize, error: f32) -> Mesh {
         })
         .collect();
     let mut indices: Vec<u32> = Vec::with_capacity(3 * mesh.triangle_count());
+    // Leaves and cards often have a triangle for each side: the two are a closed body without inside, which collapses whole
+    // at no error. One of them is enough for the shape.
+    let mut taken: HashSet<[u32; 3]> = HashSet::with_capacity(mesh.triangle_count());
     for t in mesh.triangles() {
         let [Some(a), Some(b), Some(c)] = t.map(|i| welded.get(i as usize).copied().flatten()) else { continue };
-        if a != b && b != c && c != a {
+        let mut corners = [a, b, c];
+        corners.sort_unstable();
+        if a != b && b != c && c != a && taken.insert(corners) {
             indices.extend([a, b, c]);
         }
     }
@@ -299,6 +304,21 @@ mod tests {
             simplified(&ball, usize::MAX, 0.0).triangle_count()
         );
         assert_eq!(simplified(&Mesh::default(), 100, error).triangle_count(), 0);
+    }
+
+    #[test]
+    fn cards_with_two_sides_stay() {
+        // A hundred double triangles, in the air and apart, and one below.
+        let mut mesh = Mesh { groups: vec![Group::default()], ..Mesh::default() };
+        mesh.materials.push(Material::plain("leaf", [0.5; 3]));
+        for k in 0..100_u32 {
+            let at = Vec3::new((k % 10) as f32, if k == 0 { 0.0 } else { 5.0 }, (k / 10) as f32);
+            mesh.positions.extend([at, at + Vec3::X * 0.5, at + Vec3::Z * 0.5]);
+            mesh.groups[0].triangles.extend([[3 * k, 3 * k + 1, 3 * k + 2], [3 * k, 3 * k + 2, 3 * k + 1]]);
+        }
+        let less = simplified(&mesh, 50, 0.01);
+        assert_eq!(less.triangle_count(), 100, "none can go without changing the outline");
+        assert!(less.bounds().unwrap().min.y == 0.0);
     }
 
     #[test]

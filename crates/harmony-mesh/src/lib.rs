@@ -22,9 +22,9 @@ pub use part_model::{
     Axis, BuiltModel, ChartPlace, LeafHabit, MAX_PARTS, Mirror, PART_MODEL_GUIDE, Part, PartModel, PartModelError,
     Repeat, Repeats, Shape, Slot, TextureMode, hex_color, linear_rgb, pack_charts, parse_color,
 };
+pub use rest::{Stand, stand};
 pub use shell::{ShellOptions, Trim, Trims, room_shell, room_shell_with, shell_material_name};
 pub use templates::{
     ArmStyle, BackStyle, LegStyle, PlantHabit, ShadeShape, SlotColor, TemplateParams, template, template_name,
 };
-pub use rest::{Stand, stand};
 pub use upright::{Upright, upright};

@@ -162,6 +162,11 @@ fn score(faces: &Faces, up: DVec3, softness_deg: f64) -> f64 {
     aligned(faces, up, softness_deg) - TILT_PRICE * (tilt / USUAL_TILT_DEG).powi(2) - LIFT_PRICE * lift(faces, up)
 }
 
+/// Share of a mesh's surface that is level or plumb when `up` is up.
+pub(crate) fn level_share(mesh: &Mesh, up: DVec3) -> f64 {
+    aligned(&faces_of(mesh), up, SOFTNESS_DEG[2])
+}
+
 /// Share of the surface that is level or plumb.
 fn aligned(faces: &Faces, up: DVec3, softness_deg: f64) -> f64 {
     let sigma = softness_deg.to_radians();

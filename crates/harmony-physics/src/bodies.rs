@@ -32,7 +32,7 @@ pub struct Body {
     pub id: String,
     /// Whether it moves.
     pub motion: Motion,
-    /// Convex colliders, object frame, metres.
+    /// Convex colliders, object frame, metres; none of what gives way (rugs).
     pub hulls: Vec<Hull>,
     /// Mass, kilograms.
     pub mass_kg: f64,
@@ -157,7 +157,7 @@ pub fn bodies(
 
 /// One object as a body; `factor` scales the decomposition to it.
 fn body(object: &SceneObject, made: &Decomposition, factor: Vec3) -> Body {
-    let mut hulls: Vec<Hull> = made.hulls.iter().map(|h| h.scaled(factor)).collect();
+    let hulls: Vec<Hull> = made.hulls.iter().map(|h| h.scaled(factor)).collect();
     let mut notes = Vec::new();
     let mut fit_m = made.fit.worst() * factor.max_element();
     if made.fit.worst() > made.allowed {
@@ -171,13 +171,6 @@ fn body(object: &SceneObject, made: &Decomposition, factor: Vec3) -> Body {
         notes.push(format!("{} of {} hulls got a thickness", made.thickened, hulls.len()));
     }
     let solid: f64 = hulls.iter().map(|h| h.moments().mass).sum();
-    let (low, high) = crate::surface::bounds(hulls.iter().flat_map(|h| &h.vertices));
-    if matter::gives_way(object) && high.y - low.y > matter::RUG_M {
-        let share = matter::RUG_M / (high.y - low.y);
-        hulls = hulls.iter().map(|h| h.moved(|p| Vec3::new(p.x, low.y + share * (p.y - low.y), p.z))).collect();
-        fit_m += high.y - low.y - matter::RUG_M;
-        notes.push("it gives way under what stands on it: its collider is a millimetre high".to_owned());
-    }
     let (mass_kg, of_mass) = matter::mass(object, solid);
     notes.extend(of_mass);
     let foot = matter::heavy_foot(object);
@@ -186,10 +179,15 @@ fn body(object: &SceneObject, made: &Decomposition, factor: Vec3) -> Body {
     }
     let moments = moments(&hulls, mass_kg, foot);
     let i = moments.inertia.transpose();
+    let gives_way = matter::gives_way(object);
+    if gives_way {
+        fit_m = 0.0;
+        notes.push("it gives way: what stands on it stands on the floor through it, nothing touches it".to_owned());
+    }
     Body {
         id: object.id.to_string(),
         motion: matter::motion(object),
-        hulls,
+        hulls: if gives_way { Vec::new() } else { hulls },
         mass_kg,
         friction: matter::friction(object),
         restitution: matter::restitution(object),

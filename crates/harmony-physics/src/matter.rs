@@ -25,8 +25,6 @@ pub enum Motion {
 pub const FARTHEST_MASS: f64 = 5.0;
 /// Nothing that moves is lighter, kilograms: solvers lose their footing with much less.
 pub const LIGHTEST_KG: f64 = 0.02;
-/// Height of the collider of what gives way under feet, metres: below what counts as a penetration.
-pub const RUG_M: f64 = 9e-4;
 /// Kinds that are screwed, plumbed or built in, beside what hangs on walls and ceilings.
 const FIXED: [&str; 8] = ["kitchen_base", "dishwasher", "fireplace", "mantel", "toilet", "bathtub", "sink", "radiator"];
 /// Kinds that stand by a heavy foot: share of the mass in the lowest fifth of the height. A plant's pot is full of earth,
@@ -56,7 +54,8 @@ pub fn motion(object: &SceneObject) -> Motion {
     if hung || of_the_room { Motion::Static } else { Motion::Dynamic }
 }
 
-/// Whether what stands on it presses it flat: rugs, through which the scene has furniture stand on the floor.
+/// Whether what stands on it presses it flat: rugs, through which the scene has furniture stand on the floor. They touch
+/// nothing: a collider of a millimetre's height is a step on which solvers rock and creep.
 pub fn gives_way(object: &SceneObject) -> bool {
     kind(&object.label).is_some_and(|k| k.has(Trait::Flat))
 }

@@ -152,7 +152,7 @@ pub fn settle(scene: &Scene, bodies: &Bodies, places: &[Placed]) -> Settled {
             } else {
                 Vec::new()
             };
-            let support = support_name(&scene.objects[k].support);
+            let support = support_name(carrier(scene, bodies, &scene.objects[k].support));
             SettledObject {
                 id: body.id.clone(),
                 motion: body.motion,
@@ -178,6 +178,17 @@ pub fn settle(scene: &Scene, bodies: &Bodies, places: &[Placed]) -> Settled {
         })
         .collect();
     Settled { seconds: SETTLE_SECONDS, objects, penetrations }
+}
+
+/// What carries an object in the end: through what gives way, to what that rests on.
+fn carrier<'a>(scene: &'a Scene, bodies: &Bodies, mut support: &'a Support) -> &'a Support {
+    for _ in 0..scene.objects.len() {
+        let Support::Object { id } = support else { break };
+        let below = scene.objects.iter().zip(&bodies.objects).find(|(o, _)| o.id == *id);
+        let Some((object, _)) = below.filter(|(_, body)| body.hulls.is_empty()) else { break };
+        support = &object.support;
+    }
+    support
 }
 
 /// Name of what carries an object: an object, or a face of the room.

@@ -6,15 +6,16 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use harmony_bench::ablate::{self, AblationError, ablate};
 use harmony_bench::compare::{compare, text as comparison};
+use harmony_bench::fit;
 use harmony_bench::generate::{GeneratorSettings, generate, write as write_room};
 use harmony_bench::oracle::{Meshes, NoiseLevel};
 use harmony_bench::overrides::{OverrideError, with_change, with_changes};
 use harmony_bench::protocols::{self, Protocol, ProtocolOptions, RunSurfaces, pair_runs, pieces, score_run, truths_in};
 use harmony_bench::report::write_tables;
-use harmony_bench::run::{BenchRequest, BenchResult, Judging, judge_finished, read_result, run as run_bench};
+use harmony_bench::run::{BenchRequest, BenchResult, Judging, judge_finished, pairs, read_result, run as run_bench};
 use harmony_bench::score::{BENCH_POINTS, Prediction};
 use harmony_bench::summary::{TEXT_HEADING, summary, text_table};
-use harmony_bench::truth::rooms_in;
+use harmony_bench::truth::{TruthRoom, rooms_in};
 use harmony_bench::views::{LIT_WIDTH, Lit, LitOptions, text as views_text};
 use harmony_calls::Cast;
 
@@ -45,6 +46,8 @@ enum Command {
     Ablate(AblateArgs),
     /// Two results side by side: every figure, every room, the objects that got worse.
     Compare(CompareArgs),
+    /// Estimate how far answers are off (placement.noise) from finished runs of rooms with known truth.
+    Fit(FitArgs),
 }
 
 /// Arguments of `bench run`; `bench ablate` has them, too.
@@ -172,6 +175,20 @@ struct CompareArgs {
     aligned: bool,
 }
 
+/// Arguments of `bench fit`.
+#[derive(Debug, clap::Args)]
+struct FitArgs {
+    /// Run folders, or folders of runs named <room>_<seed>: those of `bench run`, or replays of a model's recordings.
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
+    /// A folder of rooms with truth, or one such room.
+    #[arg(long)]
+    rooms: PathBuf,
+    /// File for what was found, as a part of harmony.toml (default: it is only printed).
+    #[arg(long, short)]
+    out: Option<PathBuf>,
+}
+
 /// Runs the command.
 ///
 /// # Errors
@@ -193,7 +210,34 @@ pub fn run(args: Args) -> Result<u8> {
             say!("{}", comparison(&compare(&before, &after, args.aligned)))?;
             Ok(EXIT_OK)
         }
+        Command::Fit(args) => estimate(&args),
     }
+}
+
+fn estimate(args: &FitArgs) -> Result<u8> {
+    let rooms = truths(&args.rooms, None)?;
+    let used = config::load(None)?.settings.placement.noise;
+    let (mut measured, mut failed) = (fit::Measured::default(), 0);
+    for folder in &args.runs {
+        for (run, room, _) in pairs(folder, &rooms)? {
+            let truth = TruthRoom::load(&room).map_err(|e| hinted(e.to_string(), e.hint()))?;
+            match measured.add(&truth, &run) {
+                Ok(()) => tell!("{}", run.display()),
+                Err(error) => {
+                    tell!("{}: {error}", run.display());
+                    failed += 1;
+                }
+            }
+        }
+    }
+    let fitted = measured.fitted(&used);
+    say!("{}", fit::table(&fitted).trim_end())?;
+    say!("{} answers speak of nothing that is there", measured.unmatched())?;
+    if let Some(out) = &args.out {
+        harmony_io::write_atomic(out, fit::toml(&fitted).as_bytes())?;
+        tell!("{}: copy its lines into harmony.toml", out.display());
+    }
+    Ok(exit_code(failed))
 }
 
 fn runtime() -> Result<tokio::runtime::Runtime> {

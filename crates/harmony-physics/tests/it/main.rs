@@ -138,7 +138,7 @@ fn a_run_folder_is_settled_repaired_and_shaken_the_same_every_time() {
     assert_eq!(table.hulls.len(), 5);
     assert!(table.fit_m < 1e-3, "{}", table.fit_m);
     assert_eq!(made.objects[5].motion, Motion::Static, "a rug");
-    assert!(made.objects[5].hulls[0].bounds().1.y < 1e-3, "the table's legs stand through it");
+    assert!(made.objects[5].hulls.is_empty(), "the table's legs stand through it");
     let start = places(&loaded.scene);
     let settled = settle(&loaded.scene, &made, &start);
     let unstable: Vec<&str> = settled.dynamic().filter(|o| !o.stable).map(|o| o.id.as_str()).collect();

@@ -107,7 +107,7 @@ pub async fn canonicalise(
     let upright = if by_faces { "set upright by its faces" } else { "de-tilted by PCA" };
     let record = json!({
         "frame": format!("{upright}, {}", front.basis),
-        "stand": stand.map(|s| json!({ "turned_deg": s.turned_deg, "stands": s.stands })),
+        "stand": stand.map(|s| json!({ "turned_deg": s.turned_deg, "uneven": s.uneven, "stands": s.stands })),
         "detilt": turn.map(|m| m.to_cols_array_2d()),
         "front_panel_answered": answered,
         "front_panel": panel,
