@@ -132,9 +132,13 @@ impl HunyuanPlayer {
         let mut incomplete = 0;
         loop {
             if since.elapsed() >= total {
-                return Err(self.service.unavailable(format!(
-                    "the job did not end within {total:?}; this server never says that a job has failed"
-                )));
+                // Sent again it would fail again, after as long a wait, on a GPU that may still be at it.
+                return Err(RoleError::NotCapable {
+                    player: self.service.player().to_owned(),
+                    reason: format!(
+                        "the job did not end within {total:?}; this server never says that a job has failed (see its log)"
+                    ),
+                });
             }
             tokio::time::sleep(self.options.poll.min(total.saturating_sub(since.elapsed()))).await;
             let look = tokio::time::timeout(LOOK, self.service.send(&request)).await;
