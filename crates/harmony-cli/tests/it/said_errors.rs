@@ -15,8 +15,10 @@ fn answering(status: u16, body: &'static str) -> SocketAddr {
     std::thread::spawn(move || {
         for stream in listener.incoming() {
             let Ok(mut stream) = stream else { return };
-            let mut request = [0; 8192];
-            let _ = stream.read(&mut request);
+            match stream.read(&mut [0; 8192]) {
+                Ok(0) | Err(_) => continue,
+                Ok(_) => {}
+            }
             let head = format!("HTTP/1.1 {status} Because\r\nContent-Type: application/json\r\nConnection: close\r\n");
             let _ = write!(stream, "{head}Content-Length: {}\r\n\r\n{body}", body.len());
         }
@@ -37,7 +39,7 @@ fn run(section: &str, key: Option<&str>) -> Output {
     let mut config = String::from("profile = \"paper\"\n");
     for role in ["vision_language", "image_editor", "mesh_generator", "detector"] {
         if !section.starts_with(&format!("[players.{role}]")) {
-            config.push_str(&format!("[players.{role}]\nplayer = \"offline\"\n"));
+            config.extend(["[players.", role, "]\nplayer = \"offline\"\n"]);
         }
     }
     std::fs::write(folder.path().join("harmony.toml"), config + section).unwrap();
