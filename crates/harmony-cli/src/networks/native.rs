@@ -274,6 +274,34 @@ pub(super) fn layout(model: &Model, folder: &Path) -> Result<(), String> {
         id if id.starts_with("clip") => net(ClipImageEncoder::open(&file(0), backend).map(drop)),
         id => Err(format!("no network reads {id}")),
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+
+    /// Counts how many of its kind there are.
+    struct Counted(Arc<AtomicUsize>);
+
+    impl Drop for Counted {
+        fn drop(&mut self) {
+            self.0.fetch_sub(1, Ordering::SeqCst);
+        }
+    }
+
+    #[async_trait]
+    impl GeometryEstimator for Counted {
+        fn card(&self) -> PlayerCard {
+            PlayerCard { player: "counted".into(), model: String::new(), offline: true, concurrency: 1 }
+        }
+
+        async fn estimate(&self, _: &GeometryRequest) -> Result<GeometryAnswer, RoleError> {
+            assert_eq!(self.0.load(Ordering::SeqCst), 1, "it is there while it works");
+            Err(not_set_up("counted", "it knows nothing", ""))
+        }
+    }
 
     #[tokio::test]
     async fn the_geometry_network_lets_its_memory_go_and_is_loaded_again_when_asked_again() {
