@@ -3,7 +3,6 @@
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener};
-use std::path::Path;
 use std::process::Output;
 
 use crate::common::{drawn, program, said};
@@ -191,7 +190,7 @@ fn each_error_of_a_service_says_what_to_do() {
 
 /// A double of NVIDIA's driver: a version and what it says when it is started.
 #[cfg(all(feature = "cuda", target_os = "linux"))]
-fn driver(folder: &Path, version: i32, init: i32, says: &str) -> bool {
+fn driver(folder: &std::path::Path, version: i32, init: i32, says: &str) -> bool {
     let source = format!(
         "int cuInit(unsigned flags) {{ return {init}; }}\n\
          int cuDriverGetVersion(int *version) {{ *version = {version}; return 0; }}\n\
@@ -207,7 +206,7 @@ fn driver(folder: &Path, version: i32, init: i32, says: &str) -> bool {
 #[test]
 #[cfg(all(feature = "cuda", target_os = "linux"))]
 fn a_driver_that_is_missing_or_old_is_told_with_what_to_do() {
-    let doctor = |folder: &Path| {
+    let doctor = |folder: &std::path::Path| {
         let mut command = program();
         command.args(["doctor", "--profile", "offline"]).env("HARMONY_MODELS", folder.join("no-models"));
         let output = command.env("LD_LIBRARY_PATH", folder).output().unwrap();
@@ -230,7 +229,7 @@ fn a_driver_that_is_missing_or_old_is_told_with_what_to_do() {
         let line = doctor(folder.path());
         assert!(line.contains(says) && line.contains(what), "{line}");
     }
-    if Path::new("/proc/driver/nvidia/version").exists() {
+    if std::path::Path::new("/proc/driver/nvidia/version").exists() {
         harmony_testing::skip("there is a driver on this machine: its absence is not tested");
         return;
     }
