@@ -25,9 +25,16 @@ pub struct Options {
     /// Features of the program, such as `nets` or `cuda`.
     #[arg(long, default_value = "")]
     features: String,
-    /// Target triple; left out = this machine's. It has to be installed.
+    /// Target triple; left out = this machine's. It has to be installed (`rustup target add`).
     #[arg(long)]
     target: Option<String>,
+    /// Build with cargo-zigbuild, which brings a C++ compiler for any target; then the oldest glibc may stand behind the
+    /// target, as in x86_64-unknown-linux-gnu.2.28.
+    #[arg(long)]
+    zig: bool,
+    /// A program that runs here and writes completions and man pages, when the packaged one does not.
+    #[arg(long)]
+    describe_with: Option<PathBuf>,
     /// Package this program instead of building one.
     #[arg(long)]
     binary: Option<PathBuf>,
@@ -53,7 +60,7 @@ pub fn run(root: &Path, options: &Options) -> Result<()> {
     let name = if binary.extension().is_some_and(|ending| ending == "exe") { "harmony.exe" } else { "harmony" };
     let program = out.join(name);
     fs::copy(&binary, &program).with_context(|| format!("copying {}", binary.display()))?;
-    describe(&program, &out)?;
+    describe(options.describe_with.as_deref().unwrap_or(&program), &out)?;
     let parts = parts(root, options)?;
     fs::write(out.join("harmony.cdx.json"), serde_json::to_string_pretty(&bill_of_materials(&parts))?)?;
     fs::write(out.join("THIRD_PARTY_LICENCES.txt"), licences(&parts)?)?;
@@ -73,7 +80,8 @@ fn build(root: &Path, options: &Options) -> Result<PathBuf> {
     let changed = stdout(Command::new("git").args(["status", "--porcelain"]).current_dir(root))?;
     let commit = if changed.is_empty() { commit } else { format!("{commit} with changes") };
     let mut cargo = Command::new(env!("CARGO"));
-    cargo.args(["build", "--profile", "dist", "-p", "harmony-cli", "--message-format", "json-render-diagnostics"]);
+    let build = if options.zig { "zigbuild" } else { "build" };
+    cargo.args([build, "--profile", "dist", "-p", "harmony-cli", "--message-format", "json-render-diagnostics"]);
     if !options.features.is_empty() {
         cargo.args(["--features", &options.features]);
     }
@@ -82,6 +90,11 @@ fn build(root: &Path, options: &Options) -> Result<PathBuf> {
     }
     let text = stdout(cargo.current_dir(root).env("HARMONY_COMMIT", commit))?;
     executable(&text).context("the build names no program")
+}
+
+/// A target without the version of glibc that may stand behind it.
+fn triple(target: &str) -> &str {
+    target.split_once('.').map_or(target, |(triple, _)| triple)
 }
 
 /// The program that cargo's messages name.
@@ -169,7 +182,7 @@ fn parts(root: &Path, options: &Options) -> Result<Vec<Part>> {
         host.context("rustc names no host")
     };
     let target = options.target.clone().map_or_else(host, Ok)?;
-    cargo.args(["--filter-platform", &target]);
+    cargo.args(["--filter-platform", triple(&target)]);
     if !options.features.is_empty() {
         cargo.args(["--features", &options.features]);
     }
@@ -355,5 +368,6 @@ mod tests {
         let messages = "not json\n{\"reason\":\"compiler-artifact\",\"target\":{\"name\":\"harmony\"},\"executable\":\"/t/harmony\"}\n\
                         {\"target\":{\"name\":\"other\"},\"executable\":\"/t/other\"}";
         assert_eq!(executable(messages), Some(PathBuf::from("/t/harmony")));
+        assert_eq!(triple("x86_64-unknown-linux-gnu.2.28"), triple("x86_64-unknown-linux-gnu"));
     }
 }

@@ -15,12 +15,13 @@ use harmony_players::flat_cast;
 use harmony_roles::Role;
 
 /// Objects on walls, furniture, ceiling, decorations: the room of the test, and others.
-const ROOMS: [(&str, [usize; 4]); 5] = [
+const ROOMS: [(&str, [usize; 4]); 6] = [
     ("two ceiling lamps", [6, 10, 2, 12]),
     ("much on the walls", [12, 10, 2, 6]),
     ("much decoration", [4, 8, 2, 16]),
     ("one ceiling lamp", [6, 12, 1, 11]),
     ("no ceiling lamp", [5, 12, 0, 13]),
+    ("twenty objects", [4, 7, 1, 8]),
 ];
 
 fn main() {

@@ -220,7 +220,8 @@ impl Calls {
         if (failure.is_fatal() && !goes_on) || same {
             return Err(failure);
         }
-        let reason = shortened(&self.book.redacted(&failure.to_string()), MAX_REASON);
+        let todo = failure.hint().filter(|hint| !hint.is_empty()).map_or_else(String::new, |hint| format!(" ({hint})"));
+        let reason = shortened(&self.book.redacted(&format!("{failure}{todo}")), MAX_REASON);
         tracing::warn!(call = %name, role = R::ROLE.folder(), "{} stands in: {reason}", stand_in.player);
         self.tell::<R>(name, CallEventKind::Replaced { reason: reason.clone() });
         let answer = self.try_player(request, offline, accept, name, course).await?;

@@ -191,6 +191,19 @@ pub fn cast_services(
     failures
 }
 
+/// What to do about a player that does not answer; `name` says where it is.
+#[must_use]
+pub fn unreachable_hint(role: Role, name: &str) -> String {
+    let section = role.folder();
+    let first = if name.contains(" at https://") {
+        "is this machine online? A proxy is taken from HTTPS_PROXY. The service's status page tells whether it is down"
+            .to_owned()
+    } else {
+        format!("start it (docs/players.md tells how), or check `address` in [players.{section}] of harmony.toml")
+    };
+    format!("{first}; or set another `player` in [players.{section}], or use --profile offline")
+}
+
 /// Asks all players at once whether they are there.
 pub async fn check_all(
     checks: &[(Role, String, Arc<dyn Check>)],

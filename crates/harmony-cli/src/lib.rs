@@ -53,6 +53,9 @@ struct Cli {
 }
 
 const EXIT_CODES: &str = "\
+Example:
+  harmony reconstruct room.jpg --out run --profile offline
+
 Exit codes:
   0  all phases did what they should
   1  the input or an argument cannot be used, or another harmony is at work in the run folder; nothing was run
@@ -157,5 +160,68 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
             display::print_error(&error);
             ExitCode::from(EXIT_ERROR)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The commands that a help text shows: lines of the example that begin with the program's name, as a shell would split them.
+    fn shown(help: &str) -> Vec<Vec<String>> {
+        let commands =
+            help.lines().filter_map(|line| line.strip_prefix("  ")).filter(|line| line.starts_with("harmony "));
+        commands.map(split).collect()
+    }
+
+    /// Words of a command, quotes taken away; what goes behind a pipe or into a file is the shell's.
+    fn split(line: &str) -> Vec<String> {
+        let (mut words, mut word, mut quote) = (Vec::new(), String::new(), None);
+        for c in line.chars().chain([' ']) {
+            match (quote, c) {
+                (Some(open), _) if c == open => quote = None,
+                (None, '\'' | '"') => quote = Some(c),
+                (None, ' ') if word.is_empty() => {}
+                (None, ' ') => words.push(std::mem::take(&mut word)),
+                _ => word.push(c),
+            }
+        }
+        let own = words.iter().position(|word| [">", "|"].contains(&word.as_str())).unwrap_or(words.len());
+        words.truncate(own);
+        words
+    }
+
+    /// Complaints about the help of a command and of all below it.
+    fn complaints(command: &clap::Command, path: &str, all: &mut Vec<String>) {
+        let help =
+            command.get_after_long_help().or(command.get_after_help()).map(ToString::to_string).unwrap_or_default();
+        let examples = shown(&help);
+        let below: Vec<_> = command.get_subcommands().filter(|below| below.get_name() != "help").collect();
+        let own = |words: &Vec<String>| words.join(" ").starts_with(&format!("{path} "));
+        let alone = |words: &Vec<String>| words.join(" ") == path;
+        if !help.starts_with("Example") || !examples.iter().any(|words| own(words) || alone(words)) {
+            all.push(format!("{path}: no example"));
+        }
+        for words in examples {
+            if let Err(error) = understood(words.clone()) {
+                all.push(format!("{path}: {}: {error}", words.join(" ")));
+            }
+        }
+        for command in below {
+            complaints(command, &format!("{path} {}", command.get_name()), all);
+        }
+    }
+
+    #[test]
+    fn the_help_of_each_command_shows_an_example_that_is_understood() {
+        let mut all = Vec::new();
+        complaints(&Cli::command(), "harmony", &mut all);
+        assert!(all.is_empty(), "{}", all.join("\n"));
+        // The walk sees what is wrong.
+        let example = "Example:\n  harmony bill run --no-such-switch";
+        let wrong = clap::Command::new("harmony").subcommand(clap::Command::new("bill").after_help(example));
+        complaints(&wrong, "harmony", &mut all);
+        assert_eq!(all.len(), 2, "{all:?}");
+        assert_eq!(split("harmony x 'a b' --to=\"c d\" > file"), ["harmony", "x", "a b", "--to=c d"]);
     }
 }

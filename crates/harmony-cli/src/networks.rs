@@ -15,6 +15,8 @@ use crate::config::networks::{Device, Geometry, Masks};
 use crate::config::players::{Boxes, PlayersConfig};
 
 #[cfg(feature = "nets")]
+mod memory;
+#[cfg(feature = "nets")]
 mod native;
 #[cfg(feature = "nets")]
 mod report;

@@ -41,3 +41,13 @@ async fn with_four_meshes_at_a_time_it_takes_a_fifth_of_one_call_after_another()
     let gain = in_a_row.elapsed.as_secs_f64() / run.elapsed.as_secs_f64();
     assert!(gain >= 5.0, "{:?} against {:?} in a row: {gain:.2} times", run.elapsed, in_a_row.elapsed);
 }
+
+/// Twenty objects, four meshes at a time, which is what the profile `hosted` asks for.
+#[tokio::test(start_paused = true)]
+async fn twenty_objects_take_less_than_six_minutes_at_usual_latencies() {
+    let out = tempfile::tempdir().unwrap();
+    let played = play([4, 7, 1, 8], Pace::like_real(1.0, 4), &flat_cast(), out.path()).await.unwrap();
+    assert_eq!(played.failure, None);
+    assert_eq!(played.work[&harmony_roles::Role::MeshGenerator].0, 20);
+    assert!(played.elapsed.as_secs() < 360, "{:?}", played.elapsed);
+}

@@ -106,6 +106,7 @@ struct Submit {
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     /// What a set has come to; also writes status.html, status.json and scenes.csv into it.
+    #[command(after_help = "Example:\n  harmony batch status set")]
     Status {
         #[command(flatten)]
         which: Which,
@@ -114,8 +115,10 @@ enum Command {
         json: bool,
     },
     /// Begin no further scenes; what runs goes on, workers wait.
+    #[command(after_help = "Example:\n  harmony batch pause set")]
     Pause(Which),
     /// Begin scenes again.
+    #[command(after_help = "Example:\n  harmony batch resume set --max-usd 80")]
     Resume {
         #[command(flatten)]
         which: Which,
@@ -127,8 +130,10 @@ enum Command {
         max_calls: Option<i64>,
     },
     /// Begin no further scenes; what runs goes on, workers end.
+    #[command(after_help = "Example:\n  harmony batch drain set")]
     Drain(Which),
     /// Begin no further scenes, and stop what runs after its calls in flight.
+    #[command(after_help = "Example:\n  harmony batch cancel set --scene kitchen_03")]
     Cancel {
         #[command(flatten)]
         which: Which,
@@ -137,6 +142,7 @@ enum Command {
         scene: Option<String>,
     },
     /// Put failed scenes back into the queue.
+    #[command(after_help = "Example:\n  harmony batch retry set --stage 3_furniture --cause 'no answer'")]
     Retry {
         #[command(flatten)]
         which: Which,
@@ -154,6 +160,7 @@ enum Command {
         cancelled: bool,
     },
     /// Set the priority of scenes that have not begun.
+    #[command(after_help = "Example:\n  harmony batch priority set 10 --scene kitchen_03")]
     Priority {
         #[command(flatten)]
         which: Which,
@@ -177,6 +184,10 @@ struct Which {
 
 /// Arguments of `harmony worker`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  harmony worker --set set --places 2
+  harmony worker --queue postgres://harmony@db/harmony")]
 pub struct WorkerArgs {
     /// Only this set, by its folder as seen from here; left out, all sets of the queue.
     #[arg(long)]

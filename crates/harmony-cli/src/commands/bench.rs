@@ -27,6 +27,10 @@ const STACK: usize = 8 << 20;
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  harmony bench generate rooms --count 5
+  harmony bench run rooms --out bench")]
 pub struct Args {
     #[command(subcommand)]
     command: Command,
@@ -35,16 +39,24 @@ pub struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     /// Run the pipeline on rooms with known truth, the oracle playing every role, and judge the results.
+    #[command(after_help = "Example:\n  harmony bench run rooms --out bench --noise real --seeds 1,2")]
     Run(RunArgs),
     /// Make furnished rooms with known truth.
+    #[command(after_help = "Example:\n  harmony bench generate rooms --count 5")]
     Generate(GenerateArgs),
     /// Judge runs that are there: one run folder, or a folder of runs named <room>_<seed>.
+    #[command(after_help = "Example:\n  harmony bench score bench/runs rooms --out scores")]
     Score(ScoreArgs),
     /// Look at finished scenes from where the photo was not taken, and compare that with what is there.
+    #[command(after_help = "Example:\n  harmony bench views bench/runs --rooms rooms --out views")]
     Views(ViewsArgs),
     /// Run the full configuration and every part switched off in turn, as in the paper's ablation table.
+    #[command(after_help = "\
+Example:
+  harmony bench ablate rooms --out ablation --variants full,placement.refinement=false")]
     Ablate(AblateArgs),
     /// Two results side by side: every figure, every room, the objects that got worse.
+    #[command(after_help = "Example:\n  harmony bench compare before after")]
     Compare(CompareArgs),
     /// Estimate how far answers are off (placement.noise) from finished runs of rooms with known truth.
     Fit(FitArgs),

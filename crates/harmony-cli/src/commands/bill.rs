@@ -11,6 +11,7 @@ use crate::{EXIT_OK, say};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  harmony bill run --objects")]
 pub struct Args {
     /// Run folder.
     run: PathBuf,

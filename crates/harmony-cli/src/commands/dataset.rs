@@ -18,6 +18,11 @@ use crate::{EXIT_INCOMPLETE, EXIT_OK, say, tell};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  harmony dataset init rooms --name my-rooms
+  harmony dataset add rooms run --split medium --source own --author Ada --licence CC0-1.0
+  harmony dataset build rooms --out release")]
 pub struct Args {
     #[command(subcommand)]
     command: Command,
@@ -26,14 +31,21 @@ pub struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     /// Make an empty data set.
+    #[command(after_help = "Example:\n  harmony dataset init rooms --name my-rooms --licence CC-BY-4.0")]
     Init(InitArgs),
     /// Add a finished run as a scene.
+    #[command(after_help = "\
+Example:
+  harmony dataset add rooms run --split medium --source own --author Ada --licence CC0-1.0")]
     Add(Box<AddArgs>),
     /// Make a release: photos without metadata, faces blurred, licences, card, index, shards, hashes.
+    #[command(after_help = "Example:\n  harmony dataset build rooms --out release")]
     Build(BuildArgs),
     /// Find what is missing, wrong or not licensed, in a working folder or a release.
+    #[command(after_help = "Example:\n  harmony dataset check rooms")]
     Check(CheckArgs),
     /// Room types, objects per scene, levels, as SVG and CSV.
+    #[command(after_help = "Example:\n  harmony dataset stats rooms --out stats")]
     Stats(StatsArgs),
 }
 

@@ -19,6 +19,9 @@ use crate::{EXIT_ERROR, EXIT_OK, models, say, tell};
 #[derive(Debug, clap::Args)]
 #[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 #[command(after_help = "\
+Example:
+  harmony doctor --profile hosted
+
 Each hosted or local player of the profile is asked with one call that costs nothing; with --paid it does a tiny piece
 of work instead. Ends with 1 when a player that the profile needs is missing.")]
 pub struct Args {
@@ -140,8 +143,7 @@ fn player_of(error: &RoleError) -> &str {
 }
 
 fn failed(role: Role, player: PlayerCard, error: &RoleError) -> RoleStatus {
-    let usual = || "start the server, or check its address; docs/players.md tells more".to_owned();
-    let hint = Some(error.hint().map_or_else(usual, str::to_owned));
+    let hint = Some(error.hint().map_or_else(|| cast::unreachable_hint(role, &player.player), str::to_owned));
     RoleStatus { role, player, available: false, detail: error.to_string(), hint }
 }
 

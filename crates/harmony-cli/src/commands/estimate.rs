@@ -15,6 +15,9 @@ use crate::{EXIT_OK, say};
 /// Arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
+Example:
+  harmony estimate room.jpg --profile hosted
+
 Nothing is asked and nothing is written; keys need not be set. Prices come from [prices] in harmony.toml; a model that is not in that table
 has no known price.")]
 pub struct Args {

@@ -50,12 +50,20 @@ pub struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     /// Put pairs of renders to a language model that sees, or to a person (`--player files`), in both orders.
+    #[command(after_help = "Example:\n  harmony eval judge ours=runs cast=rivals/cast --player openai --out judged")]
     Judge(JudgeArgs),
     /// Read another program's finished scene and draw it from the photo's place by our flat renderer.
+    #[command(after_help = "\
+Example:
+  harmony eval rival --kind cast outputs/bedroom --run runs/bedroom --out rivals/cast/bedroom")]
     Rival(RivalArgs),
     /// The paper's ablation table on photos with recordings.
+    #[command(after_help = "\
+Example:
+  harmony eval ablate photos --recordings recordings --out ablation --only bedroom")]
     Ablate(AblateArgs),
     /// Write a run's scene with transforms baked into the vertices and shell names that the paper's scripts drop.
+    #[command(after_help = "Example:\n  harmony eval export-baked run --out baked.glb --furniture")]
     ExportBaked(BakedArgs),
 }
 

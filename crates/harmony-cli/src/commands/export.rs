@@ -10,6 +10,10 @@ use crate::{EXIT_ERROR, EXIT_OK, say, tell};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  harmony export run --to usd,mjcf --check
+  harmony export run --to glb --faces 100000 --texture 1024 --out small")]
 #[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 pub struct Args {
     /// Run folder.

@@ -10,6 +10,7 @@ use crate::{EXIT_INCOMPLETE, EXIT_OK, say, tell};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  harmony gallery run --out gallery --frames 12")]
 pub struct Args {
     /// Run folders, or folders that hold them; scenes of a data set, too.
     #[arg(required = true)]

@@ -17,6 +17,10 @@ use crate::{EXIT_ERROR, EXIT_OK, config, networks, say, tell};
 /// Arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
+Examples:
+  harmony models list
+  harmony models pull sam2.1-large owlv2-base
+
 Weights lie in one folder: --dir, else HARMONY_MODELS, else [models] folder of harmony.toml, else the user's data folder.
 Copy that folder to a machine without network and run `harmony models verify` there.
 HF_TOKEN is sent to the hub's own host only; most models need none. HARMONY_HUB names a mirror.")]
@@ -28,10 +32,13 @@ pub struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     /// Tell what there is, under what terms, and what is here.
+    #[command(after_help = "Example:\n  harmony models list")]
     List(ListArgs),
     /// Fetch weights; goes on where it stopped.
+    #[command(after_help = "Example:\n  harmony models pull sam2.1-large owlv2-base")]
     Pull(PullArgs),
     /// Check weights that are here: lengths, checksums, keys and shapes.
+    #[command(after_help = "Example:\n  harmony models verify")]
     Verify(VerifyArgs),
 }
 

@@ -205,16 +205,7 @@ async fn look_around(casting: &Casting, run: &std::path::Path, tell: &Arc<dyn Fn
             tell(format!("{message}; going on with what is recorded"));
             continue;
         }
-        let hint = error.hint().map_or_else(
-            || {
-                format!(
-                    "start it (docs/players.md tells how), set another `player` in [players.{}] of harmony.toml, or use \
-                     --profile offline",
-                    role.folder()
-                )
-            },
-            str::to_owned,
-        );
+        let hint = error.hint().map_or_else(|| cast::unreachable_hint(role, &name), str::to_owned);
         return Err(hinted(message, Some(hint)));
     }
     Ok(())

@@ -10,6 +10,7 @@ use crate::{EXIT_OK, say};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  harmony record run --out recording --label kitchen --made-by \"Ada, by hand\"")]
 pub struct Args {
     /// Run folder.
     run: PathBuf,

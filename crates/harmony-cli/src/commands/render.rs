@@ -29,6 +29,10 @@ pub enum View {
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  harmony render run --camera canonical --out above.png
+  harmony render run --camera orbit --views 12")]
 pub struct Args {
     /// Run folder.
     run: PathBuf,

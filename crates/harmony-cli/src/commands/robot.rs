@@ -38,6 +38,10 @@ pub enum Task {
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  harmony robot run --report
+  harmony robot run --robot panda --model panda/panda.xml --task pick --object mug_01")]
 pub struct Args {
     /// Run folder.
     run: PathBuf,

@@ -17,6 +17,7 @@ pub enum Subject {
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  harmony schema config > harmony.schema.json")]
 pub struct Args {
     /// What to describe.
     #[arg(value_enum, default_value = "scene")]

@@ -10,6 +10,7 @@ use crate::{EXIT_INCOMPLETE, EXIT_OK, say};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  harmony show run --warnings")]
 pub struct Args {
     /// Run folder.
     run: PathBuf,

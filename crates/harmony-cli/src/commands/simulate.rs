@@ -31,6 +31,11 @@ pub enum View {
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  harmony simulate run --settle
+  harmony simulate run --repair
+  harmony simulate run --earthquake --intensity 7")]
 #[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 pub struct Args {
     /// Run folder.

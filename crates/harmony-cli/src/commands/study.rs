@@ -19,6 +19,11 @@ use crate::{EXIT_INCOMPLETE, EXIT_OK, say, tell};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  harmony study build ours=runs theirs=rivals/cast --out study
+  harmony study serve study --log answers.jsonl
+  harmony study analyse answers.jsonl --private study.private")]
 pub struct Args {
     #[command(subcommand)]
     command: Command,
@@ -27,14 +32,25 @@ pub struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     /// Make the page: photo above anonymous panels, to be ranked. Methods stay in a private folder.
+    #[command(after_help = "\
+Example:
+  harmony study build ours=runs theirs=rivals/cast --out study --checks 2 --participants 20")]
     Build(Box<BuildArgs>),
     /// Serve the page and keep the answers: what is acknowledged is on the disk.
+    #[command(after_help = "Example:\n  harmony study serve study --log answers.jsonl")]
     Serve(ServeArgs),
     /// Add answers that came as files (from pages opened from disk) to the log.
+    #[command(after_help = "\
+Example:
+  harmony study collect answers/ada.json --private study.private --log answers.jsonl")]
     Collect(CollectArgs),
     /// Mean ranks, Top-1, Top-2, intervals, tests.
+    #[command(after_help = "Example:\n  harmony study analyse answers.jsonl --private study.private --out analysis")]
     Analyse(AnalyseArgs),
     /// A log of made-up people with known preferences: how wide would the intervals be?
+    #[command(after_help = "\
+Example:
+  harmony study simulate --private study.private --log made_up.jsonl --strengths 1,0")]
     Simulate(SimulateArgs),
 }
 

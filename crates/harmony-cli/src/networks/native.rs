@@ -20,41 +20,69 @@ use harmony_roles::{
     DetectRequest, Detections, Detector, GeometryAnswer, GeometryEstimator, GeometryRequest, PlayerCard, Role,
     RoleError, SegmentRequest, SegmentedMask, Segmenter,
 };
-use tokio::sync::OnceCell;
+use tokio::sync::Mutex;
 
-use super::{Ask, Weights, not_set_up};
+use super::{Ask, Weights, memory, not_set_up};
 use crate::cast::Known;
 use crate::config::networks::Device;
 
 type Loaded<T> = (Arc<T>, String);
-type Load<T> = dyn Fn() -> Result<Loaded<T>, String> + Send + Sync;
+type Load<T> = dyn Fn() -> Result<Loaded<T>, RoleError> + Send + Sync;
 
 /// A player whose network is loaded once it is needed. Its card does not tell the device: answers hold wherever they
 /// were computed.
 struct Lazy<T: ?Sized> {
     card: PlayerCard,
     load: Arc<Load<T>>,
-    loaded: OnceCell<Loaded<T>>,
+    loaded: Mutex<Option<Loaded<T>>>,
 }
 
 impl<T: ?Sized + Send + Sync + 'static> Lazy<T> {
     fn new(player: &str, weights: &Weights, load: Arc<Load<T>>) -> Arc<Self> {
         let model = format!("{} {}", weights.name, weights.version).trim_end().to_owned();
         let card = PlayerCard { player: player.to_owned(), model, offline: true, concurrency: 1 };
-        Arc::new(Self { card, load, loaded: OnceCell::new() })
+        Arc::new(Self { card, load, loaded: Mutex::default() })
     }
 
-    async fn get(&self) -> Result<&Loaded<T>, RoleError> {
-        let load = || async {
-            let load = Arc::clone(&self.load);
-            let loaded = tokio::task::spawn_blocking(move || load()).await;
-            let hint = "`harmony models verify` checks the weights; `device` chooses between cpu and cuda";
-            loaded
-                .unwrap_or_else(|error| Err(format!("loading broke off: {error}")))
-                .map_err(|reason| not_set_up(&self.card.player, reason, hint))
-        };
-        self.loaded.get_or_try_init(load).await
+    async fn get(&self) -> Result<Loaded<T>, RoleError> {
+        let mut loaded = self.loaded.lock().await;
+        if let Some(loaded) = &*loaded {
+            return Ok(loaded.clone());
+        }
+        let load = Arc::clone(&self.load);
+        let outcome = tokio::task::spawn_blocking(move || load()).await;
+        let broken = |error| Err(not_set_up(&self.card.player, format!("loading broke off: {error}"), WEIGHTS_HINT));
+        Ok(loaded.insert(outcome.unwrap_or_else(broken)?).clone())
     }
+
+    /// Gives the memory back; whoever asks again waits for the network to be loaded again.
+    async fn let_go(&self) {
+        *self.loaded.lock().await = None;
+    }
+}
+
+/// What to do about a network that cannot be loaded.
+const WEIGHTS_HINT: &str = "`harmony models verify` checks the weights; `device` chooses between cpu and cuda";
+
+/// How a network is loaded: after a look at the memory, its errors being only words.
+fn loading<T: ?Sized, E: std::fmt::Display>(
+    player: &'static str,
+    memory: impl Fn() -> Result<(), RoleError> + Send + Sync + 'static,
+    load: impl Fn() -> Result<Loaded<T>, E> + Send + Sync + 'static,
+) -> Arc<Load<T>> {
+    Arc::new(move || {
+        memory()?;
+        load().map_err(|error| not_set_up(player, error.to_string(), WEIGHTS_HINT))
+    })
+}
+
+/// Whether a network with this setting runs on the processor.
+fn on_cpu(device: Device) -> bool {
+    #[cfg(feature = "cuda")]
+    let gpu = device == Device::Cuda || device == Device::Auto && harmony_nets::cuda::check().is_ok();
+    #[cfg(not(feature = "cuda"))]
+    let gpu = device == Device::Cuda;
+    !gpu
 }
 
 #[async_trait]
@@ -74,7 +102,10 @@ impl GeometryEstimator for Lazy<dyn GeometryEstimator> {
     }
 
     async fn estimate(&self, request: &GeometryRequest) -> Result<GeometryAnswer, RoleError> {
-        self.get().await?.0.estimate(request).await
+        let answer = self.get().await?.0.estimate(request).await;
+        // The largest network is asked once in a run, before all others.
+        self.let_go().await;
+        answer
     }
 }
 
@@ -112,10 +143,14 @@ pub(super) fn play(cast: &mut Cast, ask: &Ask<'_>, weights: &Weights, known: &mu
     }
     let name = weights.name.clone();
     let path = weights.path.clone();
+    let memory = {
+        let (role, name, path) = (ask.role, name.clone(), path.clone());
+        move || if on_cpu(device) { memory::check(role, &name, &path) } else { Ok(()) }
+    };
     let check: Arc<dyn Check> = match ask.role {
         Role::GeometryEstimator => {
-            let load = move || load_vggt(&path, device).map_err(|e| e.to_string());
-            let player = Lazy::<dyn GeometryEstimator>::new("vggt", weights, Arc::new(load));
+            let load = loading("vggt", memory, move || load_vggt(&path, device));
+            let player = Lazy::<dyn GeometryEstimator>::new("vggt", weights, load);
             cast.geometry_estimator = player.clone();
             player
         }
@@ -124,16 +159,16 @@ pub(super) fn play(cast: &mut Cast, ask: &Ask<'_>, weights: &Weights, known: &mu
                 let hint = "set `model` in [players.segmenter] to sam2.1-large, -base-plus, -small or -tiny";
                 not_set_up("sam2", format!("of which size are these weights: {}", path.display()), hint)
             })?;
-            let load = move || load_sam2(&path, size, device).map_err(|e| e.to_string());
-            let player = Lazy::<dyn Segmenter>::new("sam2", weights, Arc::new(load));
+            let load = loading("sam2", memory, move || load_sam2(&path, size, device));
+            let player = Lazy::<dyn Segmenter>::new("sam2", weights, load);
             cast.segmenter = player.clone();
             player
         }
         _ => {
             let large = weights.name.contains("large") || weights.version.contains("large");
             let size = if large { Owlv2Size::Large } else { Owlv2Size::Base };
-            let load = move || load_owlv2(&path, size, device).map_err(|e| e.to_string());
-            let player = Lazy::<dyn Detector>::new("owlv2", weights, Arc::new(load));
+            let load = loading("owlv2", memory, move || load_owlv2(&path, size, device));
+            let player = Lazy::<dyn Detector>::new("owlv2", weights, load);
             cast.detector = player.clone();
             player
         }
@@ -238,5 +273,61 @@ pub(super) fn layout(model: &Model, folder: &Path) -> Result<(), String> {
         "lpips-vgg" => net(Lpips::open(&file(0), &file(1), LpipsNet::Vgg, backend).map(drop)),
         id if id.starts_with("clip") => net(ClipImageEncoder::open(&file(0), backend).map(drop)),
         id => Err(format!("no network reads {id}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+
+    /// Counts how many of its kind there are.
+    struct Counted(Arc<AtomicUsize>);
+
+    impl Drop for Counted {
+        fn drop(&mut self) {
+            self.0.fetch_sub(1, Ordering::SeqCst);
+        }
+    }
+
+    #[async_trait]
+    impl GeometryEstimator for Counted {
+        fn card(&self) -> PlayerCard {
+            PlayerCard { player: "counted".into(), model: String::new(), offline: true, concurrency: 1 }
+        }
+
+        async fn estimate(&self, _: &GeometryRequest) -> Result<GeometryAnswer, RoleError> {
+            assert_eq!(self.0.load(Ordering::SeqCst), 1, "it is there while it works");
+            Err(not_set_up("counted", "it knows nothing", ""))
+        }
+    }
+
+    #[tokio::test]
+    async fn the_geometry_network_lets_its_memory_go_and_is_loaded_again_when_asked_again() {
+        let (alive, loads) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
+        let load = {
+            let (alive, loads) = (Arc::clone(&alive), Arc::clone(&loads));
+            move || {
+                alive.fetch_add(1, Ordering::SeqCst);
+                loads.fetch_add(1, Ordering::SeqCst);
+                Ok((Arc::new(Counted(Arc::clone(&alive))) as Arc<dyn GeometryEstimator>, "here".to_owned()))
+            }
+        };
+        let weights = Weights { name: "w".into(), path: "w".into(), version: String::new() };
+        let player = Lazy::<dyn GeometryEstimator>::new("counted", &weights, Arc::new(load));
+        player.check(false).await.unwrap();
+        player.check(false).await.unwrap();
+        assert_eq!(
+            (alive.load(Ordering::SeqCst), loads.load(Ordering::SeqCst)),
+            (1, 1),
+            "looked at twice, loaded once"
+        );
+        let request =
+            GeometryRequest { name: "g".into(), image: Arc::new(image::RgbImage::new(2, 2)), exif_focal_px: None };
+        for asked in 1..=2 {
+            assert!(player.estimate(&request).await.is_err());
+            assert_eq!((alive.load(Ordering::SeqCst), loads.load(Ordering::SeqCst)), (0, asked));
+        }
     }
 }

@@ -79,3 +79,20 @@ fn what_is_said_to_be_tried_does_what_it_says() {
     assert!(ran >= 7, "{ran}");
     assert!(folder.path().join("run/report.html").is_file() && folder.path().join("harmony.toml").is_file());
 }
+
+#[test]
+fn the_page_shows_ten_faults_each_with_a_picture_that_is_there() {
+    let page = page();
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs");
+    let pictures = |text: &str| -> Vec<String> {
+        text.split("![](").skip(1).filter_map(|rest| Some(rest.split_once(')')?.0.to_owned())).collect()
+    };
+    for picture in pictures(&page) {
+        let size = image::image_dimensions(docs.join(&picture)).unwrap_or_else(|error| panic!("{picture}: {error}"));
+        assert!(size.0 <= 800, "{picture}: pictures of this page are small");
+    }
+    let (_, wrong) = page.split_once("## When it looks wrong").unwrap();
+    let rows = wrong.lines().filter(|line| line.starts_with("| ![]"));
+    assert_eq!(rows.clone().count(), 10);
+    assert!(rows.clone().all(|row| row.matches(" | ").count() == 3), "picture, fault, cause, what to do");
+}

@@ -10,4 +10,5 @@ mod killed;
 mod networks;
 mod photos;
 mod replay;
+mod said_errors;
 mod spending;

@@ -12,6 +12,7 @@ use cudarc::driver::sys::{self, CUdevice_attribute_enum as A};
 use cudarc::nvrtc;
 use rayon::prelude::*;
 
+use super::presence::{self, absent, first, words};
 use super::product::Products;
 use super::profile::Profile;
 use crate::NetError;
@@ -171,35 +172,9 @@ impl fmt::Debug for Device {
     }
 }
 
-fn absent(reason: impl Into<String>) -> NetError {
-    NetError::Device { device: "cuda".into(), reason: reason.into() }
-}
-
-fn first(e: DriverError) -> NetError {
-    absent(format!("the driver says: {}", words(e)))
-}
-
-fn words(e: DriverError) -> String {
-    e.error_string().map_or_else(|_| format!("{:?}", e.0), |s| s.to_string_lossy().into_owned())
-}
-
 impl Device {
     pub(super) fn open(ordinal: i32) -> Result<Arc<Self>, NetError> {
-        // SAFETY: looking for a library runs its initialisers only, which the vendor's libraries are made for.
-        let (has_driver, has_compiler, has_products) = unsafe {
-            let driver = sys::is_culib_present();
-            (driver, driver && nvrtc::sys::is_culib_present(), driver && cudarc::cublaslt::sys::is_culib_present())
-        };
-        if !has_driver {
-            return Err(absent("no NVIDIA driver on this machine (libcuda was not found)"));
-        }
-        for (there, library) in [(has_compiler, "libnvrtc"), (has_products, "libcublasLt")] {
-            if !there {
-                let hint = "it comes with the CUDA toolkit and with PyTorch; name its folder in LD_LIBRARY_PATH";
-                return Err(absent(format!("{library} was not found ({hint})")));
-            }
-        }
-        driver::init().map_err(first)?;
+        presence::check()?;
         let count = driver::device::get_count().map_err(first)?;
         if ordinal < 0 || ordinal >= count {
             return Err(absent(format!("no GPU number {ordinal}; the driver sees {count}")));

@@ -10,6 +10,7 @@
 #![expect(unsafe_code, reason = "the driver's interface")]
 
 mod device;
+mod presence;
 mod product;
 mod profile;
 mod record;
@@ -26,6 +27,7 @@ use device::{Args, Buffer, Device, Source, lock};
 use product::{Epilogue, Operands, Shape};
 use record::Recording;
 
+pub use presence::check;
 pub use profile::Launches;
 
 /// Bytes of gathered windows at a time in a convolution.

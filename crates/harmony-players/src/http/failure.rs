@@ -31,9 +31,10 @@ const DECLINED: [&str; 6] = [
     "responsible_ai_policy_violation",
 ];
 
-/// Words of services that say with status 403 what others say with 402.
-const SPENT_WORDS: [&str; 6] = [
+/// Words of services that say with status 400 or 403 what others say with 402.
+const SPENT_WORDS: [&str; 7] = [
     "exhausted balance",
+    "credit balance is too low",
     "reason: top_up",
     "more credits",
     "insufficient credit",
@@ -42,7 +43,11 @@ const SPENT_WORDS: [&str; 6] = [
 ];
 
 /// Words of a service that is not offered where its user is.
-const REGION_WORDS: [&str; 4] = ["your region", "your country", "country, region", "unsupported_country"];
+const REGION_WORDS: [&str; 5] =
+    ["your region", "your country", "country, region", "unsupported_country", "location is not supported"];
+
+/// Words for a key that is none, of a service that says so with status 400 (Gemini).
+const KEY_WORDS: [&str; 2] = ["api key not valid", "api key expired"];
 
 /// What a failed answer says, read from the many forms that services have.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -86,7 +91,7 @@ fn words(value: &Value) -> String {
 /// |---|---|---|
 /// | 3xx | a redirect: never followed, the key might travel | `NotSetUp` |
 /// | 400, 422 and others of 4xx | the request is not understood | `NotSetUp`; `Refused` for reasons of policy |
-/// | 401, 403 | the key is not accepted, the account is used up, the region is blocked | `NotSetUp` |
+/// | 401, 403, and 400 in words for it | the key is not accepted, the account is used up, the region is blocked | `NotSetUp` |
 /// | 402 and some 429 | the account is used up | `NotSetUp` |
 /// | 404 | no such model or path | `NotSetUp` |
 /// | 413 | too large | `NotCapable` |
@@ -131,13 +136,14 @@ pub fn failure(player: &str, answer: &HttpAnswer, remedy: &str) -> RoleError {
             status: Some(status),
             retry_after: retry_after(answer, &body),
         },
-        401 | 403 if said_any(&SPENT_WORDS) => {
+        400 | 401 | 403 if said_any(&SPENT_WORDS) => {
             not_set_up(format!("the account is used up (status {status}): {said}"), "top up the account")
         }
-        401 | 403 if said_any(&REGION_WORDS) || has(&REGION_WORDS) => not_set_up(
+        400 | 401 | 403 if said_any(&REGION_WORDS) || has(&REGION_WORDS) => not_set_up(
             format!("it is not offered where you are (status {status}): {said}"),
             "take a service that is offered in your country; another key does not help",
         ),
+        400 if said_any(&KEY_WORDS) => not_set_up(format!("it did not accept the key (status 400): {said}"), ""),
         401 | 403 => not_set_up(format!("it did not accept the key (status {status}): {said}"), ""),
         404 => not_set_up(format!("no such model or address (status 404): {said}"), ""),
         413 => RoleError::NotCapable { player, reason: format!("the request is too large (status 413): {said}") },
@@ -238,6 +244,16 @@ mod tests {
         let (said, todo) = hint(&json!({"error": {"code": "unsupported_country_region_territory",
             "message": "Country, region, or territory not supported"}}));
         assert!(said.contains("where you are") && todo.contains("another key does not help"), "{said} {todo}");
+        // Gemini and Anthropic say these things with status 400.
+        for (text, what) in [
+            ("API key not valid. Please pass a valid API key.", "did not accept the key"),
+            ("User location is not supported for the API use.", "not offered where you are"),
+            ("Your credit balance is too low to access the Anthropic API.", "account is used up"),
+            ("messages: at least one message is required", "did not accept the request"),
+        ] {
+            let said = error(400, &json!({"error": {"code": 400, "message": text}})).to_string();
+            assert!(said.contains(what), "{said}");
+        }
         let (said, todo) = hint(&json!({"detail": "Invalid key"}));
         assert!(said.contains("did not accept the key") && todo == "do this", "{said} {todo}");
         let policy =

@@ -55,6 +55,9 @@ const MOST_FAILED: u32 = 2;
 /// Times that one task's file may turn out to be of no use; then another start may make another task.
 const MOST_UNUSABLE: u32 = 3;
 
+/// What helps when a mesh cannot be fetched any more.
+const AGAIN: &str = "`harmony reconstruct` with `--from` this phase makes another task, which is paid anew";
+
 /// Which service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Host {
@@ -410,11 +413,13 @@ impl HostedPlayer {
             }
             tasks.failed(&asked.key).map_err(|error| self.note_failed(error))?;
             if !earlier {
-                return Err(self.not_capable("the link to its file has ended, and there is no other"));
+                return Err(
+                    self.not_capable(&format!("the link to its file has ended, and there is no other; {AGAIN}"))
+                );
             }
             notes.push(format!("task {id} of an earlier try is gone at the service, with its file; another was made"));
         }
-        Err(self.not_capable("the links to its files have ended"))
+        Err(self.not_capable(&format!("the links to its files have ended; {AGAIN}")))
     }
 }
 
