@@ -5,6 +5,7 @@
 pub mod ablate;
 pub mod compare;
 pub mod generate;
+pub mod homes;
 pub mod metrics;
 pub mod oracle;
 pub mod overrides;

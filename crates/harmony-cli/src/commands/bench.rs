@@ -45,6 +45,8 @@ enum Command {
     Ablate(AblateArgs),
     /// Two results side by side: every figure, every room, the objects that got worse.
     Compare(CompareArgs),
+    /// Make homes of 2 to 5 rooms with known truth, reconstruct their rooms, build them, and judge the result.
+    Home(super::bench_home::Args),
 }
 
 /// Arguments of `bench run`; `bench ablate` has them, too.
@@ -183,6 +185,7 @@ pub fn run(args: Args) -> Result<u8> {
         Command::Score(args) => judge(&args),
         Command::Views(args) => views(&args),
         Command::Ablate(args) => variants(&args),
+        Command::Home(args) => super::bench_home::run(&args),
         Command::Compare(args) => {
             let result = |path: &Path| {
                 let path = if path.is_dir() { path.join("scores.json") } else { path.to_owned() };
@@ -196,7 +199,7 @@ pub fn run(args: Args) -> Result<u8> {
     }
 }
 
-fn runtime() -> Result<tokio::runtime::Runtime> {
+pub(super) fn runtime() -> Result<tokio::runtime::Runtime> {
     let mut builder = tokio::runtime::Builder::new_multi_thread();
     builder.enable_all().thread_stack_size(STACK).build().context("starting")
 }
@@ -337,7 +340,7 @@ fn judge(args: &ScoreArgs) -> Result<u8> {
 }
 
 /// This program's own players; with the path tracer only when lit pictures are wanted.
-fn players(lit: bool) -> Cast {
+pub(super) fn players(lit: bool) -> Cast {
     if lit { harmony_players::offline_cast() } else { harmony_players::flat_cast() }
 }
 
