@@ -13,7 +13,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 use harmony_export::World;
 use harmony_export::world::Item;
-use harmony_scene::{Camera, Extents, Level, Room, SceneCamera, Support, Wall, WallAffinity};
+use harmony_scene::{Camera, Extents, Level, ObjectId, Relations, Room, SceneCamera, Support, Wall, WallAffinity};
 use serde::{Deserialize, Serialize};
 
 use crate::HomeError;
@@ -27,6 +27,8 @@ const NEAR_M: f64 = 0.3;
 const ROOM_M: [f64; 2] = [1.2, 40.0];
 /// Heights of them, metres.
 const HEIGHT_M: [f64; 2] = [1.9, 10.0];
+/// Things that face or stand before one another belong together when they are this near, metres.
+const BESIDE_M: f64 = 0.8;
 /// Things lower than this are in nobody's way, metres.
 const FLAT_M: f64 = 0.05;
 /// Units that share less than this do not collide, metres.
@@ -90,7 +92,7 @@ fn units(items: &[Item]) -> Vec<Unit> {
         let (from, to) = (group[a].max(group[b]), group[a].min(group[b]));
         group.iter_mut().filter(|g| **g == from).for_each(|g| *g = to);
     };
-    let find = |id: &harmony_scene::ObjectId| items.iter().position(|i| i.object.id == *id);
+    let find = |id: &ObjectId| items.iter().position(|i| i.object.id == *id);
     for (k, item) in items.iter().enumerate() {
         let o = &item.object;
         if let Support::Object { id } = &o.support
@@ -99,13 +101,21 @@ fn units(items: &[Item]) -> Vec<Unit> {
             join(&mut group, k, host);
         }
         for (j, other) in items.iter().enumerate().take(k) {
-            let same = |a: &Option<String>, b: &Option<String>| a.is_some() && a == b;
-            let grouped = o.level != Level::Wall
-                && other.object.level != Level::Wall
-                && same(&o.relations.group, &other.object.relations.group)
-                // Groups that stand at two walls stay two units.
-                && (wall_of(item) == wall_of(other) || wall_of(item).is_none() || wall_of(other).is_none());
-            if grouped {
+            let p = &other.object;
+            if o.level == Level::Wall || p.level == Level::Wall {
+                continue;
+            }
+            // What stands at two walls stays two units.
+            let compatible = wall_of(item) == wall_of(other) || wall_of(item).is_none() || wall_of(other).is_none();
+            let same_group = o.relations.group.is_some() && o.relations.group == p.relations.group;
+            let names = |a: &Relations, id: &ObjectId| {
+                [&a.facing_toward, &a.in_front_of, &a.behind].into_iter().any(|r| r.as_ref() == Some(id))
+            };
+            let related = names(&o.relations, &p.id) || names(&p.relations, &o.id);
+            let near = reaches[k].0.grown(BESIDE_M).meet(&reaches[j].0).is_some();
+            let solid = reaches[k].1[1] > FLAT_M && reaches[j].1[1] > FLAT_M;
+            let tucked = solid && reaches[k].0.meet(&reaches[j].0).is_some();
+            if compatible && (same_group || (related && near) || tucked) {
                 join(&mut group, k, j);
             }
         }

@@ -15,6 +15,11 @@ fn group(mut item: harmony_export::world::Item, name: &str) -> harmony_export::w
     item
 }
 
+fn facing(mut item: harmony_export::world::Item, id: &str) -> harmony_export::world::Item {
+    item.object.relations.facing_toward = Some(ObjectId::new(id).unwrap());
+    item
+}
+
 /// A sofa at the left wall with a picture above it, a cabinet in the back right corner with a vase, a table with two
 /// chairs in the middle, a window in the back wall.
 fn room() -> World {
@@ -35,7 +40,7 @@ fn room() -> World {
         on(thing("vase_01", "vase", [0.1, 0.3, 0.1], [3.6, 1.0, 0.25], 0.0), "cabinet_01"),
         group(thing("table_01", "table", [1.0, 0.75, 0.8], [2.4, 0.0, 2.6], 0.0), "dining"),
         group(thing("chair_01", "chair", [0.4, 0.9, 0.4], [2.4, 0.0, 3.3], std::f64::consts::PI), "dining"),
-        group(thing("chair_02", "chair", [0.4, 0.9, 0.4], [2.4, 0.0, 1.9], 0.0), "dining"),
+        facing(thing("chair_02", "chair", [0.4, 0.9, 0.4], [2.4, 0.0, 1.9], 0.0), "table_01"),
     ];
     let seen = Surface::ALL.into_iter().filter(|s| *s != Surface::Front).collect();
     world(FROM, seen, vec![window], items)
