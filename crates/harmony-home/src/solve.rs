@@ -1,4 +1,4 @@
-//! All rooms of a home together: where each is, how large it is, and what of it yields to the others.
+//! All rooms of a home together: where each is, how large it is, and what of it yields to the others. Key `home.layout`.
 //!
 //! # Idea
 //! A photographed room has a similarity into the home ([`Place`]): it moves room, objects and camera together and leaves the

@@ -20,7 +20,9 @@ fn floor_plans_are_layouts_whose_rooms_are_all_joined_and_whose_doors_are_the_sa
             for door in 0..layout.doors.len() {
                 let rooms: Vec<usize> = layout.sides(door).unwrap().iter().map(|s| s.room).collect();
                 if rooms.iter().any(|r| reached[*r]) {
-                    rooms.iter().for_each(|r| reached[*r] = true);
+                    for room in rooms {
+                        reached[room] = true;
+                    }
                 }
             }
         }
