@@ -6,6 +6,7 @@ pub mod ablate;
 pub mod compare;
 pub mod fit;
 pub mod generate;
+pub mod homes;
 pub mod metrics;
 pub mod oracle;
 pub mod overrides;

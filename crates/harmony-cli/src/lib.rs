@@ -96,6 +96,8 @@ enum Command {
     Record(commands::record::Args),
     /// Weights of the networks inside this program: what there is, fetch, check.
     Models(commands::models::Args),
+    /// Put reconstructed rooms into one home, or one room into another size.
+    Home(commands::home::Args),
     /// Measure the program on rooms with known truth.
     Bench(commands::bench::Args),
     /// Judge finished runs on photos without truth, beside what other programs made.
@@ -145,6 +147,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Model(args) => commands::model::run(&args),
         Command::Record(args) => commands::record::run(&args),
         Command::Models(args) => commands::models::run(&args),
+        Command::Home(args) => commands::home::run(&args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Eval(args) => commands::eval::run(&args),
         Command::Study(args) => commands::study::run(args),

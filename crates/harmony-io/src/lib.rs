@@ -23,8 +23,8 @@ pub mod points;
 
 pub use atomic::{FileError, read_bounded, read_json, write_atomic, write_durable, write_json};
 pub use glb::{
-    GlbError, GlbNode, GlbScene, LoadedGlb, LoadedNode, NodeTransform, ReadLimits, TextureEncoding, glb_bytes,
-    load_glb, load_mesh_glb, punctual_intensity, read_glb, write_glb, write_mesh_glb,
+    GlbError, GlbNode, GlbScene, LoadedGlb, LoadedNode, NodeGroup, NodeTransform, ReadLimits, TextureEncoding,
+    glb_bytes, glb_bytes_grouped, load_glb, load_mesh_glb, punctual_intensity, read_glb, write_glb, write_mesh_glb,
 };
 pub use masks::{
     LoadedMask, LoadedMasks, MaskError, Segment, SegmentEntry, SegmentationFile, index_color, load_mask, load_masks,

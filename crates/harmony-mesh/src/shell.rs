@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec2};
-use harmony_scene::{Extents, Room, RoomFace, Surface, WallPlane, clipped};
+use harmony_scene::{Extents, OpeningKind, Room, RoomFace, Surface, WallPlane, clipped};
 use image::RgbaImage;
 
 pub use trim::{Trim, Trims};
@@ -20,6 +20,8 @@ pub struct ShellOptions {
     pub omit: Vec<Surface>,
     /// Depth of the jambs around openings, outward, metres.
     pub reveal: f64,
+    /// The same of doors, where it is another: half a wall's thickness where the room behind has the other half.
+    pub door_reveal: Option<f64>,
     /// Linear colour of faces without a texture.
     pub plain: [f32; 3],
     /// Skirting, cornice and casings, with groups and materials of their own after those of the faces.
@@ -28,7 +30,7 @@ pub struct ShellOptions {
 
 impl Default for ShellOptions {
     fn default() -> Self {
-        Self { omit: Vec::new(), reveal: 0.1, plain: [0.6, 0.58, 0.55], trims: Trims::default() }
+        Self { omit: Vec::new(), reveal: 0.1, door_reveal: None, plain: [0.6, 0.58, 0.55], trims: Trims::default() }
     }
 }
 
@@ -71,8 +73,9 @@ pub fn room_shell_with(
             let holes = holes(room, face);
             sheet.face(face, &holes);
         }
-        for (plane, hole) in all_holes(room, surface) {
-            sheet.reveals(plane, &hole, options.reveal);
+        for (plane, hole, kind) in all_holes(room, surface) {
+            let depth = options.door_reveal.filter(|_| kind == OpeningKind::Door).unwrap_or(options.reveal);
+            sheet.reveals(plane, &hole, depth);
         }
         let triangles = sheet.triangles;
         mesh.groups.push(Group { material: mesh.materials.len(), triangles });
@@ -114,16 +117,16 @@ impl Rect {
 const SAME_PLANE: f64 = 0.01;
 
 /// The openings of a wall with their planes, cut to the wall; those without area are left out.
-fn all_holes(room: &Room, surface: Surface) -> Vec<(WallPlane, Rect)> {
+fn all_holes(room: &Room, surface: Surface) -> Vec<(WallPlane, Rect, OpeningKind)> {
     let size = surface.size(&room.extents);
     let holes = room.openings.iter().filter(|o| o.wall.surface() == surface).map(|o| {
         let rect = Rect { min: DVec2::new(o.u[0], o.y[0]), max: DVec2::new(o.u[1], o.y[1]) };
-        (WallPlane { wall: o.wall, inset: o.inset }, rect)
+        (WallPlane { wall: o.wall, inset: o.inset }, rect, o.kind)
     });
     holes
-        .filter(|(_, r)| r.min.is_finite() && r.max.is_finite())
-        .map(|(plane, r)| (plane, Rect { min: r.min.max(DVec2::ZERO), max: r.max.min(size) }))
-        .filter(|(_, r)| (r.max - r.min).min_element() > 1e-6)
+        .filter(|(_, r, _)| r.min.is_finite() && r.max.is_finite())
+        .map(|(plane, r, kind)| (plane, Rect { min: r.min.max(DVec2::ZERO), max: r.max.min(size) }, kind))
+        .filter(|(_, r, _)| (r.max - r.min).min_element() > 1e-6)
         .collect()
 }
 
@@ -131,7 +134,7 @@ fn all_holes(room: &Room, surface: Surface) -> Vec<(WallPlane, Rect)> {
 fn holes(room: &Room, face: &RoomFace) -> Vec<Rect> {
     let Some(plane) = face.plane(&room.extents) else { return Vec::new() };
     let own = |p: &WallPlane| p.wall == plane.wall && (p.inset - plane.inset).abs() < SAME_PLANE;
-    all_holes(room, plane.wall.surface()).into_iter().filter(|(p, _)| own(p)).map(|(_, r)| r).collect()
+    all_holes(room, plane.wall.surface()).into_iter().filter(|(p, ..)| own(p)).map(|(_, r, _)| r).collect()
 }
 
 /// The faces of one surface while their triangles are made.

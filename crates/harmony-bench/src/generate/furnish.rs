@@ -16,10 +16,17 @@ impl Decorator<'_> {
     /// Windows with curtains and radiators, and doors.
     pub(super) fn openings(&mut self, kind: RoomKind) {
         let e = self.plan.extents;
+        let fixed = self.fixed;
+        for door in fixed.iter().flat_map(|f| &f.doors) {
+            let piece = self.make(|d, p| pieces::door(d, p, door.width as f32, door.height as f32));
+            self.hang_door(&piece, door.wall, door.u, door.height);
+        }
+        let walls = fixed.map_or(IN_VIEW.to_vec(), |f| f.outside.clone());
         let windows = if kind == RoomKind::Bathroom { self.dice.int(0, 1) } else { self.dice.int(1, 2) };
+        let windows = if walls.is_empty() { 0 } else { windows };
         let hanging = self.dice.chance(0.5);
         for _ in 0..windows {
-            let wall = self.dice.pick(&IN_VIEW);
+            let wall = self.dice.pick(&walls);
             let length = wall.length(&e);
             let w = self.dice.f(0.8, 1.9).min(length as f32 * 0.5);
             let tall = self.dice.chance(0.15);
@@ -54,22 +61,29 @@ impl Decorator<'_> {
                 self.plan.on_wall(&piece, wall, [u, 0.12 + piece.size.y / 2.0], 0.015);
             }
         }
-        if self.dice.chance(0.65) {
+        if fixed.is_none() && self.dice.chance(0.65) {
             let (w, h) = (self.dice.f(0.82, 0.95), self.dice.f(2.0, 2.1).min(e.height as f32 - 0.1));
             let door = self.make(|d, p| pieces::door(d, p, w, h));
             let wall = self.dice.pick(&[Wall::Left, Wall::Right, Wall::Back]);
             let half = door.size.x / 2.0 + 0.05;
             for _ in 0..6 {
                 let u = self.dice.range(half, wall.length(&e) - half);
-                if let Some(item) = self.plan.on_wall(&door, wall, [u, door.size.y / 2.0], 0.002) {
-                    let uv = [u - door.size.x / 2.0, u + door.size.x / 2.0];
-                    self.plan.holes.push(Hole { door: true, wall, u: uv, y: [0.0, f64::from(h)], item });
-                    let (a, b) = (wall.point(&e, uv[0], 0.0), wall.point(&e, uv[1], 2.0));
-                    self.plan.reserve(a, b + wall.normal() * 0.75);
+                if self.hang_door(&door, wall, u, f64::from(h)) {
                     break;
                 }
             }
         }
+    }
+
+    /// A door in a wall with free floor before it; whether there was room for it.
+    fn hang_door(&mut self, door: &Arc<Piece>, wall: Wall, u: f64, height: f64) -> bool {
+        let Some(item) = self.plan.on_wall(door, wall, [u, door.size.y / 2.0], 0.002) else { return false };
+        let uv = [u - door.size.x / 2.0, u + door.size.x / 2.0];
+        self.plan.holes.push(Hole { door: true, wall, u: uv, y: [0.0, height], item });
+        let e = self.plan.extents;
+        let (a, b) = (wall.point(&e, uv[0], 0.0), wall.point(&e, uv[1], 2.0));
+        self.plan.reserve(a, b + wall.normal() * 0.75);
+        true
     }
 
     /// Pictures, lamps, plants: what any room has.

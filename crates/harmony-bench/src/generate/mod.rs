@@ -68,6 +68,32 @@ pub struct GeneratorSettings {
     pub jpeg_quality: u8,
     /// Whether the room is shown from two other places, too.
     pub views: bool,
+    /// What a home around the room asks of it.
+    pub fixed: Option<FixedRoom>,
+}
+
+/// A room whose size and doors are given, because it is one of a home.
+#[derive(Debug, Clone)]
+pub struct FixedRoom {
+    /// Its size.
+    pub extents: Extents,
+    /// Its doors; every one is there, and the photo shows as many as it can.
+    pub doors: Vec<FixedDoor>,
+    /// Walls that may have windows: those with nothing behind them.
+    pub outside: Vec<Wall>,
+}
+
+/// A door whose place is given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FixedDoor {
+    /// In which wall.
+    pub wall: Wall,
+    /// Its middle along the wall, metres.
+    pub u: f64,
+    /// Its width with its frame, metres.
+    pub width: f64,
+    /// Its height with its frame, metres.
+    pub height: f64,
 }
 
 impl Default for GeneratorSettings {
@@ -82,6 +108,7 @@ impl Default for GeneratorSettings {
             shell_points: 20_000,
             jpeg_quality: 92,
             views: true,
+            fixed: None,
         }
     }
 }
@@ -214,9 +241,14 @@ pub fn generate(seed: u64, settings: &GeneratorSettings) -> GeneratedRoom {
     let mut best: Option<(usize, Draft)> = None;
     for attempt in 0..ATTEMPTS {
         let Some(draft) = Draft::new(&mut Dice::new(seed, attempt), settings) else { continue };
-        let enough = draft.view.seen >= settings.min_seen && draft.plan.items.len() >= settings.min_objects;
-        if enough || best.as_ref().is_none_or(|(seen, _)| draft.view.seen > *seen) {
-            best = Some((draft.view.seen, draft));
+        let doors = settings.fixed.as_ref().map_or(0, |f| f.doors.iter().filter(|d| d.wall != Wall::Front).count());
+        let enough = draft.view.seen >= settings.min_seen
+            && draft.plan.items.len() >= settings.min_objects
+            && draft.view.doors >= doors;
+        // A door in view is worth more than any furniture.
+        let worth = draft.view.seen + if doors > 0 { 100 * draft.view.doors } else { 0 };
+        if enough || best.as_ref().is_none_or(|(most, _)| worth > *most) {
+            best = Some((worth, draft));
         }
         if enough {
             break;
@@ -250,17 +282,24 @@ impl Draft {
         let wide = dice.chance(0.12) && high > 4.0;
         let extents =
             if wide { Extents { width: high, depth: round(dice.range(3.0, 3.4)), ..extents } } else { extents };
+        let fixed = settings.fixed.as_ref();
+        let extents = fixed.map_or(extents, |f| f.extents);
         let palette = Palette::new(dice);
-        let mut decorator = Decorator { dice, palette: &palette, plan: Plan::new(extents) };
+        let mut decorator = Decorator { dice, palette: &palette, plan: Plan::new(extents), fixed };
         decorator.furnish(kind);
         let mut plan = decorator.plan;
         drop_cutting(&mut plan, settings.max_objects);
+        let doors = plan.holes.iter().filter(|h| h.door).count();
+        if fixed.is_some_and(|f| doors < f.doors.len()) {
+            return None;
+        }
         Self::photographed(dice, settings, kind, palette, plan)
     }
 
     /// A room without furniture, should nothing else come out.
     fn empty(dice: &mut Dice, settings: &GeneratorSettings) -> Self {
-        let extents = Extents { width: 4.0, height: 2.6, depth: 4.5 };
+        let usual = Extents { width: 4.0, height: 2.6, depth: 4.5 };
+        let extents = settings.fixed.as_ref().map_or(usual, |f| f.extents);
         let palette = Palette::new(dice);
         Self::photographed(dice, settings, RoomKind::LivingRoom, palette, Plan::new(extents))
             .expect("nothing is in the way of a camera in an empty room")
@@ -276,7 +315,7 @@ impl Draft {
         let shell = shell::shell(dice, &palette, &plan, kind == RoomKind::Bathroom);
         let usual = if dice.chance(0.25) { ImageSize::new(1024, 683) } else { ImageSize::new(960, 720) };
         let size = settings.image.unwrap_or(usual);
-        let view = view::choose(dice, &plan, size, &view::instances(&shell, &plan))?;
+        let view = view::choose(dice, &plan, size, &view::instances(&shell, &plan), settings.fixed.is_some())?;
         Some(Self { kind, palette, plan, shell, view, dice: dice.clone() })
     }
 

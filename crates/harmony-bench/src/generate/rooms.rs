@@ -57,6 +57,8 @@ pub(super) struct Decorator<'a> {
     pub(super) dice: &'a mut Dice,
     pub(super) palette: &'a Palette,
     pub(super) plan: Plan,
+    /// What the home around it asks of the room.
+    pub(super) fixed: Option<&'a super::FixedRoom>,
 }
 
 impl Decorator<'_> {

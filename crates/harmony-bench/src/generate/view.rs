@@ -23,16 +23,26 @@ pub(super) struct View {
     pub(super) pitch: f64,
     /// Objects with more than about 500 pixels at full size.
     pub(super) seen: usize,
+    /// Doors with as many.
+    pub(super) doors: usize,
 }
 
 /// The best of some cameras; `instances` are the shell and then the objects with ids from 10 on.
-pub(super) fn choose(dice: &mut Dice, plan: &Plan, size: ImageSize, instances: &[Instance]) -> Option<View> {
+pub(super) fn choose(
+    dice: &mut Dice,
+    plan: &Plan,
+    size: ImageSize,
+    instances: &[Instance],
+    must_show_doors: bool,
+) -> Option<View> {
     let mut best: Option<(f64, View)> = None;
     for _ in 0..TRIES {
         let Some(mut view) = candidate(dice, plan, size) else { continue };
-        let (score, seen) = judge(&view.camera, instances);
-        view.seen = seen;
-        let score = score + dice.range(0.0, 1.5);
+        let (score, seen, doors) = judge(&view.camera, plan, instances);
+        (view.seen, view.doors) = (seen, doors);
+        // Whoever photographs a home sees to it that its doors are in the pictures.
+        let worth = if must_show_doors { 30.0 * doors as f64 } else { 0.0 };
+        let score = score + worth + dice.range(0.0, 1.5);
         if best.as_ref().is_none_or(|(s, _)| score > *s) {
             best = Some((score, view));
         }
@@ -66,11 +76,11 @@ fn candidate(dice: &mut Dice, plan: &Plan, size: ImageSize) -> Option<View> {
     let pitch = dice.range(0.0, 18.0).to_radians();
     let forward = DVec3::new(-yaw.sin() * pitch.cos(), -pitch.sin(), -yaw.cos() * pitch.cos());
     let camera = Camera::looking(size, Intrinsics::from_horizontal_fov(size, hfov), eye, forward);
-    Some(View { camera, yaw, pitch, seen: 0 })
+    Some(View { camera, yaw, pitch, seen: 0, doors: 0 })
 }
 
 /// Counts the objects in view; a picture filled by one thing is a poor one.
-fn judge(camera: &Camera, instances: &[Instance]) -> (f64, usize) {
+fn judge(camera: &Camera, plan: &Plan, instances: &[Instance]) -> (f64, usize, usize) {
     let small = camera.resized(ImageSize::new(TRIAL, TRIAL * camera.size.height / camera.size.width));
     let frame = render_depth_ids(&small, instances, &RenderOptions::default());
     let mut count = [0_usize; 256];
@@ -81,7 +91,8 @@ fn judge(camera: &Camera, instances: &[Instance]) -> (f64, usize) {
     let seen = count[10..].iter().filter(|c| **c > enough).count();
     let largest = count[10..].iter().max().copied().unwrap_or(0) as f64 / pixels as f64;
     let shallow = frame.depth.iter().filter(|z| **z < 0.6).count() as f64 / pixels as f64;
-    (seen as f64 - 20.0 * (largest - 0.35).max(0.0) - 25.0 * shallow, seen)
+    let doors = plan.holes.iter().filter(|h| h.door && count[(h.item + 10).min(255)] > enough).count();
+    (seen as f64 - 20.0 * (largest - 0.35).max(0.0) - 25.0 * shallow, seen, doors)
 }
 
 /// Meshes in the room, as the renderer wants them.

@@ -3,6 +3,7 @@
 
 mod calibration;
 mod generate;
+mod homes;
 mod metrics_scipy;
 mod protocols;
 mod shapes;

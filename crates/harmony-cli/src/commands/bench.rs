@@ -59,7 +59,10 @@ Example:
     #[command(after_help = "Example:\n  harmony bench compare before after")]
     Compare(CompareArgs),
     /// Estimate how far answers are off (placement.noise) from finished runs of rooms with known truth.
+    #[command(after_help = "Example:\n  harmony bench fit bench --rooms rooms --out noise.toml")]
     Fit(FitArgs),
+    /// Make homes of 2 to 5 rooms with known truth, reconstruct their rooms, build them, and judge the result.
+    Home(super::bench_home::Args),
 }
 
 /// Arguments of `bench run`; `bench ablate` has them, too.
@@ -212,6 +215,7 @@ pub fn run(args: Args) -> Result<u8> {
         Command::Score(args) => judge(&args),
         Command::Views(args) => views(&args),
         Command::Ablate(args) => variants(&args),
+        Command::Home(args) => super::bench_home::run(&args),
         Command::Compare(args) => {
             let result = |path: &Path| {
                 let path = if path.is_dir() { path.join("scores.json") } else { path.to_owned() };
@@ -252,7 +256,7 @@ fn estimate(args: &FitArgs) -> Result<u8> {
     Ok(exit_code(failed))
 }
 
-fn runtime() -> Result<tokio::runtime::Runtime> {
+pub(super) fn runtime() -> Result<tokio::runtime::Runtime> {
     let mut builder = tokio::runtime::Builder::new_multi_thread();
     builder.enable_all().thread_stack_size(STACK).build().context("starting")
 }
@@ -393,7 +397,7 @@ fn judge(args: &ScoreArgs) -> Result<u8> {
 }
 
 /// This program's own players; with the path tracer only when lit pictures are wanted.
-fn players(lit: bool) -> Cast {
+pub(super) fn players(lit: bool) -> Cast {
     if lit { harmony_players::offline_cast() } else { harmony_players::flat_cast() }
 }
 

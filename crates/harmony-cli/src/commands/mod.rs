@@ -2,6 +2,7 @@
 
 pub mod batch;
 pub mod bench;
+pub mod bench_home;
 pub mod bill;
 pub mod dataset;
 pub mod doctor;
@@ -9,6 +10,7 @@ pub mod estimate;
 pub mod eval;
 pub mod export;
 pub mod gallery;
+pub mod home;
 pub mod manual;
 pub mod model;
 pub mod models;

@@ -59,6 +59,17 @@ pub struct GlbNode {
     pub extras: Value,
 }
 
+/// Nodes gathered under one of their own, such as the rooms of a home.
+#[derive(Debug, Clone, Default)]
+pub struct NodeGroup {
+    /// Name of the node above them.
+    pub name: String,
+    /// Names of objects and faces of the shell; names that no node has are left out.
+    pub members: Vec<String>,
+    /// Metadata, as a node's.
+    pub extras: Value,
+}
+
 /// How textures are embedded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TextureEncoding {
@@ -232,7 +243,15 @@ impl Default for ReadLimits {
 /// # Errors
 /// [`GlbError::Mesh`] for a mesh that does not pass [`Mesh::check`], [`GlbError::Picture`] for a texture.
 pub fn glb_bytes(scene: &GlbScene<'_>) -> Result<Vec<u8>, GlbError> {
-    write::glb_bytes(scene)
+    write::glb_bytes(scene, &[])
+}
+
+/// [`glb_bytes`] with nodes gathered in groups; those of no group are where they are without.
+///
+/// # Errors
+/// As [`glb_bytes`].
+pub fn glb_bytes_grouped(scene: &GlbScene<'_>, groups: &[NodeGroup]) -> Result<Vec<u8>, GlbError> {
+    write::glb_bytes(scene, groups)
 }
 
 /// Writes a GLB file, atomically.

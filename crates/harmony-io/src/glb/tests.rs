@@ -74,6 +74,38 @@ fn scene(mesh: &Arc<Mesh>) -> GlbScene<'static> {
     }
 }
 
+#[test]
+fn groups_gather_objects_and_faces_and_leave_the_rest() {
+    let mesh = Arc::new(crate_box(chequer(8)));
+    let scene = scene(&mesh);
+    let group = |name: &str, members: &[&str]| NodeGroup {
+        name: name.to_owned(),
+        members: members.iter().map(|m| (*m).to_owned()).collect(),
+        extras: json!({ "room": name }),
+    };
+    let bytes =
+        glb_bytes_grouped(&scene, &[group("kitchen", &["room_floor", "box_01"]), group("hall", &["nothing"])]).unwrap();
+    let document = document(&bytes);
+    let nodes = document["nodes"].as_array().unwrap();
+    let named = |name: &str| nodes.iter().find(|n| n["name"] == name);
+    let kitchen = named("kitchen").unwrap();
+    let children: Vec<&str> = kitchen["children"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|c| nodes[c.as_u64().unwrap() as usize]["name"].as_str().unwrap())
+        .collect();
+    assert_eq!(children, ["room_floor", "box_01"]);
+    assert_eq!(kitchen["extras"]["room"], "kitchen");
+    assert!(named("hall").is_none() && named("room").is_none(), "empty nodes are not written");
+    let apart = read_glb(&glb_bytes(&scene).unwrap(), &ReadLimits::default()).unwrap();
+    let grouped = read_glb(&bytes, &ReadLimits::default()).unwrap();
+    for node in &apart.nodes {
+        let same = grouped.nodes.iter().find(|n| n.name == node.name).unwrap();
+        assert_eq!(same.transform, node.transform, "{} stays where it was", node.name);
+    }
+}
+
 fn document(bytes: &[u8]) -> Value {
     let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
     serde_json::from_slice(&bytes[20..20 + length]).unwrap()

@@ -15,7 +15,7 @@ use super::document::{
 use super::normals::{tangents, unit};
 use super::surface::Embedded;
 use super::texture::{Files, tiled};
-use super::{GlbError, GlbNode, GlbScene, TextureEncoding, lights};
+use super::{GlbError, GlbNode, GlbScene, NodeGroup, TextureEncoding, lights};
 
 /// In a material's extras: its emission is [`GlbScene::glow`], not a lamp's.
 pub(super) const GLOW_KEY: &str = "ambient_glow";
@@ -23,16 +23,34 @@ pub(super) const GLOW_KEY: &str = "ambient_glow";
 pub(super) const MAX_NAME: usize = 200;
 
 /// Puts a scene together.
-pub(super) fn glb_bytes(scene: &GlbScene<'_>) -> Result<Vec<u8>, GlbError> {
+pub(super) fn glb_bytes(scene: &GlbScene<'_>, groups: &[NodeGroup]) -> Result<Vec<u8>, GlbError> {
     let glow = if scene.glow.is_finite() { scene.glow.clamp(0.0, 1.0) } else { 0.0 };
     let mut w = Writer { textures: scene.textures, files: Files::of(scene), glow, ..Writer::default() };
     let mut roots = Vec::new();
-    if !scene.shell.is_empty() {
-        let children = scene.shell.iter().map(|n| w.mesh_node(n)).collect::<Result<Vec<_>, _>>()?;
-        roots.push(w.node(Node { name: "room".to_owned(), children, ..Node::default() }));
+    let group_of: HashMap<&str, usize> =
+        groups.iter().enumerate().flat_map(|(k, g)| g.members.iter().map(move |m| (m.as_str(), k))).collect();
+    let mut members: Vec<Vec<usize>> = vec![Vec::new(); groups.len()];
+    let mut shell = Vec::new();
+    for face in &scene.shell {
+        let node = w.mesh_node(face)?;
+        match group_of.get(face.name.as_str()) {
+            Some(k) => members[*k].push(node),
+            None => shell.push(node),
+        }
+    }
+    if !shell.is_empty() {
+        roots.push(w.node(Node { name: "room".to_owned(), children: shell, ..Node::default() }));
     }
     for object in &scene.objects {
-        roots.push(w.mesh_node(object)?);
+        let node = w.mesh_node(object)?;
+        match group_of.get(object.name.as_str()) {
+            Some(k) => members[*k].push(node),
+            None => roots.push(node),
+        }
+    }
+    for (group, children) in groups.iter().zip(members).filter(|(_, children)| !children.is_empty()) {
+        let name = group.name.chars().take(MAX_NAME).collect();
+        roots.push(w.node(Node { name, children, extras: group.extras.clone(), ..Node::default() }));
     }
     if let Some(camera) = &scene.camera {
         let (entry, node) = lights::camera(camera);
