@@ -62,6 +62,7 @@ Example:
     #[command(after_help = "Example:\n  harmony bench fit bench --rooms rooms --out noise.toml")]
     Fit(FitArgs),
     /// Make homes of 2 to 5 rooms with known truth, reconstruct their rooms, build them, and judge the result.
+    #[command(after_help = "Example:\n  harmony bench home --out homes --seeds 1,2,3")]
     Home(super::bench_home::Args),
 }
 
