@@ -8,6 +8,7 @@ pub mod generate;
 pub mod metrics;
 pub mod oracle;
 pub mod overrides;
+pub mod photos;
 pub mod ply;
 pub mod protocols;
 pub mod report;

@@ -4,6 +4,7 @@
 mod calibration;
 mod generate;
 mod metrics_scipy;
+mod photos;
 mod protocols;
 mod shapes;
 mod tables;

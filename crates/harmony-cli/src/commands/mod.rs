@@ -9,6 +9,7 @@ pub mod estimate;
 pub mod eval;
 pub mod export;
 pub mod gallery;
+pub mod join;
 pub mod manual;
 pub mod model;
 pub mod models;
