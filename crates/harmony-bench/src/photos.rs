@@ -133,18 +133,17 @@ async fn taken(
     let failed = |reason: String| BenchError::Run { room: name.clone(), reason };
     let turns_file = rooms.join(format!("{name}_turns.json"));
     let known: Option<(usize, Vec<(String, QuarterTurn)>)> = harmony_io::read_json(&turns_file).ok();
-    let turns = match known.filter(|(asked, _)| *asked >= most) {
-        Some((_, turns)) => turns,
-        None => {
-            let photos = photographed(seed, &GeneratorSettings::default(), most);
-            let mut turns = Vec::new();
-            for photo in photos {
-                write(&photo.room, &rooms.join(&photo.room.name)).map_err(|e| failed(e.to_string()))?;
-                turns.push((photo.room.name, photo.turn));
-            }
-            harmony_io::write_json(&turns_file, &(most, &turns))?;
-            turns
+    let turns = if let Some((_, turns)) = known.filter(|(asked, _)| *asked >= most) {
+        turns
+    } else {
+        let photos = photographed(seed, &GeneratorSettings::default(), most);
+        let mut turns = Vec::new();
+        for photo in photos {
+            write(&photo.room, &rooms.join(&photo.room.name)).map_err(|e| failed(e.to_string()))?;
+            turns.push((photo.room.name, photo.turn));
         }
+        harmony_io::write_json(&turns_file, &(most, &turns))?;
+        turns
     };
     let mut out = Vec::new();
     for (photo, turn) in turns.into_iter().take(most) {

@@ -241,7 +241,7 @@ fn quality(sources: &[Source], t: &Thing) -> f64 {
     t.track.objects(sources).map(|(_, o)| o.quality()).sum()
 }
 
-fn drop(sources: &[Source], t: &Thing, reason: &str, out: &mut Vec<Dropped>) {
+fn leave_out(sources: &[Source], t: &Thing, reason: &str, out: &mut Vec<Dropped>) {
     for (run, o) in t.track.objects(sources) {
         out.push(Dropped { run: sources[run].name.clone(), id: o.object.id.clone(), reason: reason.to_owned() });
     }
@@ -262,7 +262,7 @@ fn without_doubles(sources: &[Source], mut things: Vec<Thing>, dropped: &mut Vec
         match other {
             Some(k) => {
                 let reason = format!("another photo has a {} in its place", k.object.label);
-                drop(sources, &t, &reason, dropped);
+                leave_out(sources, &t, &reason, dropped);
             }
             None => kept.push(t),
         }
@@ -293,7 +293,7 @@ fn without_absent(sources: &[Source], things: Vec<Thing>, joint: &Joint, dropped
         });
         match absent {
             Some(other) => {
-                drop(
+                leave_out(
                     sources,
                     &t,
                     &format!("the photo of {} shows that its place is empty", sources[other].name),

@@ -57,7 +57,7 @@ impl Default for JoinNoise {
             cut: 3.0,
             hidden: 2.0,
             limit: 3.0,
-            scale: 0.03,
+            scale: 0.04,
             askew: 0.003,
             wall: [0.012, 0.015],
             wall_unseen: 0.5,
@@ -72,7 +72,7 @@ impl Default for JoinNoise {
             missed: 0.1,
             named_otherwise: 0.3,
             rooms_height: 0.12,
-            least_odds: 8.0,
+            least_odds: 15.0,
             least_lead: 3.0,
         }
     }

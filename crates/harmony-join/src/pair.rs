@@ -61,7 +61,7 @@ pub fn place_noise(source: &Source, object: &SeenObject, noise: &JoinNoise) -> P
 /// Lays the second run together with the first.
 pub fn pair(first: &Source, second: &Source, noise: &JoinNoise) -> Pairing {
     use rayon::prelude::*;
-    let starts = starts(first, second, noise);
+    let starts = starts(first, second);
     let mut ways: Vec<Overlap> = starts.par_iter().map(|start| settled(first, second, start, noise)).collect();
     ways.sort_by(|a, b| b.odds.total_cmp(&a.odds));
     let Some(best) = ways.first().cloned() else { return Pairing { best: None, lead: 0.0 } };
@@ -80,7 +80,7 @@ fn chance(first: &Source) -> f64 {
 }
 
 /// Ways to begin with: each pair of one kind on each other, and the rooms' boxes in each other's corners.
-fn starts(first: &Source, second: &Source, _noise: &JoinNoise) -> Vec<Placing> {
+fn starts(first: &Source, second: &Source) -> Vec<Placing> {
     let mut out = Vec::new();
     let (e, f) = (first.scene.room.extents, second.scene.room.extents);
     for turn in QuarterTurn::ALL {

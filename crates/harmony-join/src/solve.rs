@@ -84,23 +84,20 @@ fn sightings(sources: &[Source], tracks: &[Track], noise: &JoinNoise) -> Vec<Sig
     out
 }
 
+/// A run's placing by the unknowns.
+fn placing_of(start: &Placing, u: &[f64], run: usize) -> Placing {
+    let at = ROOM + EACH_RUN * run;
+    Placing { turn: start.turn, yaw: u[at], ln_scale: u[at + 1], x: u[at + 2], z: u[at + 3] }
+}
+
 /// The numbers of the unknowns.
 struct Layout {
     runs: usize,
 }
 
 impl Layout {
-    fn run(&self, run: usize) -> usize {
-        ROOM + EACH_RUN * run
-    }
-
     fn thing(&self, track: usize) -> usize {
         ROOM + EACH_RUN * self.runs + EACH_THING * track
-    }
-
-    fn placing(&self, start: &Placing, u: &[f64], run: usize) -> Placing {
-        let at = self.run(run);
-        Placing { turn: start.turn, yaw: u[at], ln_scale: u[at + 1], x: u[at + 2], z: u[at + 3] }
     }
 }
 
@@ -122,11 +119,11 @@ pub fn solve(sources: &[Source], start: &[Placing], tracks: &[Track], noise: &Jo
     let steps = vec![1e-5; u.len()];
     let residuals = |u: &[f64], out: &mut Vec<f64>| {
         for (run, source) in sources.iter().enumerate() {
-            let placing = layout.placing(&start[run], u, run);
+            let placing = placing_of(&start[run], u, run);
             of_run(source, &placing, u, noise, out);
         }
         for s in &sightings {
-            of_sighting(s, &layout.placing(&start[s.run], u, s.run), u, &layout, noise, out);
+            of_sighting(s, &placing_of(&start[s.run], u, s.run), u, &layout, noise, out);
         }
     };
     let found = minimise(&u, &steps, ITERATIONS, residuals);
@@ -135,7 +132,7 @@ pub fn solve(sources: &[Source], start: &[Placing], tracks: &[Track], noise: &Jo
     let sigmas =
         (0..tracks.len()).map(|t| found.sigmas[layout.thing(t)].hypot(found.sigmas[layout.thing(t) + 1])).collect();
     Joint {
-        placings: (0..sources.len()).map(|run| layout.placing(&start[run], &u, run)).collect(),
+        placings: (0..sources.len()).map(|run| placing_of(&start[run], &u, run)).collect(),
         extents: Extents { width: u[0], depth: u[1], height: u[2].exp() },
         places,
         sigmas,
@@ -196,7 +193,9 @@ mod tests {
     /// What four photos, one before each wall, say together where each has every thing 12 cm too near or too far.
     fn joined(runs: usize) -> (Vec<Source>, Joint, Vec<Track>) {
         let noise = JoinNoise::default();
-        let off = |run: usize| -> Vec<f64> { (0..6).map(|k| if (run + k) % 2 == 0 { 0.12 } else { -0.12 }).collect() };
+        let off = |run: usize| -> Vec<f64> {
+            (0..6).map(|k| if (run + k).is_multiple_of(2) { 0.12 } else { -0.12 }).collect()
+        };
         let scale = [1.03, 0.98, 1.01, 0.97];
         let sources: Vec<Source> = (0..runs)
             .map(|r| source(&format!("{r}"), ROOM, &furnished(), QuarterTurn::ALL[[0, 1, 2, 3][r]], scale[r], &off(r)))

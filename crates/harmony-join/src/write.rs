@@ -450,6 +450,7 @@ fn report(joined: &Joined<'_>, scene: &Scene, seen: &SeenShare, title: &str) -> 
 }
 
 /// `run.json`: nothing was asked; who played is who played in the runs.
+#[expect(clippy::default_trait_access, reason = "the bill is a type of a crate that joining does not know")]
 fn run_file(out: &Path, joined: &Joined<'_>) -> Result<RunFile, JoinError> {
     let files: Vec<(String, Option<RunFile>)> =
         joined.sources.iter().map(|s| (s.name.clone(), RunFile::read(&s.folder))).collect();

@@ -142,7 +142,7 @@ fn file_hash(path: &Path) -> Option<String> {
     std::fs::read(path).ok().map(|bytes| blake3::hash(&bytes).to_hex().to_string())
 }
 
-/// Hashes of all files of a run folder but `run.json`, the calls and what is unfinished.
+/// Hashes of all files of a run folder but `run.json`, the calls, the runs of single photos and what is unfinished.
 pub fn hash_files(run: &Path) -> BTreeMap<String, String> {
     let mut files = BTreeMap::new();
     let mut folders = vec![run.to_owned()];

@@ -1,9 +1,10 @@
 //! One room photographed from several places, each photo with the truth in its own frame: the wall that it faces is the
 //! back wall there.
 //!
-//! The first photo is the one of [`super::generate`]. Each further one faces another wall, in an order by seed, and is
-//! taken as the first is: the best of some cameras near the wall behind it. What there is in the room, its names and
+//! The first photo is the one of [`super::generate`]. Each further one faces another wall, and is taken as the first is: the best of some cameras near the wall behind it. What there is in the room, its names and
 //! its light are the same in all.
+
+use std::collections::BTreeSet;
 
 use harmony_mesh::Mesh;
 use harmony_scene::{QuarterTurn, Surface, Wall};
@@ -18,6 +19,8 @@ use super::{Draft, GeneratedObject, GeneratedRoom, GeneratorSettings, view};
 pub const MOST_PHOTOS: usize = 4;
 /// Random numbers of further photos have a stream of their own.
 const STREAM: u64 = 79;
+/// Times that a dozen cameras are tried before a wall.
+const PLACES: usize = 6;
 
 /// A photo of a room.
 #[derive(Debug, Clone)]
@@ -29,25 +32,34 @@ pub struct RoomPhoto {
     pub turn: QuarterTurn,
 }
 
-/// The room of a seed from `count` places (1 to [`MOST_PHOTOS`]), without views for judging. Fewer photos come back when
-/// furniture leaves no place for a camera before a wall.
+/// The room of a seed from `count` places (1 to [`MOST_PHOTOS`]), without views for judging. Each further photo is, of
+/// those before the walls that are left, the one that shows most of what the photos before it show: whoever takes photos
+/// to be joined lets them overlap. Fewer come back when furniture leaves no place for a camera before a wall.
 pub fn photographed(seed: u64, settings: &GeneratorSettings, count: usize) -> Vec<RoomPhoto> {
     let settings = GeneratorSettings { views: false, ..settings.clone() };
     let draft = super::draft(seed, &settings);
     let mut dice = Dice::new(seed, STREAM);
-    let mut turns = QuarterTurn::ALL;
-    for i in (2..turns.len()).rev() {
-        turns.swap(i, dice.int(1, i));
+    let instances = view::instances(&draft.shell, &draft.plan);
+    let mut shown = view::shown(&draft.view.camera, &instances);
+    let mut left: Vec<(QuarterTurn, view::View, BTreeSet<u32>)> = Vec::new();
+    for turn in &QuarterTurn::ALL[1..] {
+        let found = (0..PLACES).find_map(|_| before_a_wall(&mut dice, &draft, *turn));
+        left.extend(found.map(|view| (*turn, view, view::shown(&view.camera, &instances))));
     }
-    let mut out = Vec::new();
-    for (k, turn) in turns.into_iter().enumerate().take(count) {
-        let view = if k == 0 { Some(draft.view) } else { before_a_wall(&mut dice, &draft, turn) };
-        let Some(view) = view else { continue };
+    let mut chosen = vec![(QuarterTurn::ALL[0], draft.view)];
+    while chosen.len() < count && !left.is_empty() {
+        let common = |k: &usize| left[*k].2.intersection(&shown).count();
+        let most = (0..left.len()).rev().max_by_key(common).unwrap_or(0);
+        let (turn, view, more) = left.remove(most);
+        chosen.push((turn, view));
+        shown.extend(more);
+    }
+    let taken = chosen.into_iter().enumerate().map(|(k, (turn, view))| {
         let mut room = Draft { view, ..draft.clone() }.finish(seed, &settings).turned(turn);
         room.name = format!("{}_photo_{}", room.name, k + 1);
-        out.push(RoomPhoto { room, turn });
-    }
-    out
+        RoomPhoto { room, turn }
+    });
+    taken.collect()
 }
 
 /// A camera as the first photo's, in a room turned so that another wall is its back; in the frame of the draft.
