@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn a_run_is_reached_over_another_one_and_doubtful_links_are_not_taken() {
-        let links = [link([0, 1], 30.0, 20.0, 1.0), link([0, 2], 90.0, 0.1, 7.0), link([1, 2], 12.0, 9.0, 2.0)];
+        let links = [link([0, 1], 30.0, 20.0, 1.0), link([0, 2], 90.0, 0.1, 7.0), link([1, 2], 22.0, 9.0, 2.0)];
         let (placings, order) = spanned(3, &links, &JoinNoise::default());
         assert_eq!(order, [0, 1, 2]);
         let last = placings[2].unwrap();
