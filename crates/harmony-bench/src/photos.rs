@@ -4,6 +4,8 @@
 //! Everything is judged in the first photo's frame. A run's objects are known by their masks, as everywhere in the benchmark;
 //! a joined thing is what most of its members are. Errors of one photo and of several are compared on the same objects:
 //! those that the run of the first photo has. A room whose runs are not joined keeps the errors of its first photo.
+//!
+//! Key `join.bench` of `docs/paper-map.md`.
 
 mod judge;
 mod table;

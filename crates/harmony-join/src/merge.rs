@@ -1,4 +1,6 @@
 //! The things of the joined scene: each from the run that sees it best, where all runs together have it.
+//!
+//! Key `join.merge` of `docs/paper-map.md`.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};

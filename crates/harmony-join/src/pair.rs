@@ -4,6 +4,8 @@
 //! other by chance: for each pair of things that may be one, how much nearer they are (in place, size, colour, name) than
 //! things of two rooms; for each wall and the height likewise; and against it, things that one photo should show and does
 //! not. What the search over turns and places wins by chance is taken off at the end.
+//!
+//! Key `join.pair` of `docs/paper-map.md`.
 
 use glam::DVec2;
 use harmony_scene::{QuarterTurn, Surface, Wall};

@@ -1,4 +1,6 @@
 //! The joined room: its size and openings, and the textures of its faces from the photos that see each place best.
+//!
+//! Key `join.surfaces` of `docs/paper-map.md`.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -4,6 +4,8 @@
 //! floor plan. Each photo holds a thing well across its line of sight and less well along it, so that photos from other sides
 //! hold what one leaves open; each holds the walls that it shows; a thing stays where it is on what carries it and before its
 //! wall. Places that do not fit count little (Geman and McClure).
+//!
+//! Key `join.solve` of `docs/paper-map.md`.
 
 use glam::{DMat2, DVec2};
 use harmony_geometry::least_squares::minimise;

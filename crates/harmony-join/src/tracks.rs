@@ -1,4 +1,6 @@
 //! Which objects of the runs are one thing.
+//!
+//! Key `join.match` of `docs/paper-map.md`.
 
 use serde::Serialize;
 
