@@ -132,7 +132,8 @@ impl<'a> Judge<'a> {
     ) -> Scene {
         let first = &self.taken[0].truth;
         let scale = run.depth_ratio(first).unwrap_or(1.0);
-        let walls = self.walls(photos);
+        // One rule for one photo and for several: the frames meet where the first photo lets them.
+        let walls = &first.walls;
         let mut objects: Vec<ObjectError> = Vec::new();
         let mut false_or_double = Vec::new();
         for (id, truth, count) in found {
@@ -149,7 +150,7 @@ impl<'a> Judge<'a> {
             let goal = place(*level, mesh, None);
             let off = |scale: f64| {
                 let mut at = at * scale;
-                at.x += shift(&walls, &first.extents, run.room.extents.width * scale);
+                at.x += shift(walls, &first.extents, run.room.extents.width * scale);
                 at.distance(goal)
             };
             let volume = |s: DVec3| (s.x * s.y * s.z).max(1e-9).cbrt();
@@ -176,12 +177,6 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Walls that the first photos show, in the first one's names.
-    fn walls(&self, photos: usize) -> Vec<Wall> {
-        let of = |t: &'a Taken| t.truth.walls.iter().map(move |w| t.turn.inverse().wall(*w));
-        self.taken[..photos].iter().flat_map(of).collect()
-    }
-
     /// Shares of the true surface, objects and room, that the first photos show.
     fn seen(&self, photos: usize) -> (f64, f64) {
         let meshes: Vec<_> = self.there.values().map(|(_, mesh, _)| in_place(mesh)).collect();
@@ -193,7 +188,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// As everywhere in the benchmark: where only the right wall is in view the frames meet there.
+/// As everywhere in the benchmark: where the first photo shows only the right wall the frames meet there.
 fn shift(walls: &[Wall], truth: &Extents, width: f64) -> f64 {
     if walls.contains(&Wall::Right) && !walls.contains(&Wall::Left) { truth.width - width } else { 0.0 }
 }
