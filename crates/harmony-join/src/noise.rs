@@ -13,8 +13,8 @@ pub struct JoinNoise {
     pub hidden: f64,
     /// Sigmas from which a place counts as somebody else's (Geman and McClure's scale).
     pub limit: f64,
-    /// Scale of a run, relative.
-    pub scale: f64,
+    /// Scale of a run, relative: where its photo shows floor and ceiling, so that a told height fixes it, and where not.
+    pub scale: [f64; 2],
     /// What a run's walls are askew.
     pub askew: f64,
     /// Distance of a camera to a wall that its photo shows: share of it, and metres.
@@ -57,7 +57,7 @@ impl Default for JoinNoise {
             cut: 3.0,
             hidden: 2.0,
             limit: 3.0,
-            scale: 0.04,
+            scale: [0.02, 0.04],
             askew: 0.003,
             wall: [0.012, 0.015],
             wall_unseen: 0.5,

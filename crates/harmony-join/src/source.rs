@@ -170,6 +170,11 @@ impl Source {
         self.scene.room.seen.contains(&surface)
     }
 
+    /// Whether its photo shows how high the room is.
+    pub fn saw_height(&self) -> bool {
+        self.saw(Surface::Floor) && self.saw(Surface::Ceiling)
+    }
+
     /// Distance of its camera to a wall as it has it, metres.
     pub fn distance_to(&self, wall: Wall) -> f64 {
         wall.distance(&self.scene.room.extents, self.camera.centre())
