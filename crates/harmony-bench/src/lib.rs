@@ -10,6 +10,7 @@ pub mod homes;
 pub mod metrics;
 pub mod oracle;
 pub mod overrides;
+pub mod photos;
 pub mod ply;
 pub mod protocols;
 pub mod report;

@@ -16,7 +16,7 @@ use crate::truth::{TruthError, TruthRoom};
 use crate::views::{Lit, LitOptions, judge_case};
 
 /// The last phase that the geometry needs.
-const LAST_PHASE: Phase = Phase::Objects(Level::Decoration);
+pub(crate) const LAST_PHASE: Phase = Phase::Objects(Level::Decoration);
 
 /// What to run.
 #[derive(Debug, Clone)]

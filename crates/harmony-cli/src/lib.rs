@@ -66,8 +66,10 @@ Exit codes:
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Reconstruct a photo into a run folder (scene.json, scene_full.glb, renders, report.html).
+    /// Reconstruct a photo, or several of one room, into a run folder (scene.json, scene_full.glb, renders, report.html).
     Reconstruct(Box<commands::reconstruct::Args>),
+    /// Join runs of several photos of one room into one scene.
+    Join(commands::join::Args),
     /// Reconstruct many photos: a queue, workers on this machine and on others, what has come of it.
     Batch(Box<commands::batch::Args>),
     /// Work from a queue that `harmony batch` filled, here or on another machine.
@@ -133,6 +135,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     display::log_to_stderr(cli.verbose);
     let result = match cli.command {
         Command::Reconstruct(args) => commands::reconstruct::run(*args),
+        Command::Join(args) => commands::join::run(&args),
         Command::Batch(args) => commands::batch::run(*args),
         Command::Worker(args) => commands::batch::run_worker(&args),
         Command::Estimate(args) => commands::estimate::run(&args),

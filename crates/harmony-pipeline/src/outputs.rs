@@ -199,7 +199,7 @@ pub fn write_scene_glb(path: &Path, state: &SceneState, scene: Option<&Scene>) -
 }
 
 /// The shell, one node a face.
-fn shell_nodes(shell: &Mesh) -> Vec<GlbNode> {
+pub fn shell_nodes(shell: &Mesh) -> Vec<GlbNode> {
     shell
         .groups
         .iter()
@@ -294,7 +294,7 @@ fn camera_json(state: &SceneState, scene: &Scene) -> Value {
 }
 
 /// The paper's third annotation file: size, world position, wall affinity and relations of each object.
-fn objects_json(scene: &Scene) -> Value {
+pub fn objects_json(scene: &Scene) -> Value {
     let rows: Vec<Value> = scene
         .objects
         .iter()

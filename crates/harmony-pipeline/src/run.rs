@@ -150,6 +150,7 @@ pub async fn run(
         questions_per_object: 0.0,
         bill: Bill::default(),
         plausibility: Vec::new(),
+        joined_from: Vec::new(),
         files: BTreeMap::new(),
     };
     let mut stage = Stage { request, calls, warnings, progress, file: &mut file, failure: None, lit: None };

@@ -38,6 +38,15 @@ pub struct PhaseEntry {
     pub hint: Option<String>,
 }
 
+/// A run that is part of a joined one.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct JoinedRun {
+    /// Its folder's name.
+    pub name: String,
+    /// Its [`RunFile::inputs`]; empty when it had no `run.json`.
+    pub inputs: String,
+}
+
 /// `run.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunFile {
@@ -64,6 +73,9 @@ pub struct RunFile {
     /// How plausible the scene is as a place, when `harmony simulate` was asked; a new reconstruction has none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub plausibility: Vec<PlausibilityRow>,
+    /// The runs that it was joined from, the one whose frame it has first; empty for a run of one photo.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub joined_from: Vec<JoinedRun>,
     /// Every file of the run but this one and the calls: path and hash.
     pub files: BTreeMap<String, String>,
 }
@@ -130,7 +142,7 @@ fn file_hash(path: &Path) -> Option<String> {
     std::fs::read(path).ok().map(|bytes| blake3::hash(&bytes).to_hex().to_string())
 }
 
-/// Hashes of all files of a run folder but `run.json`, the calls and what is unfinished.
+/// Hashes of all files of a run folder but `run.json`, the calls, the runs of single photos and what is unfinished.
 pub fn hash_files(run: &Path) -> BTreeMap<String, String> {
     let mut files = BTreeMap::new();
     let mut folders = vec![run.to_owned()];
@@ -144,6 +156,7 @@ pub fn hash_files(run: &Path) -> BTreeMap<String, String> {
                 || name == LOCK_FILE
                 || name == "calls"
                 || name == "questions"
+                || name == "photos"
                 || name.contains(".tmp");
             if skip {
                 continue;

@@ -22,6 +22,7 @@ mod room;
 mod scene;
 mod shape;
 mod similarity;
+mod turn;
 mod warning;
 
 pub use camera::{Camera, ImageSize, Intrinsics, Ray};
@@ -39,6 +40,7 @@ pub use room::{Extents, Opening, OpeningKind, Room, Surface, SurfaceTexture, Wal
 pub use scene::{SCENE_VERSION, Scene, SceneCamera};
 pub use shape::{Block, Exit, Niche, RoomFace, RoomFaces, RoomShape, Slope, WallPlane, clipped};
 pub use similarity::Similarity;
+pub use turn::QuarterTurn;
 pub use warning::{Warning, WarningKind};
 
 pub use glam::{DMat3 as Mat3, DVec2 as Vec2, DVec3 as Vec3};

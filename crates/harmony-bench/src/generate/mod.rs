@@ -16,6 +16,7 @@ mod furnish;
 mod layout;
 mod light;
 mod paint;
+mod photos;
 mod pictures;
 mod pieces;
 mod rooms;
@@ -37,6 +38,7 @@ use image::RgbImage;
 pub use files::{GenerateError, write};
 pub use layout::Level;
 pub use light::{LightKind, RoomLight};
+pub use photos::{MOST_PHOTOS, RoomPhoto, photographed};
 pub use rooms::RoomKind;
 pub use truth::{FloorCorner, SurfacePoints};
 pub use views::GeneratedView;
@@ -238,6 +240,10 @@ const ATTEMPTS: u64 = 12;
 
 /// Makes the room of a seed.
 pub fn generate(seed: u64, settings: &GeneratorSettings) -> GeneratedRoom {
+    draft(seed, settings).finish(seed, settings)
+}
+
+fn draft(seed: u64, settings: &GeneratorSettings) -> Draft {
     let mut best: Option<(usize, Draft)> = None;
     for attempt in 0..ATTEMPTS {
         let Some(draft) = Draft::new(&mut Dice::new(seed, attempt), settings) else { continue };
@@ -254,11 +260,11 @@ pub fn generate(seed: u64, settings: &GeneratorSettings) -> GeneratedRoom {
             break;
         }
     }
-    let draft = best.map_or_else(|| Draft::empty(&mut Dice::new(seed, ATTEMPTS), settings), |(_, draft)| draft);
-    draft.finish(seed, settings)
+    best.map_or_else(|| Draft::empty(&mut Dice::new(seed, ATTEMPTS), settings), |(_, draft)| draft)
 }
 
 /// A room before its photo.
+#[derive(Clone)]
 struct Draft {
     kind: RoomKind,
     palette: Palette,
@@ -340,7 +346,7 @@ impl Draft {
             if settings.views { views::shown(seed, plan, &camera, &instances, &lit, exposure) } else { Vec::new() };
         let seen = truth::seen(&camera, &instances, &frame);
         let solids = light::merged(&instances, |i, _| i.id >= 10);
-        let corners = truth::corners(&camera, plan, &solids);
+        let corners = truth::corners(&camera, &plan.extents, &solids);
         let names = names(plan);
         GeneratedRoom {
             name: format!("generated_{seed:06}"),

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use harmony_mesh::{Bvh, Mesh};
 use harmony_render::{Frame, Instance, RenderOptions, Renderer, projected_window};
-use harmony_scene::{Camera, Surface};
+use harmony_scene::{Camera, Extents, Surface};
 use rayon::prelude::*;
 
 use super::collide::triangle_point;
@@ -165,10 +165,10 @@ pub struct FloorCorner {
 }
 
 /// Both back corners; `blockers` are the objects in room coordinates.
-pub(super) fn corners(camera: &Camera, plan: &Plan, blockers: &Mesh) -> [FloorCorner; 2] {
+pub(super) fn corners(camera: &Camera, extents: &Extents, blockers: &Mesh) -> [FloorCorner; 2] {
     let tree = Bvh::new(blockers);
     let eye = camera.centre();
-    [("back_left", 0.0), ("back_right", plan.extents.width)].map(|(name, x)| {
+    [("back_left", 0.0), ("back_right", extents.width)].map(|(name, x)| {
         let corner = DVec3::new(x, 0.0, 0.0);
         let pixel = camera.project(corner);
         let in_image = pixel.is_some_and(|p| camera.contains(p));

@@ -95,6 +95,17 @@ fn judge(camera: &Camera, plan: &Plan, instances: &[Instance]) -> (f64, usize, u
     (seen as f64 - 20.0 * (largest - 0.35).max(0.0) - 25.0 * shallow, seen, doors)
 }
 
+/// Ids of the objects that a camera shows with more than about 500 pixels at full size.
+pub(super) fn shown(camera: &Camera, instances: &[Instance]) -> std::collections::BTreeSet<u32> {
+    let small = camera.resized(ImageSize::new(TRIAL, TRIAL * camera.size.height / camera.size.width));
+    let frame = render_depth_ids(&small, instances, &RenderOptions::default());
+    let mut count = std::collections::BTreeMap::new();
+    frame.ids.iter().filter(|id| **id >= 10).for_each(|id| *count.entry(*id).or_insert(0_usize) += 1);
+    let full = f64::from(camera.size.width) / f64::from(TRIAL);
+    let enough = (500.0 / (full * full)).ceil() as usize;
+    count.into_iter().filter(|(_, n)| *n > enough).map(|(id, _)| id).collect()
+}
+
 /// Meshes in the room, as the renderer wants them.
 pub(super) fn instances<'a>(shell: &'a [(u8, Mesh)], plan: &'a Plan) -> Vec<Instance<'a>> {
     let mut out: Vec<Instance> = shell.iter().map(|(id, mesh)| Instance::in_room(mesh, u32::from(*id))).collect();

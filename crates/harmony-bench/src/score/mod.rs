@@ -19,6 +19,7 @@ pub use contact::{PairScore, Solid};
 pub use geometry::pictures;
 pub use geometry::{BENCH_POINTS, GeometryScore, MidiFigures, SurfaceScore, ThresholdFigures};
 pub use objects::ObjectScore;
+pub(crate) use objects::{matched, place};
 pub use prediction::{Prediction, PredictionError};
 
 use crate::truth::TruthRoom;

@@ -125,7 +125,7 @@ pub fn compare(truth: &TruthRoom, run: &Prediction) -> (Vec<ObjectScore>, Vec<St
 }
 
 /// Which truth each object of the run is: by the overlap of masks, best pairs first, one to one.
-fn matched(truth: &TruthRoom, run: &Prediction) -> Vec<Option<usize>> {
+pub(crate) fn matched(truth: &TruthRoom, run: &Prediction) -> Vec<Option<usize>> {
     let masks: Vec<Mask> = truth.objects.iter().map(|o| truth.mask(o.index)).collect();
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (i, o) in run.objects.iter().enumerate() {
@@ -148,7 +148,7 @@ fn matched(truth: &TruthRoom, run: &Prediction) -> Vec<Option<usize>> {
 }
 
 /// Centre of a mesh's box in the room: at its bottom, for wall objects in its middle.
-fn place(level: Level, mesh: &Mesh, truth: Option<&TruthObject>) -> DVec3 {
+pub(crate) fn place(level: Level, mesh: &Mesh, truth: Option<&TruthObject>) -> DVec3 {
     let points = mesh.positions.iter().map(|p| {
         let p = p.as_dvec3();
         truth.map_or(p, |t| t.point(p))

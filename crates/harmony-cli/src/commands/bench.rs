@@ -10,6 +10,7 @@ use harmony_bench::fit;
 use harmony_bench::generate::{GeneratorSettings, generate, write as write_room};
 use harmony_bench::oracle::{Meshes, NoiseLevel};
 use harmony_bench::overrides::{OverrideError, with_change, with_changes};
+use harmony_bench::photos::{self, PhotosRequest};
 use harmony_bench::protocols::{self, Protocol, ProtocolOptions, RunSurfaces, pair_runs, pieces, score_run, truths_in};
 use harmony_bench::report::write_tables;
 use harmony_bench::run::{BenchRequest, BenchResult, Judging, judge_finished, pairs, read_result, run as run_bench};
@@ -55,6 +56,8 @@ enum Command {
 Example:
   harmony bench ablate rooms --out ablation --variants full,placement.refinement=false")]
     Ablate(AblateArgs),
+    /// Several photos of one room: generated rooms from several sides, each photo run by itself, the runs joined.
+    Join(JoinArgs),
     /// Two results side by side: every figure, every room, the objects that got worse.
     #[command(after_help = "Example:\n  harmony bench compare before after")]
     Compare(CompareArgs),
@@ -179,6 +182,29 @@ struct AblateArgs {
     variants: Vec<String>,
 }
 
+/// Arguments of `bench join`.
+#[derive(Debug, clap::Args)]
+struct JoinArgs {
+    /// Folder for rooms, runs, joined runs and tables; rooms and runs that are there are kept.
+    #[arg(long, short)]
+    out: PathBuf,
+    /// Numbers of photos, comma separated, 2 to 4.
+    #[arg(long, default_value = "2,4", value_delimiter = ',', value_parser = clap::value_parser!(u8).range(2..=4))]
+    photos: Vec<u8>,
+    /// Seeds of the rooms, comma separated.
+    #[arg(long, default_value = "1", value_delimiter = ',')]
+    seeds: Vec<u64>,
+    /// How far the oracle's answers are off: clean, real, harsh; drawn for each photo by itself.
+    #[arg(long, default_value = "real")]
+    noise: NoiseLevel,
+    /// What the generator's meshes are made of.
+    #[arg(long, default_value = "truth")]
+    meshes: Meshes,
+    /// Configuration (default: harmony.toml here, if there is one).
+    #[arg(long)]
+    config: Option<PathBuf>,
+}
+
 /// Arguments of `bench compare`.
 #[derive(Debug, clap::Args)]
 struct CompareArgs {
@@ -217,6 +243,7 @@ pub fn run(args: Args) -> Result<u8> {
         Command::Views(args) => views(&args),
         Command::Ablate(args) => variants(&args),
         Command::Home(args) => super::bench_home::run(&args),
+        Command::Join(args) => several(&args),
         Command::Compare(args) => {
             let result = |path: &Path| {
                 let path = if path.is_dir() { path.join("scores.json") } else { path.to_owned() };
@@ -444,6 +471,39 @@ fn variants(args: &AblateArgs) -> Result<u8> {
     say!("{}, metres as delivered\n{}", ablation.title, ablate::text_table(&ablation))?;
     tell!("tables: {}", args.run.out.join("ablation.md").display());
     Ok(exit_code(ablation.variants.iter().map(|v| v.failed).sum()))
+}
+
+fn several(args: &JoinArgs) -> Result<u8> {
+    let request = PhotosRequest {
+        out: args.out.clone(),
+        seeds: args.seeds.clone(),
+        photos: args.photos.iter().map(|n| usize::from(*n)).collect(),
+        level: args.noise,
+        noise: args.noise.noise(),
+        settings: config::load(args.config.as_deref())?.settings,
+        meshes: args.meshes,
+    };
+    let offline = players(false);
+    let rooms = runtime()?.block_on(photos::several(&request, &offline, &|line| tell!("{line}")))?;
+    let lines = photos::lines(&rooms, &request.photos);
+    let table = photos::markdown(&lines);
+    let strangers = photos::strangers(&request);
+    harmony_io::write_json(
+        &args.out.join("photos.json"),
+        &serde_json::json!({ "lines": lines, "rooms": rooms, "strangers": strangers }),
+    )?;
+    harmony_io::write_atomic(&args.out.join("photos.md"), table.as_bytes())?;
+    say!("{}", table.trim_end())?;
+    if strangers.pairs > 0 {
+        say!(
+            "of {} pairs of photos of different rooms {} were taken for one room; the highest odds are {:.1} nats",
+            strangers.pairs,
+            strangers.taken_for_one,
+            strangers.odds[0]
+        )?;
+    }
+    tell!("tables: {}", args.out.join("photos.md").display());
+    Ok(EXIT_OK)
 }
 
 fn about(result: &BenchResult) -> String {

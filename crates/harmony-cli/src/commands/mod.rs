@@ -11,6 +11,7 @@ pub mod eval;
 pub mod export;
 pub mod gallery;
 pub mod home;
+pub mod join;
 pub mod manual;
 pub mod model;
 pub mod models;

@@ -15,7 +15,7 @@ use crate::display::{Display, hinted, print_error};
 use crate::{EXIT_ERROR, EXIT_INCOMPLETE, EXIT_OK, EXIT_STOPPED, say, stopping, tell};
 
 /// Arguments.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "\
 Examples:
   harmony reconstruct room.jpg --out run
@@ -27,10 +27,15 @@ Examples:
   harmony reconstruct room.jpg --out run --profile paper
       the paper's cast; needs OPENAI_API_KEY, GEMINI_API_KEY and two servers (harmony doctor --profile paper)
   harmony reconstruct frame.png --out run --points depth.png --intrinsics 518.0,519.0,325.5,253.5
-      with sensor depth")]
+      with sensor depth
+  harmony reconstruct door.jpg window.jpg --out run
+      several photos of one room: each into run/photos/<n>, then joined (harmony join)")]
 pub struct Args {
     /// The photo: JPEG, PNG, WebP, BMP, TIFF or PNM.
     photo: PathBuf,
+    /// Further photos of the same room, from other places.
+    #[arg(value_name = "PHOTO")]
+    more: Vec<PathBuf>,
     /// Run folder; made when absent, gone on with when there.
     #[arg(long, short)]
     out: PathBuf,
@@ -86,8 +91,39 @@ pub struct Args {
 /// # Errors
 /// An input or argument that cannot be used.
 pub fn run(args: Args) -> Result<u8> {
+    if !args.more.is_empty() {
+        return several(&args);
+    }
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting")?;
     runtime.block_on(reconstruct(args))
+}
+
+/// Several photos of one room: a run each below the result's folder, then all joined. Budgets are those of each run.
+fn several(args: &Args) -> Result<u8> {
+    for (given, name) in [
+        (args.points.is_some(), "--points"),
+        (args.masks.is_some(), "--masks"),
+        (args.replay.is_some(), "--replay"),
+        (args.until.is_some(), "--until"),
+    ] {
+        if given {
+            let hint = "reconstruct each photo by itself, then `harmony join RUNS --out RUN`";
+            return Err(hinted(format!("{name} is about one photo, and several were given"), Some(hint)));
+        }
+    }
+    let photos: Vec<&PathBuf> = std::iter::once(&args.photo).chain(&args.more).collect();
+    let mut runs = Vec::new();
+    for (k, photo) in photos.iter().enumerate() {
+        tell!("photo {} of {}: {}", k + 1, photos.len(), photo.display());
+        let out = args.out.join("photos").join((k + 1).to_string());
+        let code = run(Args { photo: (*photo).clone(), more: Vec::new(), out: out.clone(), ..args.clone() })?;
+        if code != EXIT_OK {
+            tell!("the photos are joined once all are reconstructed; run the same command again to go on");
+            return Ok(code);
+        }
+        runs.push(out);
+    }
+    super::join::joined(&runs, &args.out, true)
 }
 
 async fn reconstruct(args: Args) -> Result<u8> {

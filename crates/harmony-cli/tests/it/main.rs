@@ -6,6 +6,7 @@ mod bad_inputs;
 mod batch;
 mod common;
 mod first_day;
+mod joined;
 mod killed;
 mod networks;
 mod photos;
