@@ -76,7 +76,7 @@ fn before_a_wall(dice: &mut Dice, draft: &Draft, turn: QuarterTurn) -> Option<vi
     for (_, mesh) in &mut shell {
         mesh.map(|p| (rotation * p.as_dvec3() + origin).as_vec3(), |n| (rotation * n.as_dvec3()).as_vec3());
     }
-    let mut found = view::choose(dice, &plan, draft.view.camera.size, &view::instances(&shell, &plan))?;
+    let mut found = view::choose(dice, &plan, draft.view.camera.size, &view::instances(&shell, &plan), false)?;
     found.camera = turn.inverse().camera(&plan.extents, &found.camera);
     Some(found)
 }

@@ -57,6 +57,7 @@ Example:
   harmony bench ablate rooms --out ablation --variants full,placement.refinement=false")]
     Ablate(AblateArgs),
     /// Several photos of one room: generated rooms from several sides, each photo run by itself, the runs joined.
+    #[command(after_help = "Example:\n  harmony bench join --out joined --photos 2,4 --seeds 1,2")]
     Join(JoinArgs),
     /// Two results side by side: every figure, every room, the objects that got worse.
     #[command(after_help = "Example:\n  harmony bench compare before after")]
