@@ -22,6 +22,10 @@ const MAX_LAYOUT: u64 = 16 << 20;
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  harmony home build --layout flat.json kitchen=runs/k hall=runs/h --out home
+  harmony home adapt runs/bedroom --room 4.2x3.6x2.5 --out wider")]
 pub struct Args {
     #[command(subcommand)]
     command: Command,
@@ -41,10 +45,10 @@ const BUILD_HELP: &str = "\
 Examples:
   harmony home build --layout flat.json kitchen=runs/k hall=runs/h --out home
   harmony home build --layout flat.svg --scale 0.01 --height 2.5 runs/k runs/h --out home
-  harmony home build runs/k runs/h --out home        (joined by their doors)
+  harmony home build runs/k runs/h --out home
   harmony export home --to glb,usd,plan --check
 
-docs/homes.md describes layouts, with an example.
+Without a layout the rooms are joined by their doors. docs/homes.md describes layouts, with an example.
 Exit code 3: the home was built, but something does not fit or the layout is not sure; home.json has it with sizes.";
 
 const ADAPT_HELP: &str = "\

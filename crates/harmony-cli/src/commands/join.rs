@@ -11,15 +11,13 @@ use crate::{EXIT_OK, say, tell};
 /// Arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Each photo is reconstructed by itself first; joining asks no model.
-
-Example:
+Examples:
   harmony reconstruct door.jpg --out runs/door
   harmony reconstruct window.jpg --out runs/window
   harmony join runs/door runs/window --out room
-or, in one:
   harmony reconstruct door.jpg window.jpg --out room
 
+The last line does the same in one. Each photo is reconstructed by itself first; joining asks no model.
 Photos must share furniture. Runs of different rooms are refused, and so are rooms that fit together in two ways.")]
 pub struct Args {
     /// Run folders of the single photos; the first one's frame and photo are the joined scene's.
