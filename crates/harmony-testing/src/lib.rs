@@ -36,9 +36,15 @@ fn append(file: &Path, line: &str) {
     written.unwrap_or_else(|error| panic!("cannot write {}: {error}", file.display()));
 }
 
-/// Folder of the checkout.
+/// Folder of the checkout whose tests run: cargo tells it at run time. What was compiled in may be another checkout's,
+/// where several share a build folder.
+///
+/// # Panics
+/// When the tested crate lies in no workspace.
 pub fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+    let tested = std::env::var_os("CARGO_MANIFEST_DIR").unwrap_or_else(|| env!("CARGO_MANIFEST_DIR").into());
+    let found = Path::new(&tested).ancestors().find(|folder| folder.join("Cargo.lock").is_file());
+    found.unwrap_or_else(|| panic!("{} lies in no workspace", Path::new(&tested).display())).to_owned()
 }
 
 /// Something in the shared test material, by its path there (`""` = the whole folder); `None`, and a skip, when it is
