@@ -10,19 +10,18 @@
 mod judge;
 mod table;
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::PathBuf;
 use std::time::Instant;
 
 use harmony_calls::Cast;
 use harmony_join::{JoinNoise, JoinReport, Link, Source, join, pair};
-use harmony_pipeline::{ProgressSink, RunFile, Settings};
+use harmony_pipeline::{RunFile, Settings};
 use harmony_scene::QuarterTurn;
 use serde::{Deserialize, Serialize};
 
 use crate::generate::{GeneratorSettings, MOST_PHOTOS, photographed, write};
-use crate::oracle::{Meshes, Noise, NoiseLevel, Oracle};
-use crate::run::{BenchError, LAST_PHASE, Play};
+use crate::oracle::{Meshes, Noise, NoiseLevel};
+use crate::run::{BenchError, BenchRequest, one};
 use crate::truth::TruthRoom;
 
 pub use judge::{ObjectError, Scene};
@@ -153,39 +152,21 @@ async fn taken(
         let run = request.out.join("runs").join(&photo);
         if RunFile::read(&run).is_none() || !run.join("scene.json").is_file() {
             let begun = Instant::now();
-            Box::pin(reconstructed(request, &truth, seed, &run, offline)).await?;
+            // Errors of answers are drawn for each photo by itself.
+            let settings = request.settings.clone();
+            let playing = BenchRequest {
+                noise: request.noise,
+                meshes: request.meshes,
+                ..BenchRequest::to_be_judged_elsewhere(request.level, settings)
+            };
+            if let Some(reason) = Box::pin(one(&playing, &truth, seed, &run, offline)).await? {
+                return Err(failed(format!("{photo}: {reason}")));
+            }
             tell(format!("    {photo}: {:.0} s", begun.elapsed().as_secs_f64()));
         }
         out.push(Taken { truth, turn, run });
     }
     Ok(out)
-}
-
-/// One photo's run, played by the oracle. Errors of answers are drawn for each photo by itself.
-async fn reconstructed(
-    request: &PhotosRequest,
-    truth: &TruthRoom,
-    seed: u64,
-    run: &Path,
-    offline: &Cast,
-) -> Result<(), BenchError> {
-    let photo = harmony_io::picture::read(&truth.photo())
-        .map_err(|e| BenchError::Photo { room: truth.name.clone(), reason: e.to_string() })?;
-    let oracle = Oracle::new(truth.clone(), request.noise, seed, false);
-    let oracle = Arc::new(oracle.with_meshes(request.meshes, Arc::new(photo.into_rgb8())));
-    let level = request.level.name();
-    let play = Play {
-        truth,
-        oracle,
-        settings: request.settings.clone(),
-        until: LAST_PHASE,
-        path_tracer: false,
-        profile: format!("oracle, noise {level}"),
-        further_inputs: format!("{level} {seed} {}", request.meshes.name()),
-    };
-    let silent: ProgressSink = Arc::new(|_| {});
-    Box::pin(play.run(run, offline, &silent)).await?;
-    Ok(())
 }
 
 /// Joins and judges a room's runs.

@@ -51,6 +51,28 @@ pub struct BenchRequest {
     pub meshes: Meshes,
 }
 
+impl BenchRequest {
+    /// Runs that others judge: all kept, no surfaces, networks or light.
+    pub fn to_be_judged_elsewhere(level: NoiseLevel, settings: Settings) -> Self {
+        Self {
+            rooms: Vec::new(),
+            out: PathBuf::new(),
+            level,
+            noise: level.noise(),
+            seeds: Vec::new(),
+            exact_height: false,
+            settings,
+            changes: Vec::new(),
+            points: 0,
+            jobs: 1,
+            keep: true,
+            looking: Looking::default(),
+            lit: None,
+            meshes: Meshes::Truth,
+        }
+    }
+}
+
 /// Scores of a benchmark, as measured and after scale alignment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BenchResult {
@@ -389,7 +411,7 @@ fn line(s: &RoomScore) -> String {
 }
 
 /// One run; returns the reason when a phase failed.
-async fn one(
+pub(crate) async fn one(
     request: &BenchRequest,
     truth: &TruthRoom,
     seed: u64,

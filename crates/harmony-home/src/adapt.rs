@@ -13,13 +13,15 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 use harmony_export::World;
 use harmony_export::world::Item;
-use harmony_scene::{Camera, Extents, Level, ObjectId, Relations, Room, SceneCamera, Support, Wall, WallAffinity};
 use serde::{Deserialize, Serialize};
 
 use crate::HomeError;
-use crate::frame::{Place, Rect, Turn};
+use crate::frame::{Place, Rect};
 use crate::rooms::flat;
 use crate::shell;
+use harmony_scene::{
+    Camera, Extents, Level, ObjectId, QuarterTurn, Relations, Room, SceneCamera, Support, Wall, WallAffinity,
+};
 
 /// Nearer to a wall than this a unit keeps its distance to it, metres.
 const NEAR_M: f64 = 0.3;
@@ -237,8 +239,13 @@ pub fn adapt(world: &World, to: Extents) -> Result<(World, Adapted), HomeError> 
         })
         .collect();
     let room = room(world, to, &by);
-    let whole =
-        Place { turn: Turn::default(), yaw: 0.0, scale: 1.0, at: DVec2::new(to.width, to.depth) / 2.0, floor: 0.0 };
+    let whole = Place {
+        turn: QuarterTurn::default(),
+        yaw: 0.0,
+        scale: 1.0,
+        at: DVec2::new(to.width, to.depth) / 2.0,
+        floor: 0.0,
+    };
     let faces = shell::faces("", &room, &whole, &world.shell, 0.1);
     let camera = camera(&world.camera, &from, &to);
     let mut lighting = scene.lighting.clone();

@@ -3,14 +3,14 @@
 //! Each run may be each room in four turns; an energy in nats says how badly its sizes, height and doors fit. The
 //! assignment of least energy wins; how much the next best one is behind is told.
 
-use harmony_scene::{OpeningKind, Wall};
 use serde::Serialize;
 
 use crate::HomeError;
-use crate::frame::{Turn, across};
+use crate::frame::{across, sides};
 use crate::layout::HomeLayout;
 use crate::rooms::{Evidence, RoomRun};
 use crate::solve::{Joint, RoomIn, Seat, Sigmas, Solved, door_range, unrefined};
+use harmony_scene::{OpeningKind, QuarterTurn, Wall};
 
 /// Sizes of a run, relative, where its photo shows both walls.
 const SIZE: f64 = 0.05;
@@ -33,7 +33,7 @@ pub struct Assigned {
     /// Number of the room in the layout.
     pub room: usize,
     /// How its photo is turned.
-    pub turn: Turn,
+    pub turn: QuarterTurn,
     /// Its energy, nats.
     pub energy: f64,
     /// How much more the next best turn in the same room costs, nats.
@@ -55,14 +55,14 @@ fn nats(off: f64) -> f64 {
 }
 
 /// The energy of a run as a room in a turn.
-fn energy(layout: &HomeLayout, run: &RoomRun, evidence: &Evidence, room: usize, turn: Turn) -> f64 {
+fn energy(layout: &HomeLayout, run: &RoomRun, evidence: &Evidence, room: usize, turn: QuarterTurn) -> f64 {
     let wanted = &layout.rooms[room];
     let rect = wanted.bounds();
     let e = &evidence.extents;
-    let own = turn.sides(e);
+    let own = sides(turn, e);
     let mut sum = 0.0;
     for (axis, sides) in [(0, [Wall::Left, Wall::Right]), (1, [Wall::Back, Wall::Front])] {
-        let seen = sides.iter().all(|s| evidence.sees(turn.wall_of(*s).surface()));
+        let seen = sides.iter().all(|s| evidence.sees(turn.inverse().wall(*s).surface()));
         sum += nats((own[axis] / rect.size()[axis]).ln() / if seen { SIZE } else { SIZE_GUESSED });
     }
     if let Some(height) = wanted.height {
@@ -79,7 +79,7 @@ fn energy(layout: &HomeLayout, run: &RoomRun, evidence: &Evidence, room: usize, 
                 sum += nats(off / DOOR_M);
             }
             // A door that the photo should show.
-            None if evidence.sees(turn.wall_of(*side).surface()) => sum += MOST / 2.0,
+            None if evidence.sees(turn.inverse().wall(*side).surface()) => sum += MOST / 2.0,
             None => {}
         }
     }
@@ -96,7 +96,7 @@ fn energy(layout: &HomeLayout, run: &RoomRun, evidence: &Evidence, room: usize, 
 }
 
 /// The run in its room, walls on walls.
-fn rough(evidence: &Evidence, layout: &HomeLayout, room: usize, turn: Turn) -> Solved {
+fn rough(evidence: &Evidence, layout: &HomeLayout, room: usize, turn: QuarterTurn) -> Solved {
     let wanted = &layout.rooms[room];
     let rect = wanted.bounds();
     let one =
@@ -124,7 +124,7 @@ fn range_of(layout: &HomeLayout, door: usize, side: Wall) -> [f64; 2] {
 fn nearest(
     evidence: &Evidence,
     solved: &Solved,
-    turn: Turn,
+    turn: QuarterTurn,
     side: Wall,
     range: &[f64; 2],
     taken: &[bool],
@@ -167,8 +167,8 @@ pub fn assign(layout: &HomeLayout, runs: &[RoomRun]) -> Result<Assignment, HomeE
                         return None;
                     }
                     let faces = layout.rooms[room].photo_faces;
-                    let turns = Turn::ALL.into_iter().filter(|t| faces.is_none_or(|f| t.wall(Wall::Back) == f));
-                    let mut all: Vec<(Turn, f64)> =
+                    let turns = QuarterTurn::ALL.into_iter().filter(|t| faces.is_none_or(|f| t.wall(Wall::Back) == f));
+                    let mut all: Vec<(QuarterTurn, f64)> =
                         turns.map(|t| (t, energy(layout, run, &evidence, room, t))).collect();
                     all.sort_by(|a, b| a.1.total_cmp(&b.1));
                     let next = all.get(1).map_or(f64::INFINITY, |n| n.1 - all[0].1);
@@ -199,7 +199,7 @@ pub fn assign(layout: &HomeLayout, runs: &[RoomRun]) -> Result<Assignment, HomeE
 }
 
 /// The best turn of a run in a room, its energy, and how much more the next best turn costs, nats.
-type Cost = (Turn, f64, f64);
+type Cost = (QuarterTurn, f64, f64);
 
 /// All ways to give runs rooms; the two best are kept.
 struct Search<'a> {
@@ -236,8 +236,8 @@ impl Search<'_> {
 fn fits(layout: &HomeLayout, run: &RoomRun, assigned: &Assigned) -> Result<(), HomeError> {
     let wanted = &layout.rooms[assigned.room];
     let evidence = run.evidence();
-    let (own, size) = (assigned.turn.sides(&evidence.extents), wanted.bounds().size());
-    let seen = |sides: [Wall; 2]| sides.iter().all(|s| evidence.sees(assigned.turn.wall_of(*s).surface()));
+    let (own, size) = (sides(assigned.turn, &evidence.extents), wanted.bounds().size());
+    let seen = |sides: [Wall; 2]| sides.iter().all(|s| evidence.sees(assigned.turn.inverse().wall(*s).surface()));
     let mut axes = vec![];
     if seen([Wall::Left, Wall::Right]) {
         axes.push(("width", own.x, size.x));

@@ -1,15 +1,14 @@
 //! From runs to a home: by a layout, or by the rooms' own doors.
 
-use harmony_scene::Wall;
-
 use crate::HomeError;
 use crate::assign::{Assignment, assign, joints};
-use crate::frame::{Place, Turn, across};
+use crate::frame::{Place, across};
 use crate::home::{Home, HomeDoor, HomeRoom};
 use crate::layout::{DoorKind, HomeLayout, USUAL_DOOR_M, USUAL_WALL_M};
 use crate::matching::{self, Ranking, match_rooms};
 use crate::rooms::{Evidence, RoomRun, make_names_unique};
 use crate::solve::{Joint, Problem, RoomIn, Seat, Sigmas, Solved, door_range, unrefined};
+use harmony_scene::{QuarterTurn, Wall};
 
 /// Height of rooms of which nothing says it, metres.
 const USUAL_ROOM_M: f64 = 2.5;
@@ -59,7 +58,7 @@ fn off(evidence: &Evidence, place: &Place, door: usize, side: Wall, range: &[f64
 
 fn on_layout(layout: &HomeLayout, runs: Vec<RoomRun>) -> Result<Built, HomeError> {
     let assignment = assign(layout, &runs)?;
-    let mut of_room: Vec<Option<(RoomRun, Evidence, Turn)>> = vec![None; layout.rooms.len()];
+    let mut of_room: Vec<Option<(RoomRun, Evidence, QuarterTurn)>> = vec![None; layout.rooms.len()];
     for (run, assigned) in runs.into_iter().zip(&assignment.runs) {
         let evidence = run.evidence();
         of_room[assigned.room] = Some((run, evidence, assigned.turn));
@@ -139,7 +138,7 @@ fn on_layout(layout: &HomeLayout, runs: Vec<RoomRun>) -> Result<Built, HomeError
     let home_rooms = of_room.into_iter().zip(places).zip(&layout.rooms).map(|((run, places), wanted)| {
         let rect = wanted.bounds();
         let empty = Solved {
-            place: Place { turn: Turn::default(), yaw: 0.0, scale: 1.0, at: rect.centre(), floor: wanted.floor },
+            place: Place { turn: QuarterTurn::default(), yaw: 0.0, scale: 1.0, at: rect.centre(), floor: wanted.floor },
             rect,
             height: wanted.height.unwrap_or(usual),
         };

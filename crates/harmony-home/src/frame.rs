@@ -6,68 +6,13 @@
 //! towards -Z, `left` towards -X.
 
 use glam::{DMat3, DVec2, DVec3};
-use harmony_scene::{Extents, Wall};
+use harmony_scene::{Extents, QuarterTurn, Wall};
 use serde::{Deserialize, Serialize};
 
-/// Quarter turns about +Y, counter-clockwise seen from above.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
-#[serde(try_from = "u8", into = "u8")]
-pub struct Turn(u8);
-
-impl TryFrom<u8> for Turn {
-    type Error = String;
-
-    fn try_from(quarters: u8) -> Result<Self, String> {
-        (quarters < 4).then_some(Self(quarters)).ok_or_else(|| format!("{quarters} quarter turns: 0 to 3 are there"))
-    }
-}
-
-impl From<Turn> for u8 {
-    fn from(turn: Turn) -> Self {
-        turn.0
-    }
-}
-
-impl Turn {
-    /// All four.
-    pub const ALL: [Self; 4] = [Self(0), Self(1), Self(2), Self(3)];
-
-    /// Radians.
-    pub fn yaw(self) -> f64 {
-        f64::from(self.0) * std::f64::consts::FRAC_PI_2
-    }
-
-    /// A vector turned, without rounding.
-    pub fn vector(self, v: DVec3) -> DVec3 {
-        match self.0 {
-            0 => v,
-            1 => DVec3::new(v.z, v.y, -v.x),
-            2 => DVec3::new(-v.x, v.y, -v.z),
-            _ => DVec3::new(-v.z, v.y, v.x),
-        }
-    }
-
-    /// The side of the home that a wall of the room looks away from.
-    pub fn wall(self, wall: Wall) -> Wall {
-        let normal = self.vector(wall.normal());
-        Wall::ALL.into_iter().find(|w| w.normal().dot(normal) > 0.5).expect("quarter turns carry walls onto walls")
-    }
-
-    /// The wall of the room that becomes a side of the home.
-    pub fn wall_of(self, side: Wall) -> Wall {
-        Wall::ALL.into_iter().find(|w| self.wall(*w) == side).expect("quarter turns carry walls onto walls")
-    }
-
-    /// Width and depth as the home has them.
-    pub fn sides(self, extents: &Extents) -> DVec2 {
-        let v = self.vector(DVec3::new(extents.width, 0.0, extents.depth)).abs();
-        DVec2::new(v.x, v.z)
-    }
-
-    /// The turn that makes a wall of the room a side of the home.
-    pub fn bringing(wall: Wall, side: Wall) -> Self {
-        Self::ALL.into_iter().find(|t| t.wall(wall) == side).expect("there is a turn between any two walls")
-    }
+/// Width and depth of a turned room as the home has them.
+pub fn sides(turn: QuarterTurn, extents: &Extents) -> DVec2 {
+    let turned = turn.extents(extents);
+    DVec2::new(turned.width, turned.depth)
 }
 
 /// A rectangle of the floor, home x and z, metres.
@@ -151,10 +96,10 @@ impl Rect {
 /// A place along a side of a room in the home as the room itself has it: its wall, and u along that.
 ///
 /// `rect` are the room's walls, `at` is x of back and front and z of left and right, home frame.
-pub fn in_room(rect: &Rect, turn: Turn, side: Wall, at: f64) -> (Wall, f64) {
-    let wall = turn.wall_of(side);
+pub fn in_room(rect: &Rect, turn: QuarterTurn, side: Wall, at: f64) -> (Wall, f64) {
+    let wall = turn.inverse().wall(side);
     let along = |w: Wall| if matches!(w, Wall::Back | Wall::Front) { DVec3::X } else { DVec3::Z };
-    let same = turn.vector(along(wall)).dot(along(side)) > 0.0;
+    let same = (turn.rotation() * along(wall)).dot(along(side)) > 0.0;
     let [low, high] = rect.along(side);
     (wall, if same { at - low } else { high - at })
 }
@@ -176,7 +121,7 @@ pub fn across(wall: Wall) -> Wall {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Place {
     /// Quarter turns.
-    pub turn: Turn,
+    pub turn: QuarterTurn,
     /// What the photo's axes were off, radians.
     pub yaw: f64,
     /// Home metres per metre of the run.
@@ -190,7 +135,7 @@ pub struct Place {
 impl Place {
     /// Linear part without the scale.
     pub fn rotation(&self) -> DMat3 {
-        DMat3::from_rotation_y(self.turn.yaw() + self.yaw)
+        DMat3::from_rotation_y(self.turn.angle() + self.yaw)
     }
 
     /// A point of the run in the home.
@@ -206,13 +151,13 @@ mod tests {
 
     #[test]
     fn quarter_turns_agree_with_rotations_and_walls_with_their_normals() {
-        for turn in Turn::ALL {
+        for turn in QuarterTurn::ALL {
             let v = DVec3::new(0.3, 1.0, -2.0);
-            assert!((turn.vector(v) - DMat3::from_rotation_y(turn.yaw()) * v).length() < 1e-12);
+            assert!((turn.rotation() * v - DMat3::from_rotation_y(turn.angle()) * v).length() < 1e-12);
             for wall in Wall::ALL {
-                assert_eq!(turn.vector(wall.normal()), turn.wall(wall).normal());
-                assert_eq!(turn.wall_of(turn.wall(wall)), wall);
-                assert_eq!(Turn::bringing(wall, turn.wall(wall)), turn);
+                assert_eq!(turn.rotation() * wall.normal(), turn.wall(wall).normal());
+                assert_eq!(turn.inverse().wall(turn.wall(wall)), wall);
+                assert_eq!(QuarterTurn::bringing(wall, turn.wall(wall)), turn);
                 assert_eq!(across(wall).normal(), -wall.normal());
             }
         }
@@ -221,8 +166,8 @@ mod tests {
     #[test]
     fn places_along_walls_are_the_same_in_room_and_home() {
         let rect = Rect { min: DVec2::new(1.0, 2.0), max: DVec2::new(4.0, 7.0) };
-        for turn in Turn::ALL {
-            let size = turn.sides(&Extents { width: 3.0, height: 2.5, depth: 5.0 });
+        for turn in QuarterTurn::ALL {
+            let size = sides(turn, &Extents { width: 3.0, height: 2.5, depth: 5.0 });
             let extents = Extents { width: size.x, height: 2.5, depth: size.y };
             let place = Place { turn, yaw: 0.0, scale: 1.0, at: rect.centre(), floor: 0.0 };
             for side in Wall::ALL {

@@ -274,7 +274,7 @@ impl Home {
                     }
                     Some(_) => {}
                     None => {
-                        let wall = self.rooms[*room].solved.place.turn.wall_of(side);
+                        let wall = self.rooms[*room].solved.place.turn.inverse().wall(side);
                         if evidence.sees(wall.surface()) {
                             out.push(Conflict::DoorMissing { room: name(*room), to });
                         }

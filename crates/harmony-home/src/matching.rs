@@ -13,14 +13,14 @@
 use std::collections::BTreeSet;
 
 use glam::DVec2;
-use harmony_scene::{OpeningKind, Wall};
 use serde::Serialize;
 
 use crate::HomeError;
-use crate::frame::{Rect, Turn, across};
+use crate::frame::{Rect, across, sides};
 use crate::layout::{USUAL_WALL_M, outward};
 use crate::rooms::{Evidence, RoomRun, flat};
 use crate::solve::{BackToBack, Joint, Problem, RoomIn, Seat, Sigmas, Solution, anchored, door_range};
+use harmony_scene::{OpeningKind, QuarterTurn, Wall};
 
 /// Below this the next best layout is nearly as good, nats.
 pub const SURE_NATS: f64 = 2.0;
@@ -52,7 +52,7 @@ pub type Pair = [(usize, usize); 2];
 #[derive(Debug, Clone)]
 pub struct Matched {
     /// How each room is turned; the first is not.
-    pub turns: Vec<Turn>,
+    pub turns: Vec<QuarterTurn>,
     /// Where each was before refinement.
     pub at: Vec<DVec2>,
     /// Doors taken for one.
@@ -76,7 +76,7 @@ pub struct Ranking {
 
 #[derive(Debug, Clone)]
 struct Tree {
-    turns: Vec<Option<Turn>>,
+    turns: Vec<Option<QuarterTurn>>,
     at: Vec<DVec2>,
     pairs: Vec<Pair>,
     energy: f64,
@@ -92,8 +92,8 @@ fn nats(off: f64) -> f64 {
 }
 
 /// The rectangle of a room as its run has it.
-fn rect_of(evidence: &Evidence, turn: Turn, at: DVec2) -> Rect {
-    let half = turn.sides(&evidence.extents) / 2.0;
+fn rect_of(evidence: &Evidence, turn: QuarterTurn, at: DVec2) -> Rect {
+    let half = sides(turn, &evidence.extents) / 2.0;
     Rect { min: at - half, max: at + half }
 }
 
@@ -106,7 +106,7 @@ impl Search<'_> {
     }
 
     /// What sharing floor costs two rooms.
-    fn overlap(&self, rects: [(usize, Turn, Rect); 2]) -> f64 {
+    fn overlap(&self, rects: [(usize, QuarterTurn, Rect); 2]) -> f64 {
         let [(_, _, a), (_, _, b)] = &rects;
         let Some(met) = a.meet(b) else { return 0.0 };
         let axis = usize::from(met.size().y < met.size().x);
@@ -116,7 +116,7 @@ impl Search<'_> {
             let yields = sides.iter().any(|s| {
                 let within =
                     (rect.side(*s) - met.min[axis]).abs() < 1e-9 || (rect.side(*s) - met.max[axis]).abs() < 1e-9;
-                within && !self.evidence[*room].sees(turn.wall_of(*s).surface())
+                within && !self.evidence[*room].sees(turn.inverse().wall(*s).surface())
             });
             if yields {
                 sigma = sigma.hypot(OVERLAP_SHARE * rect.size()[axis]);
@@ -140,7 +140,7 @@ impl Search<'_> {
                 for b in (0..self.evidence.len()).filter(|b| tree.turns[*b].is_none()) {
                     for (j, other) in self.evidence[b].doors.iter().enumerate() {
                         let pair = [(a, i), (b, j)];
-                        let turn_b = Turn::bringing(other.wall, across(side));
+                        let turn_b = QuarterTurn::bringing(other.wall, across(side));
                         let at = anchored(&self.evidence[b], turn_b, middle(b, j), way);
                         let rect = rect_of(&self.evidence[b], turn_b, at);
                         let placed = tree.turns.iter().enumerate().filter_map(|(c, t)| Some((c, (*t)?)));
@@ -165,7 +165,7 @@ impl Search<'_> {
     fn trees(&self) -> Vec<Tree> {
         let count = self.evidence.len();
         let mut turns = vec![None; count];
-        turns[0] = Some(Turn::default());
+        turns[0] = Some(QuarterTurn::default());
         let mut beam = vec![Tree { turns, at: vec![DVec2::ZERO; count], pairs: Vec::new(), energy: 0.0 }];
         for _ in 1..count {
             let mut next: Vec<Tree> = beam.iter().flat_map(|t| self.grown(t)).collect();
@@ -220,7 +220,7 @@ impl Search<'_> {
     }
 
     fn refined(&self, tree: &Tree) -> Matched {
-        let turns: Vec<Turn> = tree.turns.iter().map(|t| t.unwrap_or_default()).collect();
+        let turns: Vec<QuarterTurn> = tree.turns.iter().map(|t| t.unwrap_or_default()).collect();
         let pairs = self.closed(tree);
         let (solution, _) = solve(self.evidence, &turns, &tree.at, &pairs);
         let rect = |r: usize| solution.rooms[r].rect;
@@ -258,7 +258,12 @@ fn key(pairs: &[Pair]) -> Vec<Pair> {
 }
 
 /// The problem of rooms joined by doors.
-pub(crate) fn problem<'a>(evidence: &'a [Evidence], turns: &[Turn], at: &[DVec2], pairs: &[Pair]) -> Problem<'a> {
+pub(crate) fn problem<'a>(
+    evidence: &'a [Evidence],
+    turns: &[QuarterTurn],
+    at: &[DVec2],
+    pairs: &[Pair],
+) -> Problem<'a> {
     let rooms = evidence.iter().enumerate().map(|(k, evidence)| RoomIn {
         evidence,
         turn: turns[k],
@@ -282,7 +287,7 @@ pub(crate) fn problem<'a>(evidence: &'a [Evidence], turns: &[Turn], at: &[DVec2]
 /// Refines rooms joined by doors: first these alone, then with walls that came to stand back to back.
 pub(crate) fn solve(
     evidence: &[Evidence],
-    turns: &[Turn],
+    turns: &[QuarterTurn],
     at: &[DVec2],
     pairs: &[Pair],
 ) -> (Solution, Vec<BackToBack>) {
@@ -300,7 +305,7 @@ pub(crate) fn solve(
                 let gap = rb.side(across(side)) - ra.side(side);
                 let ([a0, a1], [b0, b1]) = (ra.along(side), rb.along(side));
                 let common = a1.min(b1) - a0.max(b0);
-                let sees = |r: usize, s: Wall| evidence[r].sees(turns[r].wall_of(s).surface());
+                let sees = |r: usize, s: Wall| evidence[r].sees(turns[r].inverse().wall(s).surface());
                 let near = if sees(a, side) && sees(b, across(side)) { 0.25 } else { 0.6 };
                 if (gap - USUAL_WALL_M).abs() < near && common > 0.8 {
                     problem.walls.push(BackToBack { rooms: [a, b], side, sure: false });

@@ -37,7 +37,7 @@ pub fn poses(objects: &[SceneObject], evidence: &Evidence, solved: &Solved) -> V
         .iter()
         .map(|o| Pose {
             position: place.point(&evidence.extents, o.pose.position),
-            yaw: o.pose.yaw + place.turn.yaw() + place.yaw,
+            yaw: o.pose.yaw + place.turn.angle() + place.yaw,
             scale: o.pose.scale * place.scale,
             stretch: o.pose.stretch,
         })

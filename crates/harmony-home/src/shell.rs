@@ -118,9 +118,8 @@ pub fn wall_tops(tops: impl Iterator<Item = (DVec3, DVec3)>) -> Option<Face> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Turn;
     use glam::DVec2;
-    use harmony_scene::{Opening, OpeningKind, RoomShape};
+    use harmony_scene::{Opening, OpeningKind, QuarterTurn, RoomShape};
 
     #[test]
     fn a_turned_room_has_its_faces_and_boards_where_the_home_has_its_walls() {
@@ -148,7 +147,7 @@ mod tests {
             .into_iter()
             .map(|(name, mesh)| Face { name, mesh: Arc::new(mesh) })
             .collect();
-        let turn = Turn::try_from(1).unwrap();
+        let turn = QuarterTurn::try_from(1).unwrap();
         let place = Place { turn, yaw: 0.0, scale: 1.0, at: DVec2::new(12.5, 11.5), floor: 0.0 };
         let made = faces("hall_", &room, &place, &own, 0.07);
         let bounds = |name: &str| made.iter().find(|f| f.name == name).unwrap().mesh.bounds().unwrap();

@@ -11,12 +11,12 @@
 
 use glam::{DVec2, DVec3};
 use harmony_geometry::least_squares::{minimise, robust};
-use harmony_scene::{Surface, Wall};
 use serde::{Deserialize, Serialize};
 
-use crate::frame::{Place, Rect, Turn, across};
+use crate::frame::{Place, Rect, across, sides};
 use crate::layout::{USUAL_WALL_M, outward};
 use crate::rooms::{Evidence, flat};
+use harmony_scene::{QuarterTurn, Surface, Wall};
 
 /// How far off things are, one sigma each.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -72,7 +72,7 @@ pub struct RoomIn<'a> {
     /// What its run says.
     pub evidence: &'a Evidence,
     /// How it is turned.
-    pub turn: Turn,
+    pub turn: QuarterTurn,
     /// Its walls in the layout.
     pub rect: Option<Rect>,
     /// Its height in the layout, metres.
@@ -172,7 +172,7 @@ pub fn unrefined(rooms: &[RoomIn<'_>]) -> Vec<Solved> {
                 for axis in 0..2 {
                     let sides = if axis == 0 { [Wall::Left, Wall::Right] } else { [Wall::Back, Wall::Front] };
                     let off = |side: Wall| {
-                        let wall = room.turn.wall_of(side);
+                        let wall = room.turn.inverse().wall(side);
                         let own = wall_ends(room.evidence, &place(room.at), wall)[0];
                         (rect.side(side) - own, room.evidence.sees(wall.surface()))
                     };
@@ -182,7 +182,7 @@ pub fn unrefined(rooms: &[RoomIn<'_>]) -> Vec<Solved> {
                     at[axis] += used.iter().sum::<f64>() / used.len() as f64;
                 }
             }
-            let half = room.turn.sides(e) / 2.0;
+            let half = sides(room.turn, e) / 2.0;
             let rect = room.rect.unwrap_or(Rect { min: at - half, max: at + half });
             Solved { place: place(at), rect, height: room.height.unwrap_or(e.height) }
         })
@@ -358,7 +358,7 @@ impl Problem<'_> {
 }
 
 /// Where a room of the run is so that a point of its frame comes to a point of the home.
-pub fn anchored(evidence: &Evidence, turn: Turn, room: DVec3, home: DVec2) -> DVec2 {
+pub fn anchored(evidence: &Evidence, turn: QuarterTurn, room: DVec3, home: DVec2) -> DVec2 {
     let zero = Place { turn, yaw: 0.0, scale: 1.0, at: DVec2::ZERO, floor: 0.0 };
     home - flat(zero.point(&evidence.extents, room))
 }

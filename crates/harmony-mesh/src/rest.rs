@@ -63,8 +63,11 @@ pub fn stand(mesh: &mut Mesh) -> Stand {
             let [before, after] = [DVec3::Y, turn.transpose() * DVec3::Y].map(|up| level_share(mesh, up));
             after >= KEPT_LEVEL * before
         };
-        let by_choice = turn.filter(as_level);
-        for turn in [by_choice.unwrap_or(DMat3::IDENTITY), turn.unwrap_or(DMat3::IDENTITY)] {
+        let mut turns = vec![DMat3::IDENTITY];
+        if let Some(turn) = turn {
+            turns.insert(usize::from(!as_level(&turn)), turn);
+        }
+        for turn in turns {
             let mut turned = mesh.clone();
             canonicalise(&mut turned, turn);
             let feet = Feet::of(&turned);

@@ -9,9 +9,23 @@ use crate::{Camera, Extents, Surface, Wall};
 /// room with another wall as its back; the origin goes to the new back-left floor corner.
 ///
 /// Points, cameras and spans along walls need the extents of the room in the frame they come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(transparent)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
+#[serde(try_from = "u8", into = "u8")]
 pub struct QuarterTurn(u8);
+
+impl TryFrom<u8> for QuarterTurn {
+    type Error = String;
+
+    fn try_from(quarters: u8) -> Result<Self, String> {
+        (quarters < 4).then_some(Self(quarters)).ok_or_else(|| format!("{quarters} quarter turns: 0 to 3 are there"))
+    }
+}
+
+impl From<QuarterTurn> for u8 {
+    fn from(turn: QuarterTurn) -> Self {
+        turn.0
+    }
+}
 
 /// Walls in the order in which a quarter turn carries each to the next one's place.
 const ROUND: [Wall; 4] = [Wall::Back, Wall::Left, Wall::Front, Wall::Right];
@@ -24,9 +38,9 @@ impl QuarterTurn {
     /// All four, none first.
     pub const ALL: [Self; 4] = [Self(0), Self(1), Self(2), Self(3)];
 
-    /// The one that makes this wall the back wall.
-    pub fn with_back(wall: Wall) -> Self {
-        Self((4 - place(wall)) % 4)
+    /// The one that gives a wall another one's name.
+    pub fn bringing(wall: Wall, to: Wall) -> Self {
+        Self((4 + place(to) - place(wall)) % 4)
     }
 
     /// How many quarters, 0 to 3.
@@ -47,7 +61,7 @@ impl QuarterTurn {
 
     /// Its rotation, of exact zeros and ones.
     pub fn rotation(self) -> DMat3 {
-        let (s, c) = [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][usize::from(self.0 % 4)];
+        let (s, c) = [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][usize::from(self.0)];
         DMat3::from_cols(DVec3::new(c, 0.0, -s), DVec3::Y, DVec3::new(s, 0.0, c))
     }
 
@@ -58,7 +72,7 @@ impl QuarterTurn {
 
     /// Where the old origin is in the turned frame.
     pub fn origin(self, from: &Extents) -> DVec3 {
-        match self.0 % 4 {
+        match self.0 {
             0 => DVec3::ZERO,
             1 => DVec3::new(0.0, 0.0, from.width),
             2 => DVec3::new(from.width, 0.0, from.depth),
@@ -120,7 +134,7 @@ mod tests {
                 let yaw = turn.yaw(wall.yaw()) - turn.wall(wall).yaw();
                 assert!(yaw.sin().abs() < 1e-12 && yaw.cos() > 0.0);
             }
-            assert_eq!(QuarterTurn::with_back(turn.inverse().wall(Wall::Back)), turn);
+            assert_eq!(QuarterTurn::bringing(turn.inverse().wall(Wall::Back), Wall::Back), turn);
         }
     }
 

@@ -83,7 +83,7 @@ impl Desk {
 
     /// Waits until so many scenes are in a state.
     pub async fn until(&self, state: &str, count: usize) {
-        for _ in 0..600 {
+        for _ in 0..4800 {
             if self.queue.scenes(self.row.id, state, 1000).await.unwrap().len() >= count {
                 return;
             }

@@ -8,8 +8,7 @@ use harmony_pipeline::Settings;
 
 use super::{TruthHome, plan, write};
 use crate::generate::GeneratorSettings;
-use crate::metrics::similarity::Looking;
-use crate::oracle::{Meshes, NoiseLevel};
+use crate::oracle::NoiseLevel;
 use crate::run::{BenchError, BenchRequest, run as run_rooms};
 
 /// What to make and run.
@@ -70,18 +69,9 @@ pub async fn reconstruct(
             let rooms = BenchRequest {
                 rooms: missing,
                 out: folder.join("runs"),
-                level: request.level,
-                noise: request.level.noise(),
                 seeds: vec![*seed],
-                exact_height: false,
-                settings: request.settings.clone(),
-                changes: Vec::new(),
-                points: 0,
                 jobs: request.jobs,
-                keep: true,
-                looking: Looking::default(),
-                lit: None,
-                meshes: Meshes::Truth,
+                ..BenchRequest::to_be_judged_elsewhere(request.level, request.settings.clone())
             };
             run_rooms(&rooms, offline, tell).await?;
         }

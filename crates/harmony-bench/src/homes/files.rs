@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use harmony_home::HomeError;
-use harmony_home::frame::Turn;
 use harmony_home::layout::HomeLayout;
 use harmony_io::{read_json, write_json};
+use harmony_scene::QuarterTurn;
 
 use super::HomePlan;
 use crate::generate::{GeneratorSettings, generate, write as write_room};
@@ -22,7 +22,7 @@ pub struct TruthHome {
     /// As a user would give it.
     pub layout: HomeLayout,
     /// How each room's photo is turned, in the order of the layout.
-    pub turns: Vec<Turn>,
+    pub turns: Vec<QuarterTurn>,
     /// Folders of the rooms, in the order of the layout.
     pub rooms: Vec<PathBuf>,
 }
@@ -58,7 +58,7 @@ impl TruthHome {
     pub fn load(folder: &Path) -> Result<Self, HomeError> {
         let mut layout: HomeLayout = read_json(&folder.join("layout.json"))?;
         layout.check()?;
-        let turns: BTreeMap<String, Turn> = read_json(&folder.join("turns.json"))?;
+        let turns: BTreeMap<String, QuarterTurn> = read_json(&folder.join("turns.json"))?;
         let turn = |name: &String| {
             let why = || HomeError::Rooms { why: format!("turns.json has no room {name}") };
             turns.get(name).copied().ok_or_else(why)

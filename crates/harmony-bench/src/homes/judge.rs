@@ -2,13 +2,13 @@
 
 use glam::{DMat3, DVec2, DVec3};
 use harmony_home::build::{Built, How, build};
-use harmony_home::frame::{Place, Turn};
+use harmony_home::frame::{Place, sides};
 use harmony_home::layout::HomeLayout;
 use harmony_home::merge::merge;
 use harmony_home::moved::poses;
 use harmony_home::rooms::RoomRun;
 use harmony_mesh::Mesh;
-use harmony_scene::{Extents, Level, Pose, SceneObject};
+use harmony_scene::{Extents, Level, Pose, QuarterTurn, SceneObject, Wall};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::path::Path;
@@ -55,7 +55,7 @@ fn true_place(home: &TruthHome, room: usize) -> (Place, Extents) {
     let wanted = &home.layout.rooms[room];
     let (rect, turn) = (wanted.bounds(), home.turns[room]);
     let height = wanted.height.unwrap_or(2.5);
-    let size = turn.sides(&Extents { width: rect.size().x, height, depth: rect.size().y });
+    let size = sides(turn, &Extents { width: rect.size().x, height, depth: rect.size().y });
     let place = Place { turn, yaw: 0.0, scale: 1.0, at: rect.centre(), floor: wanted.floor };
     (place, Extents { width: size.x, height, depth: size.y })
 }
@@ -114,11 +114,8 @@ pub fn judge(
     let turn = |k: usize| order[k].map(|r| built.home.rooms[r].solved.place.turn);
     // A home joined by its doors is turned as its first room's photo is.
     let whole = match (by, turn(0)) {
-        (PlacedBy::Doors, Some(own)) => {
-            let quarters = |t: Turn| u8::from(t);
-            Turn::try_from((quarters(truth.turns[0]) + 4 - quarters(own)) % 4).unwrap_or_default()
-        }
-        _ => Turn::default(),
+        (PlacedBy::Doors, Some(own)) => QuarterTurn::bringing(own.wall(Wall::Back), truth.turns[0].wall(Wall::Back)),
+        _ => QuarterTurn::default(),
     };
     let same_turn = |k: usize| turn(k).is_some_and(|t| (u8::from(t) + u8::from(whole)) % 4 == u8::from(truth.turns[k]));
     let right: Vec<bool> =
@@ -137,7 +134,7 @@ pub fn judge(
     });
     let doors_right = met.count();
     let found = found(truth, &rooms, &order, &built)?;
-    let rotation = DMat3::from_rotation_y(whole.yaw());
+    let rotation = DMat3::from_rotation_y(whole.angle());
     let shift = |which: usize| {
         if by == PlacedBy::Layout || found.is_empty() {
             return DVec3::ZERO;

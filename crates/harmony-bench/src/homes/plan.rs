@@ -1,9 +1,9 @@
 //! A floor plan from a seed: a rectangle cut into rooms, doors between neighbours, and where each photo was taken.
 
 use glam::DVec2;
-use harmony_home::frame::{Rect, Turn, across, in_room};
+use harmony_home::frame::{Rect, across, in_room, sides};
 use harmony_home::layout::{DoorKind, HomeLayout, LAYOUT_VERSION, LayoutDoor, LayoutRoom, Unit};
-use harmony_scene::{Extents, Wall};
+use harmony_scene::{Extents, QuarterTurn, Wall};
 
 use crate::generate::{FixedDoor, FixedRoom, RoomKind};
 use rand::{Rng, SeedableRng};
@@ -24,7 +24,7 @@ pub struct PlannedRoom {
     /// What it is for.
     pub kind: RoomKind,
     /// How its photo is turned in the home.
-    pub turn: Turn,
+    pub turn: QuarterTurn,
     /// What the home asks of it, in its own frame.
     pub fixed: FixedRoom,
 }
@@ -178,14 +178,14 @@ fn seen(wall: Wall, u: f64, e: &Extents) -> f64 {
 
 fn furnished(seed: u64, dice: &mut Dice, rects: &[Rect], tree: &[Shared], wall: f64) -> HomePlan {
     let height = dice.round(2.35, 2.9);
-    let extents = |rect: &Rect, turn: Turn| {
-        let s = turn.sides(&Extents { width: rect.size().x, height, depth: rect.size().y });
+    let extents = |rect: &Rect, turn: QuarterTurn| {
+        let s = sides(turn, &Extents { width: rect.size().x, height, depth: rect.size().y });
         Extents { width: s.x, height, depth: s.y }
     };
     // A photo from where most doors are in view.
-    let turns: Vec<Turn> = (0..rects.len())
+    let turns: Vec<QuarterTurn> = (0..rects.len())
         .map(|r| {
-            let worth = |turn: &Turn| {
+            let worth = |turn: &QuarterTurn| {
                 let sides = tree.iter().filter(|s| s.rooms.contains(&r));
                 sides
                     .map(|s| {
@@ -195,9 +195,9 @@ fn furnished(seed: u64, dice: &mut Dice, rects: &[Rect], tree: &[Shared], wall: 
                     })
                     .sum::<f64>()
             };
-            let jitter: Vec<f64> = Turn::ALL.iter().map(|_| dice.range(0.0, 0.5)).collect();
-            let value = |k: usize| worth(&Turn::ALL[k]) + jitter[k];
-            Turn::ALL[(0..4).max_by(|a, b| value(*a).total_cmp(&value(*b))).unwrap_or(0)]
+            let jitter: Vec<f64> = QuarterTurn::ALL.iter().map(|_| dice.range(0.0, 0.5)).collect();
+            let value = |k: usize| worth(&QuarterTurn::ALL[k]) + jitter[k];
+            QuarterTurn::ALL[(0..4).max_by(|a, b| value(*a).total_cmp(&value(*b))).unwrap_or(0)]
         })
         .collect();
     let kinds: Vec<RoomKind> = rects.iter().map(|r| kind(dice, r)).collect();

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use glam::{DVec2, DVec3};
 use harmony_scene::{Block, Extents, Niche, ObjectId, Opening, OpeningKind, Room, RoomShape, Wall};
 
-use crate::frame::{Place, Rect, across, in_room};
+use crate::frame::{Place, Rect, across, in_room, sides};
 use crate::home::{Home, HomeRoom};
 use crate::rooms::{Evidence, flat};
 
@@ -31,7 +31,7 @@ impl HomeRoom {
     /// Its size in its own frame.
     fn extents(&self) -> Extents {
         let size = self.solved.rect.size();
-        let own = self.solved.place.turn.sides(&Extents { width: size.x, height: self.solved.height, depth: size.y });
+        let own = sides(self.solved.place.turn, &Extents { width: size.x, height: self.solved.height, depth: size.y });
         Extents { width: own.x, height: self.solved.height, depth: own.y }
     }
 
@@ -49,7 +49,7 @@ impl HomeRoom {
             let v = p - self.solved.rect.centre();
             // The turn back, its transpose.
             let v = DVec3::new(v.x, 0.0, v.y);
-            let own = DVec3::new(v.dot(turn.vector(DVec3::X)), 0.0, v.dot(turn.vector(DVec3::Z)));
+            let own = DVec3::new(v.dot(turn.rotation() * DVec3::X), 0.0, v.dot(turn.rotation() * DVec3::Z));
             own + middle
         };
         let (a, b) = (back(rect.min), back(rect.max));

@@ -5,12 +5,11 @@ use harmony_export::World;
 use harmony_home::HomeError;
 use harmony_home::build::{How, build};
 use harmony_home::files::{HomeFile, write};
-use harmony_home::frame::Turn;
 use harmony_home::home::Conflict;
 use harmony_home::layout::HomeLayout;
 use harmony_home::merge::merge;
 use harmony_home::rooms::RoomRun;
-use harmony_scene::{Support, Surface, Wall};
+use harmony_scene::{QuarterTurn, Support, Surface, Wall};
 
 use crate::support::{Off, cabinet, flat, run, turns};
 
@@ -74,7 +73,7 @@ fn by_their_doors_alone_rooms_come_to_the_same_home() {
     let mut built = build(None, runs(&layout)).unwrap();
     // The living room's own turn is that of the home: the layout is turned by it.
     let own = built.home.rooms[0].solved.place.turn;
-    assert_eq!(own, Turn::default());
+    assert_eq!(own, QuarterTurn::default());
     for (k, room) in built.home.rooms.iter().enumerate() {
         let quarters = (u8::from(turns()[k]) + 4 - u8::from(turns()[0])) % 4;
         assert_eq!(u8::from(room.solved.place.turn), quarters, "{}", room.name);

@@ -6,14 +6,14 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3, Vec3};
 use harmony_export::World;
 use harmony_export::world::{Face, Item};
-use harmony_home::frame::{Place, Turn, across, in_room};
+use harmony_home::frame::{Place, across, in_room, sides};
 use harmony_home::layout::HomeLayout;
 use harmony_home::rooms::RoomRun;
 use harmony_mesh::{Group, Material, Mesh};
 use harmony_scene::{
     Camera, Confidence, Extents, ImageSize, Intrinsics, Level, Lighting, MaterialCategory, ObjectId, Opening,
-    OpeningKind, Physical, Pose, Relations, Room, RoomShape, SCENE_VERSION, Scene, SceneCamera, SceneObject, Size,
-    Support, Surface, SurfaceMaterial, Wall, WallAffinity,
+    OpeningKind, Physical, Pose, QuarterTurn, Relations, Room, RoomShape, SCENE_VERSION, Scene, SceneCamera,
+    SceneObject, Size, Support, Surface, SurfaceMaterial, Wall, WallAffinity,
 };
 
 /// A box of a size, its bottom at y = 0, centred.
@@ -132,11 +132,11 @@ pub struct Off {
 /// A run that would be an exact photo of a layout's room but for `off`; a cabinet stands in the middle of its back wall.
 ///
 /// The photo shows all but the front wall, and doors in it.
-pub fn run(layout: &HomeLayout, room: usize, turn: Turn, off: Off) -> RoomRun {
+pub fn run(layout: &HomeLayout, room: usize, turn: QuarterTurn, off: Off) -> RoomRun {
     let wanted = &layout.rooms[room];
     let rect = wanted.bounds();
     let height = wanted.height.unwrap();
-    let size = turn.sides(&Extents { width: rect.size().x, height, depth: rect.size().y });
+    let size = sides(turn, &Extents { width: rect.size().x, height, depth: rect.size().y });
     let k = off.scale;
     let extents = Extents { width: size.x * k, height: height * k, depth: size.y * k + off.front };
     let mut openings = Vec::new();
@@ -179,9 +179,9 @@ pub fn run(layout: &HomeLayout, room: usize, turn: Turn, off: Off) -> RoomRun {
 }
 
 /// Where that cabinet's middle is in the home, its floor.
-pub fn cabinet(layout: &HomeLayout, room: usize, turn: Turn) -> DVec2 {
+pub fn cabinet(layout: &HomeLayout, room: usize, turn: QuarterTurn) -> DVec2 {
     let rect = layout.rooms[room].bounds();
-    let size = turn.sides(&Extents { width: rect.size().x, height: 2.5, depth: rect.size().y });
+    let size = sides(turn, &Extents { width: rect.size().x, height: 2.5, depth: rect.size().y });
     let extents = Extents { width: size.x, height: 2.5, depth: size.y };
     let place = Place { turn, yaw: 0.0, scale: 1.0, at: rect.centre(), floor: 0.0 };
     let p = place.point(&extents, DVec3::new(extents.width / 2.0, 0.0, 0.25));
@@ -202,8 +202,8 @@ pub fn flat() -> HomeLayout {
 }
 
 /// Turns in which the photos of the flat's rooms show all their doors.
-pub fn turns() -> [Turn; 3] {
-    let facing = |side: Wall| Turn::bringing(Wall::Back, side);
+pub fn turns() -> [QuarterTurn; 3] {
+    let facing = |side: Wall| QuarterTurn::bringing(Wall::Back, side);
     assert_eq!(across(Wall::Left), Wall::Right);
     [facing(Wall::Right), facing(Wall::Left), facing(Wall::Back)]
 }

@@ -45,7 +45,7 @@ fn good() -> Value {
 
 /// Waits until a file is there and returns its text.
 fn read_when_there(path: &Path) -> String {
-    for _ in 0..1000 {
+    for _ in 0..12_000 {
         if let Ok(text) = std::fs::read_to_string(path) {
             return text;
         }

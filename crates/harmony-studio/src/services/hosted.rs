@@ -189,26 +189,27 @@ fn upload(call: &Call<'_>, tasks: &Tasks, field: &str) -> Reply {
     Reply::json(201, &json!({"id": id, "urls": {"get": url}}))
 }
 
-/// Makes a task of a picture; its id, and whether it will be charged: none of these services charges a task that fails by
-/// itself. The file is made at once and given out later.
+/// Makes a task of a picture; its id, and whether something usable comes of it: what a task that fails by itself may have
+/// cost (Replicate charges time) bought nothing, and asking again is not paying for the same twice. The file is made at
+/// once and given out later.
 async fn make(call: &Call<'_>, tasks: &Tasks, app: &str, picture: &[u8]) -> (String, bool) {
     let front_is_x = call.service == Service::Tripo;
     // Our +Z is its +X.
     let turned: fn(glam::Vec3) -> glam::Vec3 = if front_is_x { |p| glam::Vec3::new(p.z, p.y, -p.x) } else { |p| p };
     let file = meshes::file_of(call, picture, turned).await;
-    let charged = file.is_ok();
+    let usable = file.is_ok();
     let mut all = tasks.tasks();
     let id = format!("{}-{}", &blake3::hash(&call.request.body).to_hex()[..20], all.len());
     let task = Task { service: call.service, app: app.to_owned(), file, fault: call.fault, looks: 0, fetches: 0 };
     all.insert(id.clone(), task);
     call.studio.ledger.tasks.fetch_add(1, Ordering::Relaxed);
-    (id, charged)
+    (id, usable)
 }
 
 /// The answer to a new task.
-fn made(charged: bool, status: u16, body: &Value) -> Made {
+fn made(usable: bool, status: u16, body: &Value) -> Made {
     let reply = Reply::json(status, body);
-    if charged { Made::paid(Part::HostedMesh, reply, (0, 0)) } else { free(reply) }
+    if usable { Made::paid(Part::HostedMesh, reply, (0, 0)) } else { free(reply) }
 }
 
 /// The first of these numbers that is outside of its range.
@@ -244,13 +245,13 @@ async fn fal(call: &Call<'_>, tasks: &Tasks) -> Made {
     let Some(picture) = picture(tasks, &call.json[field]).filter(|file| looked_at(file).is_ok()) else {
         return wrong(field, "file_download_error", "Failed to download the file.");
     };
-    let (id, charged) = make(call, tasks, &app, &picture).await;
+    let (id, usable) = make(call, tasks, &app, &picture).await;
     let at = format!("{}/fal/{app}/requests/{id}", call.studio.own);
     let body = json!({
         "status": "IN_QUEUE", "request_id": id, "response_url": at, "queue_position": 0,
         "status_url": format!("{at}/status"), "cancel_url": format!("{at}/cancel"),
     });
-    made(charged, 200, &body)
+    made(usable, 200, &body)
 }
 
 /// State, result and cancellation of a task at fal.
@@ -310,8 +311,8 @@ async fn replicate(call: &Call<'_>, tasks: &Tasks) -> Made {
     let Some(picture) = picture(tasks, given).filter(|file| looked_at(file).is_ok()) else {
         return invalid("- input.image: Does not match format 'uri'");
     };
-    let (id, charged) = make(call, tasks, "", &picture).await;
-    made(charged, 201, &json!({"id": id, "status": "starting", "output": null, "error": null}))
+    let (id, usable) = make(call, tasks, "", &picture).await;
+    made(usable, 201, &json!({"id": id, "status": "starting", "output": null, "error": null}))
 }
 
 async fn tripo(call: &Call<'_>, tasks: &Tasks) -> Made {
@@ -326,8 +327,8 @@ async fn tripo(call: &Call<'_>, tasks: &Tasks) -> Made {
     let Some(picture) = picture(tasks, &body["file"]["file_token"]) else {
         return free(no(call.service, 404, 2019, "File not found."));
     };
-    let (id, charged) = make(call, tasks, "", &picture).await;
-    made(charged, 200, &json!({"code": 0, "data": {"task_id": id}}))
+    let (id, usable) = make(call, tasks, "", &picture).await;
+    made(usable, 200, &json!({"code": 0, "data": {"task_id": id}}))
 }
 
 async fn meshy(call: &Call<'_>, tasks: &Tasks) -> Made {
@@ -342,8 +343,8 @@ async fn meshy(call: &Call<'_>, tasks: &Tasks) -> Made {
     let Some(picture) = picture(tasks, &body["image_url"]).filter(|file| looked_at(file).is_ok()) else {
         return invalid("Image_url is not a valid image");
     };
-    let (id, charged) = make(call, tasks, "", &picture).await;
-    made(charged, 202, &json!({"result": id}))
+    let (id, usable) = make(call, tasks, "", &picture).await;
+    made(usable, 202, &json!({"result": id}))
 }
 
 /// How a task is.
