@@ -8,9 +8,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from textures import MAX_ALBEDO, principled
+from textures import MAX_ALBEDO, name_in_file, principled
 
 GROUP = "photo_frame"
+GLOSSES = ("Specular IOR Level", "Sheen Weight")
 # Share of the frame's size over which a field fades to its mean beyond the frame.
 FADE = 3.0
 
@@ -90,11 +91,15 @@ def field_image(name, columns, rows, factors):
     return image
 
 
-def scale_base(material, gain, mean, image=None, group=None):
-    """base colour := min(base colour * gain * field, MAX_ALBEDO)."""
+def scale_base(material, gain, mean, image=None, group=None, gloss=1.0):
+    """base colour := min(base colour * gain * field, MAX_ALBEDO); specular reflection and sheen scaled by `gloss`."""
     shader = principled(material)
     if shader is None:
         return
+    if gloss < 1.0:
+        for name in GLOSSES:
+            if name in shader.inputs:
+                shader.inputs[name].default_value *= gloss
     tree, socket = material.node_tree, shader.inputs["Base Color"]
     factor = tuple(float(gain * m) for m in mean)
     if image is not None:
@@ -114,12 +119,13 @@ def scale_base(material, gain, mean, image=None, group=None):
     tree.links.new(vector(tree, "MINIMUM", scaled, (MAX_ALBEDO,) * 3), socket)
 
 
-def apply_albedo(gain, albedo, objects_of):
-    """Scales every base colour; `objects_of`: the mesh objects of each node that has a field."""
+def apply_albedo(gain, albedo, parts):
+    """Scales every base colour; `parts`: the mesh objects of each part that has a field, and its material ("" = all)."""
     done = set()
     if albedo:
         group = frame_group(albedo["camera"])
-        for name, objects in sorted(objects_of.items()):
+        # A part that is one material comes before what it is a part of.
+        for name, (objects, wanted) in sorted(parts.items(), key=lambda p: ("/" not in p[0], p[0])):
             cells = albedo["nodes"][name]
             image = None
             if cells["factors"]:
@@ -130,11 +136,11 @@ def apply_albedo(gain, albedo, objects_of):
                     obj.data = obj.data.copy()
                 for slot in obj.material_slots:
                     old = slot.material
-                    if old is None or old.name in done:
+                    if old is None or old.name in done or (wanted and name_in_file(old) != wanted):
                         continue
                     if old.name not in owned:
                         owned[old.name] = old.copy()
-                        scale_base(owned[old.name], gain, cells["mean"], image, group)
+                        scale_base(owned[old.name], gain, cells["mean"], image, group, cells["gloss"])
                         done.add(owned[old.name].name)
                     slot.material = owned[old.name]
     other = albedo["other"] if albedo else (1.0, 1.0, 1.0)

@@ -36,13 +36,15 @@ from mathutils import Matrix, Vector  # noqa: E402
 sys.path.insert(0, JOB["folder"])
 # These lie beside the job.
 from albedo import apply_albedo  # noqa: E402
-from textures import base_image, bright_gain, decode, encode, principled  # noqa: E402
+from textures import base_image, bright_gain, decode, encode, name_in_file, principled  # noqa: E402
 from views import sample_response, sample_views, set_view  # noqa: E402
 
 NOTES = []
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 EMITTER_WORDS = ("shade", "bulb", "globe", "diffuser", "emit", "glow", "flame")
 PANE_WORDS = ("glass", "pane", "glazing", "view", "screen", "display")
+# The node above the room's faces.
+ROOM = "room"
 # Luminance, display-linear, that the bright part of a shining lampshade has at least.
 GLOW = 0.6
 
@@ -111,6 +113,12 @@ def all_meshes():
     return [o for o in bpy.data.objects if o.type == "MESH"]
 
 
+def part_of(name):
+    """Mesh objects and material of a part: a node's name, or `node/material` for one material of it."""
+    node, _, material = name.partition("/")
+    return meshes_below(node), material
+
+
 def hide_from_camera():
     for name in JOB["hidden_nodes"]:
         found = meshes_below(name)
@@ -118,6 +126,10 @@ def hide_from_camera():
             NOTES.append(f"no node {name} to hide")
         for obj in found:
             obj.visible_camera = False
+    if JOB["hidden_nodes"]:
+        # From outside, what is left of the hidden walls (boards, tops of blocks) would be seen from behind, black.
+        for _, material in own_materials(meshes_below(ROOM)):
+            hide_back(material)
 
 
 # ---------------------------------------------------------------- camera
@@ -189,14 +201,14 @@ def shown_as(node, response, least=0.0):
 # ---------------------------------------------------------------- materials
 
 
-def own_materials(objects):
-    """Gives objects materials (and meshes) of their own, and returns them."""
+def own_materials(objects, only=""):
+    """Gives objects materials (and meshes) of their own, and returns them; `only`: those of that name."""
     found = {}
     for obj in objects:
         if obj.data.users > 1:
             obj.data = obj.data.copy()
         for slot in obj.material_slots:
-            if slot.material:
+            if slot.material and (not only or name_in_file(slot.material) == only):
                 if slot.material.name not in found:
                     found[slot.material.name] = slot.material.copy()
                 slot.material = found[slot.material.name]
@@ -209,6 +221,26 @@ def surface_socket(material):
     if output is None or not output.inputs["Surface"].links:
         return None, None
     return output.inputs["Surface"].links[0].from_socket, output.inputs["Surface"]
+
+
+def hide_back(material):
+    """The camera sees through the side that faces away from the room."""
+    tree = material.node_tree
+    shader, surface = surface_socket(material)
+    if shader is None:
+        return
+    path = tree.nodes.new("ShaderNodeLightPath")
+    behind = tree.nodes.new("ShaderNodeNewGeometry")
+    share = tree.nodes.new("ShaderNodeMath")
+    share.operation = "MULTIPLY"
+    tree.links.new(path.outputs["Is Camera Ray"], share.inputs[0])
+    tree.links.new(behind.outputs["Backfacing"], share.inputs[1])
+    clear = tree.nodes.new("ShaderNodeBsdfTransparent")
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    tree.links.new(share.outputs[0], mix.inputs["Fac"])
+    tree.links.new(shader, mix.inputs[1])
+    tree.links.new(clear.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], surface)
 
 
 def let_shadow_rays_through(material, colour=(1.0, 1.0, 1.0, 1.0)):
@@ -488,12 +520,17 @@ def nodes_of(owner):
 
 
 def give_ids():
+    """Object index by node; material index by `node/material`, where a part is one material of a node."""
     for name, index in JOB["node_ids"].items():
-        found = meshes_below(name)
+        found, wanted = part_of(name)
         if not found:
             NOTES.append(f"no node {name} to give the id {index}")
-        for obj in found:
-            obj.pass_index = index
+        if not wanted:
+            for obj in found:
+                obj.pass_index = index
+            continue
+        for _, material in own_materials(found, wanted):
+            material.pass_index = index
 
 
 def render_ids(scene):
@@ -562,7 +599,7 @@ def main():
         if JOB["delight"]:
             gain = bright_gain(JOB["delight"], spared)
         if JOB["delight"] or JOB["albedo"]:
-            apply_albedo(gain, JOB["albedo"], {n: meshes_below(n) for n in (JOB["albedo"] or {}).get("nodes", {})})
+            apply_albedo(gain, JOB["albedo"], {n: part_of(n) for n in (JOB["albedo"] or {}).get("nodes", {})})
         clear_glass()
     loaded = time.time()
     if JOB["mode"] == "ids":
@@ -572,7 +609,7 @@ def main():
         for group in [*groups, "ambient"]:
             layer.lightgroups.add(name=group)
         give_ids()
-        layer.use_pass_object_index = layer.use_pass_diffuse_color = True
+        layer.use_pass_object_index = layer.use_pass_material_index = layer.use_pass_diffuse_color = True
         sample_views(scene, JOB["folder"], JOB["views"])
         set_view(scene, JOB["view"])
         write_exr(scene, "lights.exr", "OPEN_EXR_MULTILAYER")

@@ -1,11 +1,18 @@
 """Base colours of the imported materials: finding them, and the gain that makes reflectances of them."""
 
+import re
+
 import bpy
 import numpy as np
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 # A base colour never reflects more than this: multiple bounces would not end.
 MAX_ALBEDO = 0.9
+
+
+def name_in_file(material):
+    """The material's name in the GLB: Blender numbers those that share one."""
+    return re.sub(r"\.\d{3,}$", "", material.name)
 
 
 def principled(material):

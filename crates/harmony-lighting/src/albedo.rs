@@ -22,22 +22,39 @@ pub const COLUMNS: u32 = 48;
 const SIGMAS: [f64; 2] = [0.06, 0.02];
 /// Largest factor of a field, and its inverse the smallest, stops.
 const MOST_STOPS: f32 = 2.5;
+/// A channel this near to the smallest factor, stops, wants less than the surface's gloss gives; so much of it is left
+/// by each update.
+const NEAR_LEAST: f32 = 0.4;
+const LESS_GLOSS: f32 = 0.3;
 /// Largest change of one update within a node, against its mean, stops.
 const MOST_STEP: f32 = 1.5;
-/// Largest change of a channel against the others within a node, stops.
-const MOST_HUE: f32 = 0.4;
+/// Largest difference of a channel from the others within a node, against its mean, stops: light that changes its hue
+/// over a surface by more is another thing's colour.
+const MOST_HUE: f32 = 0.2;
 /// Light below which ratios are noise.
 const DARK: f32 = 0.004;
 /// A node has an own factor from so many counted pixels.
 const LEAST_PIXELS: usize = 12;
 
-/// A node of the scene as the field sees it.
+/// A node of the scene as the field sees it, or one material of a node: a bed's wood and its cover have nothing in common.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FieldNode {
-    /// Name in the GLB.
+    /// Name in the GLB, `node/material` for one material of it.
     pub name: String,
     /// What unseen nodes learn from: the nodes of the same kind (walls from walls, objects from objects).
     pub kind: &'static str,
+}
+
+impl FieldNode {
+    /// One material of a node.
+    pub fn part(node: &str, material: &str, kind: &'static str) -> Self {
+        Self { name: format!("{node}/{material}"), kind }
+    }
+
+    /// The node's name in the GLB.
+    pub fn node(&self) -> &str {
+        self.name.split_once('/').map_or(&self.name, |(node, _)| node)
+    }
 }
 
 /// A render in the photo's frame beside the photo; both light as the view takes it (after exposure), one value a pixel.
@@ -76,6 +93,7 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
         .collect();
     let mut next = AlbedoField { nodes: BTreeMap::new(), ..field.clone() };
     let mut by_kind: BTreeMap<&str, Vec<(usize, [f32; 3])>> = BTreeMap::new();
+    let mut by_node: BTreeMap<&str, Vec<(usize, [f32; 3])>> = BTreeMap::new();
     let mut unseen = Vec::new();
     for (index, node) in nodes.iter().enumerate() {
         let id = index as u32 + 1;
@@ -103,21 +121,27 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
                 let px = ((f64::from(x) + 0.5) / f64::from(field.columns) * f64::from(size.width)) as usize;
                 let py = ((f64::from(y) + 0.5) / f64::from(field.rows) * f64::from(size.height)) as usize;
                 let s = step[py.min(size.height as usize - 1) * size.width as usize + px.min(size.width as usize - 1)];
-                rounded([0, 1, 2].map(|c| old[c] + middle[c] + s[c]))
+                rounded(with_hue_of(mean, [0, 1, 2].map(|c| old[c] + middle[c] + s[c])))
             })
             .collect();
         by_kind.entry(node.kind).or_default().push((counted, mean));
-        next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded(mean), factors });
+        by_node.entry(node.node()).or_default().push((counted, mean));
+        let gloss = before.map_or(1.0, |b| b.gloss);
+        let too_glossy = mean.iter().any(|m| *m <= NEAR_LEAST - MOST_STOPS);
+        let gloss = if too_glossy { gloss * LESS_GLOSS } else { gloss };
+        next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded(mean), factors, gloss });
     }
     // What a blue wall needs by channel is no hint for a beige one: the others learn the level alone.
-    for (_, mean) in by_kind.values_mut().flatten() {
+    for (_, mean) in by_kind.values_mut().chain(by_node.values_mut()).flatten() {
         *mean = [luminance(mean.map(f32::exp2)).log2(); 3];
     }
     let all: Vec<(usize, [f32; 3])> = by_kind.values().flatten().copied().collect();
     next.other = rounded(weighted_mean(&all).unwrap_or(field.other.map(f32::log2)));
     for node in unseen {
-        let mean = by_kind.get(node.kind).and_then(|k| weighted_mean(k)).map_or(next.other, rounded);
-        next.nodes.insert(node.name.clone(), AlbedoCells { mean, factors: Vec::new() });
+        // Another material of the same thing stands in the same light.
+        let alike = by_node.get(node.node()).or_else(|| by_kind.get(node.kind));
+        let mean = alike.and_then(|k| weighted_mean(k)).map_or(next.other, rounded);
+        next.nodes.insert(node.name.clone(), AlbedoCells { mean, factors: Vec::new(), gloss: 1.0 });
     }
     next
 }
@@ -136,12 +160,14 @@ fn local_step(ratio: &[[f32; 3]], weights: &[f32], middle: [f32; 3], size: harmo
             }
         }
     }
-    // Light changes its hue a little over a surface; what changes it more is another thing's colour, beside the outline.
-    for s in &mut step {
-        let level = 0.2126 * s[0] + 0.7152 * s[1] + 0.0722 * s[2];
-        *s = s.map(|v| level + (v - level).clamp(-MOST_HUE, MOST_HUE));
-    }
     step
+}
+
+/// A cell whose hue is its node's: however often a field is updated, a surface keeps one paint.
+fn with_hue_of(mean: [f32; 3], cell: [f32; 3]) -> [f32; 3] {
+    let off = [0, 1, 2].map(|c| cell[c] - mean[c]);
+    let level = 0.2126 * off[0] + 0.7152 * off[1] + 0.0722 * off[2];
+    [0, 1, 2].map(|c| mean[c] + level + (off[c] - level).clamp(-MOST_HUE, MOST_HUE))
 }
 
 fn weighted_mean(all: &[(usize, [f32; 3])]) -> Option<[f32; 3]> {
@@ -173,6 +199,20 @@ mod tests {
     }
 
     #[test]
+    fn a_saturated_dark_cloth_loses_its_gloss_and_nothing_else_does() {
+        let photo = image(|_, y| if y < 0.4 { [0.11, 0.001, 0.03] } else { [0.4; 3] });
+        let render = image(|_, _| [0.25, 0.08, 0.1]);
+        let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| if i / 96 < 29 { 1 } else { 2 }).collect();
+        let weights = vec![1.0; SIZE.pixels()];
+        let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
+        let once = updated_field(&neutral_field(&camera()), &nodes()[..2], &seen);
+        let twice = updated_field(&once, &nodes()[..2], &seen);
+        let gloss = |field: &AlbedoField, name: &str| field.nodes[name].gloss;
+        assert!(gloss(&once, "back") < 0.5 && gloss(&twice, "back") < gloss(&once, "back"));
+        assert!((gloss(&twice, "floor") - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
     fn a_patch_of_another_things_colour_does_not_dye_a_surface() {
         // A red cushion stands where the scene has sofa.
         let patch = |x: f32, y: f32| (0.3..0.5).contains(&x) && (0.3..0.6).contains(&y);
@@ -181,11 +221,32 @@ mod tests {
         let ids = vec![1; SIZE.pixels()];
         let weights = vec![1.0; SIZE.pixels()];
         let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
-        let field = updated_field(&neutral_field(&camera()), &nodes()[..1], &seen);
+        let mut field = neutral_field(&camera());
+        for _ in 0..3 {
+            field = updated_field(&field, &nodes()[..1], &seen);
+        }
         for [r, g, b] in &field.nodes["back"].factors {
             let most = r.max(*g).max(*b) / r.min(*g).min(*b);
-            assert!(most < (2.0 * MOST_HUE).exp2() + 0.1, "{r} {g} {b}");
+            assert!(most < 1.4, "updates do not add up to a dye: {r} {g} {b}");
         }
+    }
+
+    #[test]
+    fn each_material_of_a_thing_has_its_own_factor_and_an_unseen_one_takes_its_neighbours() {
+        let parts: Vec<FieldNode> = ["wood", "cover", "feet"].map(|m| FieldNode::part("bed_01", m, "object")).to_vec();
+        let lamp = FieldNode { name: "lamp_01".into(), kind: "object" };
+        // Above the wood, below the cover, which the render shows twice and eight times too bright; a lamp that is right.
+        let photo = image(|_, _| [0.2, 0.01, 0.03]);
+        let render = image(|_, y| if y < 0.4 { [0.2, 0.02, 0.06].map(|v| v + DARK) } else { [0.8, 0.1, 0.2] });
+        let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| if i / 96 < 29 { 1 } else { 2 }).collect();
+        let weights = vec![1.0; SIZE.pixels()];
+        let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
+        let nodes = [parts[0].clone(), parts[1].clone(), parts[2].clone(), lamp];
+        let field = updated_field(&neutral_field(&camera()), &nodes, &seen);
+        assert!((field.nodes["bed_01/wood"].mean[0] - 1.0).abs() < 0.1, "{:?}", field.nodes["bed_01/wood"].mean);
+        assert!((field.nodes["bed_01/cover"].mean[0] - 0.25).abs() < 0.02, "{:?}", field.nodes["bed_01/cover"].mean);
+        let [wood, cover, feet] = ["wood", "cover", "feet"].map(|m| field.nodes[&format!("bed_01/{m}")].mean[1]);
+        assert!(cover < feet && feet < wood, "{cover} {feet} {wood}");
     }
 
     fn nodes() -> Vec<FieldNode> {

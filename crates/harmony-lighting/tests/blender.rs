@@ -164,11 +164,13 @@ fn a_field_lies_where_the_photo_saw_and_a_measurement_tells_nodes_and_views() {
     let Some(cycles) = renderer() else { return };
     let fixture = scene();
     let mut job = CyclesJob { mode: RenderMode::PerLight, samples: 16, ..job(&fixture, 160) };
-    job.node_ids = [("back".to_owned(), 1), ("floor".to_owned(), 2)].into();
+    let ids = [("back", 1), ("floor", 2), ("bed_01/frame", 3), ("bed_01/cover", 4)];
+    job.node_ids = ids.map(|(name, id)| (name.to_owned(), id)).into();
     job.views = ViewTransform::ALL.to_vec();
     let plain = cycles.render(&job).unwrap();
     let ids = plain.ids.unwrap();
     assert!(ids.iter().filter(|id| **id == 1).count() > 500 && ids.contains(&2));
+    assert!([3, 4].map(|part| ids.iter().filter(|id| **id == part).count()).iter().all(|n| *n > 100));
     assert_eq!(plain.views.iter().map(|v| v.view).collect::<Vec<_>>(), ViewTransform::ALL);
     // Blender's own numbers: Standard is sRGB, AgX shows 18 % grey darker than that.
     for table in &plain.views {
@@ -181,14 +183,21 @@ fn a_field_lies_where_the_photo_saw_and_a_measurement_tells_nodes_and_views() {
     let mut field = neutral_field(&job.camera);
     // Half of the reflectance on the right of the image, on the back wall alone.
     let half = |i: u32| if i % field.columns < field.columns / 2 { [1.0; 3] } else { [0.5; 3] };
-    let cells = AlbedoCells { mean: [1.0; 3], factors: (0..field.columns * field.rows).map(half).collect() };
+    let cells =
+        AlbedoCells { mean: [1.0; 3], factors: (0..field.columns * field.rows).map(half).collect(), gloss: 1.0 };
     field.nodes.insert("back".to_owned(), cells);
+    // And a quarter of the bed's cover, whose frame stays.
+    field.nodes.insert("bed_01/cover".to_owned(), AlbedoCells { mean: [0.25; 3], factors: Vec::new(), gloss: 0.3 });
     job.albedo = Some(field.into());
     let scaled = cycles.render(&job).unwrap();
     let (before, after) = (plain.albedo.unwrap(), scaled.albedo.unwrap());
     for (i, id) in ids.iter().enumerate().filter(|(_, id)| **id != 0) {
         let x = i % 160;
-        let want = if *id == 1 && x >= 90 { 0.5 } else { 1.0 };
+        let want = match id {
+            1 if x >= 90 => 0.5,
+            4 => 0.25,
+            _ => 1.0,
+        };
         if !(70..90).contains(&x) && is_interior(&ids, i) {
             let ratio = after.rgb[i][1] / before.rgb[i][1].max(1e-3);
             assert!((ratio - want).abs() <= 0.06, "node {id} at {x}: {ratio}, {want} wanted");

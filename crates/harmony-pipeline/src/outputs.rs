@@ -111,7 +111,7 @@ fn write_meshes(run: &Path, state: &SceneState, scene: &Scene) -> Result<(), Pha
     // Textures are compressed here, each on a core of its own.
     scene.objects.par_iter().try_for_each(|object| {
         let Some(mesh) = state.mesh_of(&object.id) else { return Ok(()) };
-        let mesh = Arc::new(with_material(mesh, object));
+        let mesh = Arc::new(with_material(mesh, object, is_said(state, object)));
         harmony_io::glb::write_mesh_glb(&run.join(&object.mesh), object.id.as_str(), mesh, Value::Null)
     })?;
     write_scene_glb(&run.join("scene_full.glb"), state, Some(scene))
@@ -157,7 +157,7 @@ pub fn write_scene_glb(path: &Path, state: &SceneState, scene: Option<&Scene>) -
     let nodes = objects
         .iter()
         .filter_map(|object| {
-            let mut mesh = with_material(state.mesh_of(&object.id)?, object);
+            let mut mesh = with_material(state.mesh_of(&object.id)?, object, is_said(state, object));
             if scene.is_none() {
                 // What is path-traced gets real light.
                 mesh.colors.clear();
@@ -248,8 +248,9 @@ const PICTURED_ROUGHNESS: f32 = 0.25;
 ///
 /// Part models name their slots' materials. The answer is about the dominant material: it goes to a mesh of one slot and
 /// to slots of its own kind, metal or not, so that a door does not turn metallic with its handle, nor the handle wooden.
-/// Glass and light sources keep what their slot says.
-fn with_material(mesh: &Arc<Mesh>, object: &SceneObject) -> Mesh {
+/// Glass and light sources keep what their slot says, and so do all slots of a program (`said`), which says it of each: a
+/// bed's cover does not get the gloss of its leather.
+fn with_material(mesh: &Arc<Mesh>, object: &SceneObject, said: bool) -> Mesh {
     let mut mesh = (**mesh).clone();
     let emitting = light_slot(&object.label);
     let pbr = object.material.pbr;
@@ -258,22 +259,28 @@ fn with_material(mesh: &Arc<Mesh>, object: &SceneObject) -> Mesh {
         if material.transmission > 0.0 || Some(material.name.as_str()) == emitting {
             continue;
         }
-        if one_slot {
+        if one_slot && !said {
             material.metallic = pbr.metallic as f32;
         }
-        if one_slot || (material.metallic > 0.5) == (pbr.metallic > 0.5) {
+        let alike = one_slot || (material.metallic > 0.5) == (pbr.metallic > 0.5);
+        if alike && !said {
             material.roughness = pbr.roughness as f32;
             material.ior = pbr.ior as f32;
         }
         if material.texture.is_some() {
             material.metallic = material.metallic.min(PICTURED_METAL);
             material.roughness = material.roughness.max(PICTURED_ROUGHNESS);
-        } else if material.metallic <= 0.5 {
+        } else if material.metallic <= 0.5 && !said {
             // A photo texture on clear glass would vanish: only plain slots of a glass object become clear.
             material.transmission = pbr.transmission as f32;
         }
     }
     mesh
+}
+
+/// Whether a program says what each slot is made of.
+fn is_said(state: &SceneState, object: &SceneObject) -> bool {
+    state.objects.get(&object.id).is_some_and(|o| o.program().is_some())
 }
 
 fn camera_json(state: &SceneState, scene: &Scene) -> Value {
@@ -456,12 +463,14 @@ mod tests {
         let mut handle = Material::plain("handle", [0.6; 3]);
         handle.metallic = 1.0;
         let mesh = Arc::new(Mesh { materials: vec![leaf.clone(), handle], ..Mesh::default() });
-        let made = with_material(&mesh, &door(steel));
+        let made = with_material(&mesh, &door(steel), false);
+        let said = with_material(&mesh, &door(PbrFactors { roughness: 0.3, ..steel }), true);
+        assert_eq!(said.materials, mesh.materials, "a program says it of each slot");
         assert_eq!((made.materials[0].metallic, made.materials[0].roughness), (0.0, 0.55));
         assert_eq!((made.materials[1].metallic, made.materials[1].roughness), (1.0, 0.2));
         // A generator's one material with the photo on it: it would mirror the room instead.
         leaf.texture = Some(Arc::new(RgbaImage::new(2, 2)));
-        let one = with_material(&Arc::new(Mesh { materials: vec![leaf], ..Mesh::default() }), &door(steel));
+        let one = with_material(&Arc::new(Mesh { materials: vec![leaf], ..Mesh::default() }), &door(steel), false);
         assert!(one.materials[0].metallic <= PICTURED_METAL && one.materials[0].roughness >= PICTURED_ROUGHNESS);
     }
 }

@@ -14,6 +14,7 @@ use harmony_lighting::{
     PictureError, SceneFit, ViewTable, assess, display_linear, fit_scene, judge, neutral_field, picture_error, propose,
     updated_field,
 };
+use harmony_mesh::Mesh;
 use harmony_prompts::LightingReviewQuestion;
 use harmony_render::canonical_camera;
 use harmony_roles::{LightMeasurement, LitImage, LitKind, LitRequest, Picture, RoleError};
@@ -122,7 +123,7 @@ pub async fn retouch(
     Ok(Some((verdict, pictures)))
 }
 
-/// The nodes of the scene's GLB: the room's faces, then the objects.
+/// The nodes of the scene's GLB: the room's faces, then the objects, by material where they have several.
 fn field_nodes(state: &SceneState) -> Vec<FieldNode> {
     let shell = views::shell(state, Vec::new());
     let faces = shell.groups.iter().filter(|g| !g.triangles.is_empty()).map(|g| {
@@ -134,8 +135,20 @@ fn field_nodes(state: &SceneState) -> Vec<FieldNode> {
         };
         FieldNode { name, kind }
     });
-    let objects = state.partial.placed.iter().filter(|p| state.mesh_of(&p.item.id).is_some());
-    faces.chain(objects.map(|p| FieldNode { name: p.item.id.to_string(), kind: "object" })).collect()
+    let objects = state.partial.placed.iter().filter_map(|p| Some((p.item.id.as_str(), state.mesh_of(&p.item.id)?)));
+    faces.chain(objects.flat_map(|(id, mesh)| parts(id, mesh))).collect()
+}
+
+/// An object, or each of its materials that is drawn.
+fn parts(id: &str, mesh: &Mesh) -> Vec<FieldNode> {
+    let drawn = mesh.groups.iter().filter(|g| !g.triangles.is_empty());
+    let mut names: Vec<&str> = drawn.filter_map(|g| Some(mesh.materials.get(g.material)?.name.as_str())).collect();
+    names.sort_unstable();
+    names.dedup();
+    if names.len() < 2 || names.contains(&"") {
+        return vec![FieldNode { name: id.to_owned(), kind: "object" }];
+    }
+    names.into_iter().map(|name| FieldNode::part(id, name, "object")).collect()
 }
 
 /// What has been found about the photo's light.
@@ -242,7 +255,7 @@ impl Stage<'_, '_> {
             .nodes
             .iter()
             .map(|node| {
-                let object = self.state.objects.values().find(|object| object.id.as_str() == node.name);
+                let object = self.state.objects.values().find(|object| object.id.as_str() == node.node());
                 object.map(|object| object.mask.resized(size))
             })
             .collect();
@@ -378,7 +391,8 @@ impl Stage<'_, '_> {
         let view = canonical_camera(&self.state.partial.room, size, &self.state.partial.camera);
         let mut request = self.request("canonical", view.camera, lighting, self.s.canonical_samples);
         request.albedo = Some(Arc::clone(field));
-        request.hidden_nodes = view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s).to_owned()).collect();
+        let faces = view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s).to_owned());
+        request.hidden_nodes = faces.chain(views::of_the_ceiling(self.state).map(|p| p.item.id.to_string())).collect();
         request.background = Some(outside.map(|v| v * (-lighting.exposure).exp2()));
         Ok(render(self.ctx, &request).await?.map(|lit| lit.image))
     }

@@ -11,7 +11,7 @@ use harmony_prompts::{PlacedObject, RoomSummary};
 use harmony_render::{
     Glass, Instance, Lighting, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window,
 };
-use harmony_scene::{Camera, ImageSize, Intrinsics, PixelBox, Pose, Room, Size, Surface};
+use harmony_scene::{Camera, ImageSize, Intrinsics, PixelBox, Pose, Room, Size, Support, Surface};
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 
 use crate::state::{Object, SceneState};
@@ -48,10 +48,30 @@ const FLAT: RenderOptions = RenderOptions {
     glass: Glass::Solid,
 };
 
-/// A render of the scene from any camera, unlit, 4x multisampled.
+/// A render of the scene from any camera, unlit, 4x multisampled. What lies flat under the ceiling goes with it.
 pub fn scene_from(state: &SceneState, camera: &Camera, omit: Vec<Surface>) -> RgbImage {
+    let hidden: Vec<u32> = match omit.contains(&Surface::Ceiling) {
+        true => of_the_ceiling(state).map(|p| p.item.index).collect(),
+        false => Vec::new(),
+    };
     let shell = shell(state, omit);
-    DynamicImage::ImageRgba8(render(camera, &instances(state, &shell), &FLAT).color).to_rgb8()
+    let shown: Vec<Instance<'_>> = instances(state, &shell)
+        .into_iter()
+        .enumerate()
+        .filter(|(k, i)| *k == 0 || !hidden.contains(&i.id))
+        .map(|(_, i)| i)
+        .collect();
+    DynamicImage::ImageRgba8(render(camera, &shown, &FLAT).color).to_rgb8()
+}
+
+/// Height up to which a thing under the ceiling belongs to it rather than hanging in the room, metres: smoke detectors,
+/// flush lights, vents, beams. From above, without the ceiling, only their backs would be seen.
+const FLUSH_M: f64 = 0.15;
+
+/// What goes with the ceiling when that is left out of a view.
+pub fn of_the_ceiling(state: &SceneState) -> impl Iterator<Item = &Placed> {
+    let flush = |p: &&Placed| p.support == Support::Ceiling && p.size().height <= FLUSH_M;
+    state.partial.placed.iter().filter(flush)
 }
 
 /// The scene from the photo's camera.

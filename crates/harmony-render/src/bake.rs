@@ -42,7 +42,7 @@ pub struct BakeOptions {
     pub min_cosine: f64,
     /// Whether the whole mask is surely the object's and every colour in it plausible: pictures, panes with a view.
     pub trusted: bool,
-    /// Texture side in pixels; 0 chooses 256 to 1024 from the object's size in the photo.
+    /// Texture side in pixels; 0 chooses 256 to 1536 from the object's size in the photo and the room that its unwrap has.
     pub texture_size: u32,
 }
 
@@ -96,11 +96,20 @@ pub fn bake_texture(
     visible: &Mask,
     options: &BakeOptions,
 ) -> BakedMesh {
-    let side = texture_side(visible, options);
+    let mut side = texture_side(visible, options);
     let mut texels = texels::surface(mesh, side, &options.plain_slots);
     let mut bases = base::of(mesh);
     let named: Vec<[f32; 3]> = bases.iter().map(Base::named).collect();
     let view = View::new(mesh, pose, camera, photo, visible, options, &named);
+    if options.texture_size == 0
+        && let Some(view) = &view
+    {
+        let finer = side_for(side, view.pixels_a_texel(&texels));
+        if finer > side {
+            side = finer;
+            texels = texels::surface(mesh, side, &options.plain_slots);
+        }
+    }
     let colors = medians(mesh, &named, view.as_ref());
     if let Some(view) = &view {
         texels.par_iter_mut().for_each(|t| look(t, view));
@@ -192,6 +201,21 @@ fn texture_side(visible: &Mask, options: &BakeOptions) -> u32 {
     // the unwrap fills about 0.7 of the square, and the photo shows about a third of the surface
     let wanted = (visible.count() as f64).sqrt() * 2.2;
     [256, 384, 512, 768, 1024].into_iter().find(|s| f64::from(*s) >= wanted).unwrap_or(1024)
+}
+
+/// Sides that a texture gets where the photo shows more than the usual one holds.
+const FINER_SIDES: [u32; 6] = [384, 512, 768, 1024, 1280, 1536];
+/// Photo pixels a texel along a side from which the texture is too coarse.
+const TOO_COARSE: f64 = 1.25;
+
+/// The side at which a texel is about a pixel of the photo: unwraps of things of many parts have little room for each.
+fn side_for(side: u32, pixels_a_texel: f64) -> u32 {
+    if pixels_a_texel <= TOO_COARSE {
+        return side;
+    }
+    let wanted = f64::from(side) * pixels_a_texel;
+    let last = FINER_SIDES[FINER_SIDES.len() - 1];
+    FINER_SIDES.into_iter().find(|s| f64::from(*s) >= wanted).unwrap_or(last).max(side)
 }
 
 fn medians(mesh: &Mesh, named: &[[f32; 3]], view: Option<&View>) -> Vec<SlotColour> {

@@ -115,10 +115,14 @@ pub struct AlbedoField {
     pub columns: u32,
     /// Cells down the frame.
     pub rows: u32,
-    /// By node of the scene's GLB.
+    /// By node of the scene's GLB, `node/material` for one material of a node.
     pub nodes: BTreeMap<String, AlbedoCells>,
     /// Linear RGB factor of nodes that are not named.
     pub other: [f32; 3],
+}
+
+fn whole() -> f32 {
+    1.0
 }
 
 /// One node's part of an [`AlbedoField`].
@@ -128,4 +132,8 @@ pub struct AlbedoCells {
     pub mean: [f32; 3],
     /// Linear RGB factors, row-major from the frame's top left; empty = the mean everywhere.
     pub factors: Vec<[f32; 3]>,
+    /// Factor on specular reflection and sheen, 0 to 1: no base colour is dark enough where these alone are more than
+    /// the photo shows.
+    #[serde(default = "whole")]
+    pub gloss: f32,
 }

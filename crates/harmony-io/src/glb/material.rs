@@ -168,8 +168,12 @@ impl Materials {
         if let Some(alpha) = number(entry.extras.pointer("/harmony/alpha")).filter(|_| transmission > 0.0) {
             base_color[3] = unit(Some(alpha), 1.0);
         }
-        let sheen: [Option<f64>; 3] = std::array::from_fn(|k| {
-            number(extension("KHR_materials_sheen", "sheenColorFactor").and_then(|c| c.get(k)))
+        let sheen_color = extension("KHR_materials_sheen", "sheenColorFactor");
+        let sheen = sheen_color.map_or(0.0, |color| {
+            // The number that was meant; of other writers' files the brightest channel.
+            let meant = number(entry.extras.pointer("/harmony/sheen"));
+            let brightest = || (0..3).filter_map(|k| number(color.get(k))).fold(0.0, f64::max);
+            unit(Some(meant.unwrap_or_else(brightest)), 0.0)
         });
         let place = reference.and_then(|r| r.extensions.get("KHR_texture_transform"));
         let pair = |key: &str, default: f32| {
@@ -187,7 +191,7 @@ impl Materials {
                 base_color,
                 texture: if tile.is_some() { None } else { texture },
                 tile,
-                sheen: sheen.into_iter().flatten().fold(0.0, |most, c| most.max(unit(Some(c), 0.0))),
+                sheen,
                 roughness,
                 metallic,
                 ior: number(extension("KHR_materials_ior", "ior")).map_or(1.5, |v| v.clamp(1.0, 3.0) as f32),

@@ -75,6 +75,7 @@ impl Writer {
                 "KHR_materials_sheen",
                 json!({ "sheenColorFactor": tint.map(|c| c * sheen), "sheenRoughnessFactor": SHEEN_ROUGHNESS }),
             );
+            extras.insert("sheen".to_owned(), json!(sheen));
         }
         let emitted = material.emissive.map(|e| if e.is_finite() { f64::from(e).max(0.0) } else { 0.0 });
         let strength = emitted.into_iter().fold(0.0, f64::max);
@@ -181,7 +182,13 @@ impl Writer {
     }
 }
 
-/// The colour of a cloth's sheen, largest channel 1: half its own hue, half white.
+/// Share of white in the colour of a sheen: fibres are dyed, their glint is not.
+const SHEEN_WHITE: f64 = 0.25;
+/// Luminance of a cloth whose sheen is as bright as its number says; a darker one's is darker with it. White fibres on
+/// a dark red cover would leave it brown.
+const SHEEN_FULL: f64 = 0.2;
+
+/// The colour of a cloth's sheen: mostly its own hue.
 fn sheen_tint(material: &Material, color: Option<&Arc<RgbaImage>>) -> [f64; 3] {
     let mean = color.filter(|c| !c.is_empty()).map_or([1.0; 3], |image| {
         let n = image.pixels().len() as f64;
@@ -196,5 +203,6 @@ fn sheen_tint(material: &Material, color: Option<&Arc<RgbaImage>>) -> [f64; 3] {
     let own: [f64; 3] = std::array::from_fn(|k| mean[k] * f64::from(material.base_color[k]).clamp(0.0, 1.0));
     let most = own.iter().copied().fold(1e-6, f64::max);
     // Rounded, so that equal materials stay equal in the file.
-    own.map(|c| ((0.5 + 0.5 * c / most) * 1000.0).round() / 1000.0)
+    let level = (0.2126 * own[0] + 0.7152 * own[1] + 0.0722 * own[2]) / SHEEN_FULL;
+    own.map(|c| ((SHEEN_WHITE + (1.0 - SHEEN_WHITE) * c / most) * level.min(1.0) * 1000.0).round() / 1000.0)
 }

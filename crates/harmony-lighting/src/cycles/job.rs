@@ -58,7 +58,8 @@ pub struct CyclesJob {
     /// Nodes of the GLB that the camera does not see but that still bounce light: near walls and ceiling of a
     /// canonical view. A node's descendants follow it.
     pub hidden_nodes: Vec<String>,
-    /// Ids to write, by node name; descendants follow, other nodes get 0.
+    /// Ids to write, by node name; descendants follow, other nodes get 0. `node/material` names one material of a node
+    /// (per-light images only).
     pub node_ids: BTreeMap<String, u32>,
     /// Linear RGB that the camera sees where there is no geometry; `None` = the ambient light.
     pub background: Option<[f64; 3]>,

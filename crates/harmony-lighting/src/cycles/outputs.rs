@@ -125,13 +125,24 @@ pub(super) fn read(job: &CyclesJob, folder: &Path, total: Duration) -> Result<Cy
             }
             output.lights.push(LightPass { light: None, image: light_group(&channels, "ambient", size)? });
             output.albedo = Some(rgb_of(&channels, &["DiffCol", "Diffuse Color"], size)?);
-            let ids = channels.iter().find(|(n, _)| n.contains("IndexOB") || n.contains("Object Index"));
-            let (_, ids) = ids.ok_or_else(|| bad("the EXR has no object index"))?;
-            output.ids = Some(ids.iter().map(|v| v.round().max(0.0) as u32).collect());
+            let nodes = indices(&channels, ["IndexOB", "Object Index"])?;
+            let parts = indices(&channels, ["IndexMA", "Material Index"])?;
+            let ids = nodes.zip(parts).map(|(node, part)| if part > 0 { part } else { node });
+            output.ids = Some(ids.collect());
             output.views = view_tables(&job.views, folder)?;
         }
     }
     Ok(output)
+}
+
+/// An index pass, by the names that Blender's versions give it.
+fn indices<'a>(
+    channels: &'a BTreeMap<String, Vec<f32>>,
+    names: [&str; 2],
+) -> Result<impl Iterator<Item = u32> + 'a, LitError> {
+    let pass = channels.iter().find(|(n, _)| names.iter().any(|name| n.contains(name)));
+    let (_, pass) = pass.ok_or_else(|| bad(format!("the EXR has no {}", names[1].to_lowercase())))?;
+    Ok(pass.iter().map(|v| v.round().max(0.0) as u32))
 }
 
 /// The image of a light group: channels `...Combined_<group>.{R,G,B}`.

@@ -62,6 +62,9 @@ fn face(name: &'static str, id: u32, colour: [f32; 3], corners: [[f64; 3]; 4]) -
 /// Walls facing in, a bed, a cabinet, a table with a lamp (closed shade), a window pane on the left wall.
 pub fn nodes() -> Vec<Node> {
     let (w, h, d) = (ROOM.width, ROOM.height, ROOM.depth);
+    let mut bed = Mesh::default();
+    add_box(&mut bed, "frame", [0.7, 0.66, 0.6], DVec3::new(0.9, 0.0, 0.1), DVec3::new(2.5, 0.4, 2.1));
+    add_box(&mut bed, "cover", [0.5, 0.1, 0.12], DVec3::new(0.9, 0.4, 0.1), DVec3::new(2.5, 0.5, 2.1));
     let mut lamp = Mesh::default();
     add_box(&mut lamp, "body", [0.2, 0.2, 0.2], DVec3::new(3.33, 0.6, 0.63), DVec3::new(3.37, 0.85, 0.67));
     add_box(&mut lamp, "shade", [0.8, 0.7, 0.5], DVec3::new(3.2, 0.85, 0.5), DVec3::new(3.5, 1.1, 0.8));
@@ -72,7 +75,7 @@ pub fn nodes() -> Vec<Node> {
         face("right", 4, [0.7, 0.7, 0.7], [[w, 0.0, 0.0], [w, 0.0, d], [w, h, d], [w, h, 0.0]]),
         face("front", 5, [0.7, 0.7, 0.7], [[w, 0.0, d], [0.0, 0.0, d], [0.0, h, d], [w, h, d]]),
         face("left", 6, [0.7, 0.7, 0.7], [[0.0, 0.0, d], [0.0, 0.0, 0.0], [0.0, h, 0.0], [0.0, h, d]]),
-        boxed("bed_01", 10, [0.7, 0.66, 0.6], [0.9, 0.0, 0.1], [2.5, 0.5, 2.1]),
+        Node { name: "bed_01", id: 10, mesh: bed },
         boxed("cabinet_01", 11, [0.3, 0.15, 0.08], [3.4, 0.0, 1.6], [3.95, 1.4, 2.8]),
         boxed("table_01", 12, [0.4, 0.3, 0.2], [3.0, 0.0, 0.35], [3.7, 0.6, 0.95]),
         Node { name: "lamp_01", id: 13, mesh: lamp },

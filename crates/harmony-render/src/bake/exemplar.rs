@@ -18,12 +18,20 @@ const RECTANGULAR: f64 = 0.9;
 /// Share of the face that must have been seen, and that must be missing.
 const SEEN: f64 = 0.3;
 const MISSING: f64 = 0.02;
+/// The same of a face that somebody said to have a pattern all over: a piece of it shows the whole.
+const SEEN_OF_TILES: f64 = 0.05;
+/// A slot's own tile is given up where what was seen varies within a block of so many texels by so many times as much as
+/// it does (standard deviations), and by so many sRGB steps: a long pile of which only the fibres were described.
+const BLOCK: usize = 8;
+const COARSER: f64 = 1.8;
+const COARSE: f64 = 5.0;
 /// Standard deviation of the seen colours from which the face has a pattern, sRGB steps.
 const PATTERN: f64 = 9.0;
 /// Most faces of an object that are filled so, largest first.
 const FACES: usize = 4;
-/// Longest side at which patches are matched, texels.
+/// Longest side at which patches are matched, texels; and of faces with a texture all over, which would be blurred.
 const WORKING_PX: u32 = 256;
+const WORKING_PX_OF_TILES: u32 = 512;
 /// A colour seen with less than this share counts as missing.
 const SURE: f32 = 0.5;
 
@@ -40,7 +48,7 @@ pub(super) fn improve(made_up: &mut [[f32; 3]], texels: &[Texel], bases: &[Base]
     for (i, texel) in texels.iter().enumerate() {
         charts.entry(texel.chart).or_default().push(i);
     }
-    let faces = charts.into_iter().filter_map(|(chart, m)| Some((chart, Face::new(m, texels, side)?)));
+    let faces = charts.into_iter().filter_map(|(chart, m)| Some((chart, Face::new(m, texels, bases, side)?)));
     let mut faces: Vec<(u32, Face)> = faces.collect();
     faces.sort_by_key(|(_, f)| std::cmp::Reverse(f.members.len()));
     faces.truncate(FACES);
@@ -64,7 +72,7 @@ fn known(texel: &Texel) -> bool {
 
 impl Face {
     /// `None` when the chart is small, not rectangular, wholly known, hardly known, or of one colour.
-    fn new(members: Vec<usize>, texels: &[Texel], side: usize) -> Option<Self> {
+    fn new(members: Vec<usize>, texels: &[Texel], bases: &[Base], side: usize) -> Option<Self> {
         let at = |i: &usize| [texels[*i].at % side, texels[*i].at / side];
         let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
         for p in members.iter().map(at) {
@@ -80,7 +88,9 @@ impl Face {
         }
         let seen: Vec<&Texel> = members.iter().map(|i| &texels[*i]).filter(|t| known(t)).collect();
         let share = seen.len() as f64 / n;
-        if !(SEEN..=1.0 - MISSING).contains(&share) || spread(&seen) < PATTERN {
+        let tiled = members.first().is_some_and(|i| bases[texels[*i].slot].is_tiled());
+        let least = if tiled { SEEN_OF_TILES } else { SEEN };
+        if !(least..=1.0 - MISSING).contains(&share) || spread(&seen) < PATTERN {
             return None;
         }
         Some(Self { members, low, size: ImageSize::new(w as u32, h as u32) })
@@ -101,7 +111,7 @@ impl Face {
         }
         let repeats = picture.complete();
         let tiled = self.members.first().is_some_and(|i| bases[texels[*i].slot].is_tiled());
-        if tiled && !repeats {
+        if tiled && !repeats && !self.is_coarser(&picture, texels, bases, side) {
             return None;
         }
         for (pixel, color) in image.pixels_mut().zip(&picture.pixels) {
@@ -109,7 +119,31 @@ impl Face {
                 *pixel = rgba(*color);
             }
         }
-        Some(complete_surface(&image, &TextureSettings { working_px: WORKING_PX, ..TextureSettings::default() }))
+        let working_px = if tiled { WORKING_PX_OF_TILES } else { WORKING_PX };
+        Some(complete_surface(&image, &TextureSettings { working_px, ..TextureSettings::default() }))
+    }
+}
+
+impl Face {
+    /// Whether what was seen varies within a few texels by much more than the slot's tile does there.
+    fn is_coarser(&self, picture: &Picture, texels: &[Texel], bases: &[Base], side: usize) -> bool {
+        let (w, h) = (picture.width, picture.height);
+        let mut own: Vec<Option<[f32; 3]>> = vec![None; w * h];
+        for i in &self.members {
+            let (x, y) = self.place(texels[*i].at, side);
+            own[y as usize * w + x as usize] = Some(bases[texels[*i].slot].at(&texels[*i]));
+        }
+        let (mut seen, mut told, mut n) = (0.0, 0.0, 0.0);
+        for y in (0..h.saturating_sub(BLOCK - 1)).step_by(BLOCK) {
+            for x in (0..w.saturating_sub(BLOCK - 1)).step_by(BLOCK) {
+                let places = || (0..BLOCK * BLOCK).map(move |i| (y + i / BLOCK) * w + x + i % BLOCK);
+                let both = [&picture.pixels, &own].map(|all| places().map(|i| all[i]).collect::<Option<Vec<_>>>());
+                if let [Some(photo), Some(tile)] = both {
+                    (seen, told, n) = (seen + deviation(&photo), told + deviation(&tile), n + 1.0);
+                }
+            }
+        }
+        n > 0.0 && seen >= COARSE * n && seen >= COARSER * told
     }
 }
 
@@ -118,11 +152,16 @@ fn rgba(color: [f32; 3]) -> Rgba<u8> {
     Rgba([r, g, b, 255])
 }
 
-/// Standard deviation of the colours, mean over the channels.
+/// Standard deviation of the texels' colours.
 fn spread(texels: &[&Texel]) -> f64 {
-    let n = texels.len().max(1) as f64;
+    deviation(&texels.iter().filter_map(|t| t.color).collect::<Vec<_>>())
+}
+
+/// Standard deviation of colours, mean over the channels.
+fn deviation(colors: &[[f32; 3]]) -> f64 {
+    let n = colors.len().max(1) as f64;
     let channel = |k: usize| {
-        let values = || texels.iter().filter_map(|t| t.color).map(|c| f64::from(c[k]));
+        let values = || colors.iter().map(|c| f64::from(c[k]));
         let mean = values().sum::<f64>() / n;
         (values().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
     };

@@ -183,3 +183,62 @@ fn fine_texture_goes_on_where_nothing_was_seen() {
     // The base is the material's even colour: only the fine part of what was seen goes on, a quarter of it here.
     assert!(back > 0.2 * front && front > 1.0, "spread {front} where seen, {back} behind");
 }
+
+/// A rug of a long pile of which only faint fibres were said; the photo shows its near end, from above.
+#[test]
+fn a_coarse_pile_goes_on_where_the_slots_tile_is_faint_and_the_texture_is_as_fine_as_the_photo() {
+    let [w, d] = [2.0_f32, 3.0];
+    let corners = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)];
+    let faint = RgbaImage::from_fn(16, 16, |x, y| {
+        let v = 120 + ((x * 5 + y * 3) % 4) as u8;
+        image::Rgba([v, v, v, 255])
+    });
+    let tile = harmony_mesh::Tile { size: [0.05; 2], turn: 0.0, color: Arc::new(faint), normal: None, surface: None };
+    let rug = Mesh {
+        positions: corners.map(|(x, z)| Vec3::new(x * w / 2.0, 0.01, z * d / 2.0)).to_vec(),
+        normals: vec![Vec3::Y; 4],
+        // As in an atlas of many parts: the top has a tenth of the picture.
+        uvs: corners.map(|(x, z)| glam::Vec2::new(0.1 + x * 0.1, 0.15 + z * 0.15)).to_vec(),
+        metric_uvs: corners.map(|(x, z)| glam::Vec2::new(x * w / 2.0, z * d / 2.0)).to_vec(),
+        groups: vec![harmony_mesh::Group { material: 0, triangles: vec![[0, 1, 2], [0, 2, 3]] }],
+        materials: vec![Material { tile: Some(Arc::new(tile)), ..Material::plain("pile", [1.0; 3]) }],
+        ..Mesh::default()
+    };
+    // Tufts of 2 cm, by a hash of their place.
+    let tuft = |x: u32, y: u32| {
+        let h = (x.wrapping_mul(0x9E37_79B1) ^ y.wrapping_mul(0x85EB_CA77)).wrapping_mul(0xC2B2_AE3D);
+        60 + (h >> 24) as u8 / 2
+    };
+    let shag = RgbaImage::from_fn(1000, 1500, |x, y| image::Rgba([tuft(x / 10, y / 10), 100, 80, 255]));
+    let mut truth = rug.clone();
+    truth.materials = vec![Material { texture: Some(Arc::new(shag)), ..Material::plain("pile", [1.0; 3]) }];
+    truth.uvs = corners.map(|(x, z)| glam::Vec2::new(0.5 + x / 2.0, 0.5 + z / 2.0)).to_vec();
+    let size = ImageSize::new(640, 480);
+    let pose = Pose::new(DVec3::new(2.0, 0.0, 2.0), 0.0, 1.0);
+    let near = Camera::looking(
+        size,
+        Intrinsics::from_horizontal_fov(size, 0.9),
+        DVec3::new(2.0, 1.4, 4.2),
+        DVec3::new(0.0, -1.0, -0.7),
+    );
+    let (rgb, mask) = photo(&truth, &pose, &near);
+    let baked = bake_texture(&rug, &pose, &near, &rgb, &mask, &BakeOptions::default());
+    assert!((0.05..0.5).contains(&baked.observed), "the far end is not seen: {}", baked.observed);
+    let texture = baked.mesh.materials[0].texture.clone().unwrap();
+    assert!(texture.width() > texture_side(&mask, &BakeOptions::default()), "{}", texture.width());
+    // From above: how much the red channel differs from tuft to tuft, in the half that was seen and in the other.
+    let above =
+        Camera::looking(size, Intrinsics::from_horizontal_fov(size, 0.9), DVec3::new(2.0, 3.2, 2.0), DVec3::NEG_Y);
+    let (got, _) = photo(&baked.mesh, &pose, &above);
+    let rough = |rows: std::ops::Range<u32>| {
+        let values: Vec<f64> = rows
+            .flat_map(|y| (200..440).map(move |x| (x, y)))
+            .map(|(x, y)| f64::from(got.get_pixel(x, y)[0]))
+            .collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+    };
+    let halves = [rough(60..220), rough(260..420)];
+    let (seen, unseen) = (halves[0].max(halves[1]), halves[0].min(halves[1]));
+    assert!(seen > 15.0 && unseen > 0.5 * seen, "{halves:?}");
+}

@@ -4,12 +4,15 @@ use glam::{DMat3, DVec2, DVec3, Vec3};
 use harmony_mesh::{Group, Mesh};
 use harmony_scene::{Camera, Mask, Pose};
 use image::RgbImage;
+use rayon::prelude::*;
 
 use super::BakeOptions;
 use super::plausible::{Seen, edge_distances, smooth, weights};
 use super::texels::Texel;
 use crate::{Instance, RenderOptions, render_depth_ids};
 
+/// Every so many texels are looked at to know how fine a texture has to be.
+const EVERY: usize = 13;
 /// Most samples along one side of a texel.
 const MAX_SAMPLES: f64 = 4.0;
 
@@ -182,6 +185,23 @@ impl<'a> View<'a> {
             }
         }
         if weight > 0.0 { Some(sum.map(|s| s / weight)) } else { Some(bilinear(self.photo, pixel)) }
+    }
+
+    /// Photo pixels that a texel covers, along a side: what three quarters of the texels that the photo shows stay below.
+    pub fn pixels_a_texel(&self, texels: &[Texel]) -> f64 {
+        let seen = texels.par_iter().step_by(EVERY).filter_map(|texel| {
+            self.color(texel, [1.0; 3])?;
+            let point = self.pose.position + self.linear * texel.point.as_dvec3();
+            let pixel = self.camera.project(point)?;
+            let [a, b] = texel.steps.map(|s| self.camera.project(point + self.linear * s.as_dvec3()));
+            Some((a? - pixel).perp_dot(b? - pixel).abs().sqrt())
+        });
+        let mut seen: Vec<f64> = seen.filter(|s| s.is_finite()).collect();
+        if seen.is_empty() {
+            return 0.0;
+        }
+        let at = seen.len() * 3 / 4;
+        *seen.select_nth_unstable_by(at, f64::total_cmp).1
     }
 
     /// Adds the colours of each slot's sure pixels to its channels.

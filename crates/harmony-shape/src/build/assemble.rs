@@ -41,8 +41,13 @@ pub(super) fn assemble(tree: &ShapeTree, ctx: &BuildContext, root: &Built) -> Re
         let k = pieces.of_part[i];
         let swell = Swell::new(part, nudges[i]);
         let own = looks.of(part.look.as_ref(), part.piece.closed);
-        let flip = part.place.matrix3.determinant() < 0.0;
-        let normal_map = part.place.matrix3.inverse().transpose();
+        let mirrored = part.place.matrix3.determinant() < 0.0;
+        let turned_over = shows_its_back(part, origin);
+        let flip = mirrored != turned_over;
+        let mut normal_map = part.place.matrix3.inverse().transpose();
+        if turned_over {
+            normal_map *= -1.0;
+        }
         let stretch = stretch(part);
         for (c, chart) in pieces.charts[k].iter().enumerate() {
             let (offset, turned, scale) = places.place(i, k, c);
@@ -104,6 +109,39 @@ impl Swell {
 
     fn at(&self, point: DVec3) -> DVec3 {
         if self.factor == DVec3::ONE { point } else { self.middle + (point - self.middle) * self.factor }
+    }
+}
+
+/// Share of a sheet's area that must face one way before the sheet has a side that is looked at.
+const ONE_WAY: f64 = 0.5;
+
+/// Whether an open sheet has the side that is looked at behind: whoever writes a grid of points does not think of the
+/// way it winds. That side is the upper one of what lies, the front of what stands across, the outer one of what stands
+/// along. Renderers draw both sides; the photo is painted and its light is laid on the one that normals tell.
+fn shows_its_back(part: &Part, origin: DVec3) -> bool {
+    if part.piece.closed {
+        return false;
+    }
+    let at = |v: u32| part.place.transform_point3(part.piece.positions[v as usize]) + origin;
+    let handed = part.place.matrix3.determinant().signum();
+    let (mut sum, mut all, mut middle) = (DVec3::ZERO, 0.0, DVec3::ZERO);
+    for t in &part.piece.triangles {
+        let [a, b, c] = t.map(at);
+        let area = (b - a).cross(c - a) * handed;
+        sum += area;
+        all += area.length();
+        middle += (a + b + c) / 3.0 * area.length();
+    }
+    if sum.length() < ONE_WAY * all {
+        return false;
+    }
+    let size = sum.abs();
+    if size.y >= size.x.max(size.z) {
+        sum.y < 0.0
+    } else if size.z >= size.x {
+        sum.z < 0.0
+    } else {
+        sum.x * middle.x < 0.0
     }
 }
 

@@ -106,6 +106,34 @@ fn a_rug_that_was_made_too_high_keeps_its_width() {
 }
 
 #[test]
+fn a_sheet_shows_its_upper_side_and_its_front_however_its_grid_winds() {
+    // Points of a row go along the first axis, rows along the second.
+    let sheet = |u: DVec3, v: DVec3, place: [[f64; 3]; 4]| {
+        let mut m = Maker::default();
+        let points = (0..12).map(|k| (u * f64::from(k % 4) + v * f64::from(k / 4)).to_array()).collect();
+        let child = m.node("sheet", None, Kind::Surf { points, nu: 4, thick: 0.0, closed_u: false });
+        m.node("", None, Kind::Placed { child, columns: place });
+        let mesh = m.build().mesh;
+        let mut sum = glam::Vec3::ZERO;
+        for [a, b, c] in mesh.triangles() {
+            let [a, b, c] = [a, b, c].map(|i| mesh.positions[i as usize]);
+            sum += (b - a).cross(c - a);
+        }
+        let normal: glam::Vec3 = mesh.normals.iter().sum();
+        assert!(sum.normalize().dot(normal.normalize()) > 0.999, "triangles and normals agree");
+        sum.normalize()
+    };
+    let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+    let plain = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]];
+    let mirrored = [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]];
+    for place in [plain, mirrored] {
+        for (u, v, shown) in [(x, z, y), (z, x, y), (x, y, z), (y, x, z)] {
+            assert!(sheet(u, v, place).as_dvec3().dot(shown) > 0.999, "{u} {v}");
+        }
+    }
+}
+
+#[test]
 fn no_two_parts_with_faces_in_one_plane_stand_out_alike() {
     // Three that share planes, told in an order in which the last takes the first one's step when it is raised once.
     let pairs = [(0, 1), (0, 2), (1, 2), (2, 3)].into_iter().collect();
