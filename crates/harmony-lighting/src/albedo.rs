@@ -33,8 +33,10 @@ const MOST_STEP: f32 = 1.5;
 const MOST_HUE: f32 = 0.2;
 /// Light below which ratios are noise.
 const DARK: f32 = 0.004;
-/// A node has an own factor from so many counted pixels.
+/// A node has an own factor from so many counted pixels, and from such a share of those that show it: where the photo's
+/// mask leaves most of it out, what is left is the edge of something else.
 const LEAST_PIXELS: usize = 12;
+const LEAST_SHARE: f64 = 0.3;
 
 /// A node of the scene as the field sees it, or one material of a node: a bed's wood and its cover have nothing in common.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -101,7 +103,8 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
             .map(|i| if seen.ids[i] == id && inside[i] { seen.weights.get(i).copied().unwrap_or(1.0) } else { 0.0 })
             .collect();
         let counted = weights.iter().filter(|w| **w > 0.0).count();
-        if counted < LEAST_PIXELS {
+        let shown = (0..ratio.len()).filter(|i| seen.ids[*i] == id && inside[*i]).count();
+        if counted < LEAST_PIXELS || (counted as f64) < LEAST_SHARE * shown as f64 {
             unseen.push(node);
             continue;
         }
@@ -306,9 +309,12 @@ mod tests {
         let render = image(|_, _| [0.2; 3]);
         let ids = vec![1; SIZE.pixels()];
         let weights: Vec<f32> = (0..SIZE.pixels()).map(|i| if i % 96 < 46 { 1.0 } else { 0.0 }).collect();
+        let few: Vec<f32> = (0..SIZE.pixels()).map(|i| if i % 96 > 70 { 1.0 } else { 0.0 }).collect();
         let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
         let field = updated_field(&neutral_field(&camera()), &nodes(), &seen);
         assert!(field.nodes["back"].factors.iter().flatten().all(|f| (f - 1.0).abs() <= 0.01));
+        let mostly_hidden = updated_field(&neutral_field(&camera()), &nodes(), &Comparison { weights: &few, ..seen });
+        assert!(mostly_hidden.nodes["back"].factors.is_empty(), "a quarter of it, at its edge, says nothing");
         let all = vec![1.0; SIZE.pixels()];
         let field = updated_field(&neutral_field(&camera()), &nodes(), &Comparison { weights: &all, ..seen });
         assert!(field.nodes["back"].factors.iter().flatten().all(|f| (0.17..=5.7).contains(f)));

@@ -392,7 +392,10 @@ impl Stage<'_, '_> {
         let mut request = self.request("canonical", view.camera, lighting, self.s.canonical_samples);
         request.albedo = Some(Arc::clone(field));
         let faces = view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s).to_owned());
-        request.hidden_nodes = faces.chain(views::of_the_ceiling(self.state).map(|p| p.item.id.to_string())).collect();
+        let flush = views::of_the_ceiling(self.state).map(|p| p.item.id.to_string());
+        // Its upper side lies on the ceiling, where no light comes.
+        let cornice = self.state.trims.cornice.map(|_| harmony_mesh::CORNICE.to_owned());
+        request.hidden_nodes = faces.chain(flush).chain(cornice).collect();
         request.background = Some(outside.map(|v| v * (-lighting.exposure).exp2()));
         Ok(render(self.ctx, &request).await?.map(|lit| lit.image))
     }

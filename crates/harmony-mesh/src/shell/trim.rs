@@ -28,8 +28,10 @@ pub struct Trims {
     pub casing: Option<Trim>,
 }
 
+/// Material and group name of the boards under the ceiling.
+pub const CORNICE: &str = "cornice";
 /// Material and group names.
-const NAMES: [&str; 3] = ["skirting", "cornice", "casing"];
+const NAMES: [&str; 3] = ["skirting", CORNICE, "casing"];
 /// Shortest piece that is made, metres.
 const SHORTEST: f64 = 0.02;
 /// Bevel of the free edge as a share of the depth.
@@ -82,7 +84,7 @@ fn boards(name: &str, trim: &Trim, room: &Room, wall: Surface) -> Vec<(WallPlane
     };
     match name {
         "skirting" => along([0.0, trim.height.min(height)], Edge::Top),
-        "cornice" => along([(height - trim.height).max(0.0), height], Edge::Bottom),
+        CORNICE => along([(height - trim.height).max(0.0), height], Edge::Bottom),
         _ => {
             let length = wall.size(&room.extents).x;
             wall.wall()
