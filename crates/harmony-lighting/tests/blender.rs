@@ -205,9 +205,10 @@ fn a_field_lies_where_the_photo_saw_and_a_measurement_tells_nodes_and_views() {
     }
 }
 
-/// Whether a pixel's neighbours to left and right, above and below show the same node.
+/// Whether all pixels within two of a pixel show the same node: the pixel filter is wider than a pixel.
 fn is_interior(ids: &[u32], i: usize) -> bool {
-    [i.wrapping_sub(1), i + 1, i.wrapping_sub(160), i + 160].iter().all(|j| ids.get(*j) == Some(&ids[i]))
+    let offsets = (-2..=2_isize).flat_map(|y| (-2..=2_isize).map(move |x| y * 160 + x));
+    offsets.map(|o| i.checked_add_signed(o).and_then(|j| ids.get(j))).all(|id| id == Some(&ids[i]))
 }
 
 #[test]

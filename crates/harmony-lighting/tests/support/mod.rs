@@ -64,7 +64,7 @@ pub fn nodes() -> Vec<Node> {
     let (w, h, d) = (ROOM.width, ROOM.height, ROOM.depth);
     let mut bed = Mesh::default();
     add_box(&mut bed, "frame", [0.7, 0.66, 0.6], DVec3::new(0.9, 0.0, 0.1), DVec3::new(2.5, 0.4, 2.1));
-    add_box(&mut bed, "cover", [0.5, 0.1, 0.12], DVec3::new(0.9, 0.4, 0.1), DVec3::new(2.5, 0.5, 2.1));
+    add_box(&mut bed, "cover", [0.5, 0.4, 0.42], DVec3::new(0.9, 0.4, 0.1), DVec3::new(2.5, 0.5, 2.1));
     let mut lamp = Mesh::default();
     add_box(&mut lamp, "body", [0.2, 0.2, 0.2], DVec3::new(3.33, 0.6, 0.63), DVec3::new(3.37, 0.85, 0.67));
     add_box(&mut lamp, "shade", [0.8, 0.7, 0.5], DVec3::new(3.2, 0.85, 0.5), DVec3::new(3.5, 1.1, 0.8));
