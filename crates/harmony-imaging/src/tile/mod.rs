@@ -6,6 +6,7 @@
 //! detail is a repeating pattern and a tile, which other faces can take over ([`Look`]).
 
 mod base;
+mod detail;
 mod lattice;
 mod look;
 mod quilt;
@@ -20,6 +21,7 @@ use crate::noise::Random;
 use crate::resample::resize_rgba;
 use base::{Base, Color};
 
+pub use detail::Detail;
 pub use look::{Grain, Look, Survey};
 
 /// Parameters of completion and tiles.

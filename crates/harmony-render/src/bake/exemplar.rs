@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use harmony_imaging::tile::{TextureSettings, complete_surface};
+use harmony_imaging::tile::{Detail, TextureSettings, complete_surface};
 use harmony_scene::ImageSize;
 use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
@@ -29,9 +29,10 @@ const COARSE: f64 = 5.0;
 const PATTERN: f64 = 9.0;
 /// Most faces of an object that are filled so, largest first.
 const FACES: usize = 4;
-/// Longest side at which patches are matched, texels; and of faces with a texture all over, which would be blurred.
+/// Longest side at which patches are matched, texels.
 const WORKING_PX: u32 = 256;
-const WORKING_PX_OF_TILES: u32 = 512;
+/// Seed of the choice of patches.
+const SEED: u64 = 0x9115;
 /// A colour seen with less than this share counts as missing.
 const SURE: f32 = 0.5;
 
@@ -52,7 +53,8 @@ pub(super) fn improve(made_up: &mut [[f32; 3]], texels: &[Texel], bases: &[Base]
     let mut faces: Vec<(u32, Face)> = faces.collect();
     faces.sort_by_key(|(_, f)| std::cmp::Reverse(f.members.len()));
     faces.truncate(FACES);
-    let filled: Vec<Option<RgbaImage>> = faces.par_iter().map(|(_, f)| f.filled(texels, bases, side)).collect();
+    let so_far: &[[f32; 3]] = made_up;
+    let filled: Vec<Option<RgbaImage>> = faces.par_iter().map(|(_, f)| f.filled(so_far, texels, bases, side)).collect();
     let mut done = BTreeSet::new();
     for ((chart, face), image) in faces.iter().zip(&filled) {
         let Some(image) = image else { continue };
@@ -101,7 +103,7 @@ impl Face {
     }
 
     /// The whole face; `None` where the slot's own tile continues it better than patches would.
-    fn filled(&self, texels: &[Texel], bases: &[Base], side: usize) -> Option<RgbaImage> {
+    fn filled(&self, made_up: &[[f32; 3]], texels: &[Texel], bases: &[Base], side: usize) -> Option<RgbaImage> {
         let (w, h) = (self.size.width as usize, self.size.height as usize);
         let mut picture = Picture { width: w, height: h, pixels: vec![None; w * h] };
         let mut image = RgbaImage::new(self.size.width, self.size.height);
@@ -111,16 +113,23 @@ impl Face {
         }
         let repeats = picture.complete();
         let tiled = self.members.first().is_some_and(|i| bases[texels[*i].slot].is_tiled());
-        if tiled && !repeats && !self.is_coarser(&picture, texels, bases, side) {
-            return None;
+        if tiled && !repeats {
+            // Under the light that was made up for each texel.
+            let detail = Detail::of(&picture.pixels, w, SEED);
+            let detail = detail.filter(|_| self.is_coarser(&picture, texels, bases, side))?;
+            for i in &self.members {
+                let (x, y) = self.place(texels[*i].at, side);
+                let ratio = detail.at(x, y);
+                image.put_pixel(x, y, rgba([0, 1, 2].map(|k| made_up[*i][k] * ratio[k])));
+            }
+            return Some(image);
         }
         for (pixel, color) in image.pixels_mut().zip(&picture.pixels) {
             if let Some(color) = color {
                 *pixel = rgba(*color);
             }
         }
-        let working_px = if tiled { WORKING_PX_OF_TILES } else { WORKING_PX };
-        Some(complete_surface(&image, &TextureSettings { working_px, ..TextureSettings::default() }))
+        Some(complete_surface(&image, &TextureSettings { working_px: WORKING_PX, ..TextureSettings::default() }))
     }
 }
 
