@@ -109,7 +109,7 @@ fn free_above(room: &Surroundings, own: usize, from: DVec3) -> (f64, String) {
         }
         t.bvh.raycast(from, DVec3::Y, 10.0).map(|hit| (hit.distance, t.id.clone()))
     });
-    let ceiling = (room.extents.height - from.y, "the ceiling".to_owned());
+    let ceiling = (room.free_of_room(from, DVec3::Y), "the ceiling".to_owned());
     hits.chain(std::iter::once(ceiling)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, String::new()))
 }
 

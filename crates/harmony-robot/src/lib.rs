@@ -10,7 +10,7 @@
 //! |---|---|
 //! | [`model`], `mjcf`, `meshes` | a robot's tree of links, read from its MJCF file |
 //! | [`ik`] | inverse kinematics: damped least squares with priorities |
-//! | [`shapes`], [`room`] | convex pieces of links, the scene around them, distances |
+//! | [`shapes`], [`room`], `solids` | convex pieces of links, the scene and the room around them, distances |
 //! | [`measure`], [`jaw`] | sections, seats and backrests; a hand with two fingers |
 //! | [`mod@affordances`] | what can be grasped, sat on, placed on, opened |
 //! | [`motion`] | frames, and what is measured of them |
@@ -32,6 +32,7 @@ pub mod pictures;
 pub mod replay;
 pub mod room;
 pub mod shapes;
+mod solids;
 pub mod task;
 
 pub use affordances::{Affordances, affordances};

@@ -5,8 +5,8 @@
 //! offset, for scripted tasks draw and lift without turning.
 //!
 //! # What is in the way
-//! The reconstructed triangles themselves, and the six faces of the room. What lies flat under everything (rugs) gives way,
-//! as it does in `harmony-physics`.
+//! The reconstructed triangles themselves, and the room's solids: floor, ceiling and walls with their openings, blocks,
+//! niches and slopes. What lies flat under everything (rugs) gives way, as it does in `harmony-physics`.
 //!
 //! # Distances
 //! Between a convex piece of the robot and the triangles, by parry, in single precision (a hundredth of a millimetre in a
@@ -18,12 +18,13 @@ use harmony_catalogue::Trait;
 use harmony_export::World;
 use harmony_mesh::{Bvh, Mesh};
 use harmony_physics::Hull;
-use harmony_scene::{Extents, Support};
+use harmony_scene::{Extents, Room, Support};
 use parry3d::math::{Pose, Rotation, Vector};
 use parry3d::query;
 use parry3d::shape::{ConvexPolyhedron, TriMesh};
 
 use crate::RobotError;
+use crate::solids::{Solid, solids};
 
 /// An object of the scene.
 pub struct Thing {
@@ -52,8 +53,9 @@ pub struct Thing {
 pub struct Surroundings {
     /// In the scene's order.
     pub things: Vec<Thing>,
-    /// Of the room.
+    /// Of the room's box.
     pub extents: Extents,
+    solids: Vec<Solid>,
 }
 
 /// What is near.
@@ -74,8 +76,6 @@ pub struct Near {
     pub other: Other,
     /// Metres; below 0 they are in each other.
     pub distance: f64,
-    /// The point of the other, room.
-    pub point: DVec3,
 }
 
 /// Convex pieces of a robot's links, ready for queries.
@@ -162,7 +162,12 @@ impl Surroundings {
             let o = &item.object;
             Thing::new(o.id.as_str(), &o.label, o.support.clone(), o.pose.yaw, &mesh)
         });
-        Self { things: things.collect(), extents: world.scene.room.extents }
+        Self::of(things.collect(), &world.scene.room)
+    }
+
+    /// From things that are in a room.
+    pub fn of(things: Vec<Thing>, room: &Room) -> Self {
+        Self { things, extents: room.extents, solids: solids(room) }
     }
 
     /// The number of an object by its id.
@@ -206,10 +211,10 @@ impl Surroundings {
                     if from.distance(from.clamp(thing.low, thing.high)) > reach || !looks(link, Other::Thing(k)) {
                         continue;
                     }
-                    if let Some((distance, point)) = thing.contact(&piece.shape, &at, offset, within)
+                    if let Some(distance) = thing.contact(&piece.shape, &at, offset, within)
                         && best.is_none_or(|b| distance < b.distance)
                     {
-                        best = Some(Near { link, other: Other::Thing(k), distance, point });
+                        best = Some(Near { link, other: Other::Thing(k), distance });
                     }
                 }
                 self.faces(piece, place, link, within, looks, &mut best);
@@ -227,26 +232,20 @@ impl Surroundings {
         looks: &dyn Fn(usize, Other) -> bool,
         best: &mut Option<Near>,
     ) {
-        let e = &self.extents;
-        let centre = place.transform_point3(piece.centre);
-        let faces: [(&'static str, DVec3, f64); 6] = [
-            ("floor", DVec3::Y, 0.0),
-            ("ceiling", DVec3::NEG_Y, e.height),
-            ("left wall", DVec3::X, 0.0),
-            ("right wall", DVec3::NEG_X, e.width),
-            ("back wall", DVec3::Z, 0.0),
-            ("front wall", DVec3::NEG_Z, e.depth),
-        ];
-        for (name, normal, offset) in faces {
-            if centre.dot(normal) + offset - piece.radius > within || !looks(link, Other::Face(name)) {
+        let (centre, at) = (place.transform_point3(piece.centre), pose(place));
+        let mut corners: Vec<DVec3> = Vec::new();
+        for solid in &self.solids {
+            let other = Other::Face(solid.face);
+            let far = best.map_or(within, |b| b.distance.min(within));
+            if solid.before(centre, piece.radius) >= far || !looks(link, other) {
                 continue;
             }
-            for v in &piece.vertices {
-                let at = place.transform_point3(*v);
-                let distance = at.dot(normal) + offset;
-                if distance < within && best.is_none_or(|b| distance < b.distance) {
-                    *best = Some(Near { link, other: Other::Face(name), distance, point: at - normal * distance });
-                }
+            if corners.is_empty() {
+                corners.extend(piece.vertices.iter().map(|v| place.transform_point3(*v)));
+            }
+            let distance = solid.distance(&corners, &piece.shape, &at);
+            if distance < far {
+                *best = Some(Near { link, other, distance });
             }
         }
     }
@@ -255,21 +254,21 @@ impl Surroundings {
     pub fn nearest_of_thing(&self, thing: usize, offset: DVec3) -> Option<(Other, f64)> {
         let own = &self.things[thing];
         let (low, high) = (own.low + offset, own.high + offset);
-        let e = &self.extents;
-        let walls = [
-            ("left wall", low.x, own.low.x),
-            ("right wall", e.width - high.x, e.width - own.high.x),
-            ("back wall", low.z, own.low.z),
-            ("front wall", e.depth - high.z, e.depth - own.high.z),
-        ];
         let nearer = |best: Option<(Other, f64)>, found: (Other, f64)| match best {
             Some(b) if b.1 <= found.1 => Some(b),
             _ => Some(found),
         };
-        let mut best = walls
-            .into_iter()
-            .filter(|(_, distance, before)| distance < before)
-            .fold(None, |best, (name, distance, _)| nearer(best, (Other::Face(name), distance)));
+        let mut best: Option<(Other, f64)> = None;
+        let corner = |v: &Vector| DVec3::new(v.x.into(), v.y.into(), v.z.into());
+        let corners: Vec<DVec3> = own.mesh.vertices().iter().map(corner).collect();
+        let moved: Vec<DVec3> = corners.iter().map(|c| *c + offset).collect();
+        for solid in self.solids.iter().filter(|s| s.face != "floor" && s.face != "ceiling") {
+            let now = solid.distance(&moved, &own.mesh, &Pose::from_translation(vector(offset)));
+            // It comes nearer, and its way goes on: what stands at a wall may be drawn along it.
+            if now < 1.0 && now < solid.distance(&corners, &own.mesh, &Pose::IDENTITY) {
+                best = nearer(best, (Other::Face(solid.face), now));
+            }
+        }
         let here = Pose::from_parts(vector(offset), Rotation::IDENTITY);
         for (k, other) in self.things.iter().enumerate().filter(|(k, t)| *k != thing && !t.flat) {
             if self.rides(k, thing) || self.rides(thing, k) {
@@ -290,6 +289,11 @@ impl Surroundings {
         best
     }
 
+    /// Free way from a point along a direction until the room ends, metres; infinite through an opening.
+    pub fn free_of_room(&self, from: DVec3, along: DVec3) -> f64 {
+        self.solids.iter().filter_map(|s| s.ray(from, along)).fold(f64::INFINITY, f64::min)
+    }
+
     /// Whether a thing is another, or stands on it, directly or by what it stands on.
     pub fn rides(&self, thing: usize, on: usize) -> bool {
         let mut at = thing;
@@ -307,12 +311,10 @@ impl Surroundings {
 }
 
 impl Thing {
-    /// Distance of a convex piece, and the nearest point of this; `None` when farther than `within`.
-    fn contact(&self, piece: &ConvexPolyhedron, at: &Pose, offset: DVec3, within: f64) -> Option<(f64, DVec3)> {
+    /// Distance of a convex piece; `None` when farther than `within`.
+    fn contact(&self, piece: &ConvexPolyhedron, at: &Pose, offset: DVec3, within: f64) -> Option<f64> {
         let here = Pose::from_parts(vector(offset), Rotation::IDENTITY);
-        let contact = query::contact(at, piece, &here, &self.mesh, within as f32).ok()??;
-        let p = contact.point2;
-        Some((contact.dist.into(), DVec3::new(p.x.into(), p.y.into(), p.z.into())))
+        Some(query::contact(at, piece, &here, &self.mesh, within as f32).ok()??.dist.into())
     }
 
     /// Height of the highest point below a height at a place, if there is one, and whether it looks up.
@@ -348,8 +350,28 @@ pub(crate) mod tests {
         Thing::new(id, label, Support::Floor, 0.0, &hull_mesh(&hulls, [0.5; 3])).unwrap()
     }
 
+    pub(crate) fn bare() -> Room {
+        Room {
+            room_type: "study".into(),
+            extents: Extents { width: 5.0, height: 2.6, depth: 4.0 },
+            shape: harmony_scene::RoomShape::default(),
+            seen: vec![],
+            openings: vec![],
+            floor_texture: None,
+            wall_texture: None,
+        }
+    }
+
     pub(crate) fn room(things: Vec<Thing>) -> Surroundings {
-        Surroundings { things, extents: Extents { width: 5.0, height: 2.6, depth: 4.0 } }
+        Surroundings::of(things, &bare())
+    }
+
+    /// An L: the back right corner is a block of 2 x 1.5 m.
+    pub(crate) fn l_plan() -> Room {
+        let mut room = bare();
+        let (min, max) = (DVec3::new(3.0, 0.0, 0.0), DVec3::new(5.0, 2.6, 1.5));
+        room.shape.blocks.push(harmony_scene::Block { kind: "corner".into(), min, max });
+        room
     }
 
     fn ball(radius: f64) -> Shapes {
@@ -382,5 +404,49 @@ pub(crate) mod tests {
         assert!(other == Other::Thing(1) && (distance - 0.1).abs() < 1e-4, "{other:?} {distance}");
         let (other, distance) = room.nearest_of_thing(0, DVec3::X * -0.95).unwrap();
         assert!(other == Other::Face("left wall") && (distance - 0.05).abs() < 1e-9, "{other:?} {distance}");
+    }
+
+    #[test]
+    fn a_link_is_kept_out_of_a_block_and_may_pass_where_the_box_alone_would_stop_it() {
+        let room = Surroundings::of(vec![], &l_plan());
+        let near = |x: f64, y: f64, z: f64| {
+            let place = [DAffine3::from_translation(DVec3::new(x, y, z))];
+            room.nearest(&ball(0.05), &place, None, 0.5, &|_, o| o != Other::Face("floor"))
+        };
+        // Before the block's face, before its edge, and in it; the walls of the box are metres away.
+        let face = near(4.0, 1.3, 1.65).unwrap();
+        assert!((face.distance - 0.10).abs() < 1e-9, "{face:?}");
+        let edge = near(2.8, 1.3, 1.75).unwrap();
+        assert!((edge.distance - 0.15_f64.hypot(0.20)).abs() < 1e-5, "{edge:?}");
+        let inside = near(4.0, 1.3, 1.3).unwrap();
+        assert!((inside.distance + 0.25).abs() < 1e-9, "{inside:?}");
+        // A niche in the left wall, 0.3 m deep, and a slope before the front wall.
+        let mut shaped = bare();
+        let (min, max) = (DVec3::new(-0.3, 0.5, 1.0), DVec3::new(0.0, 1.5, 2.0));
+        let wall = harmony_scene::Wall::Left;
+        shaped.shape.niches.push(harmony_scene::Niche { kind: "niche".into(), wall, sides: None, min, max });
+        shaped.shape.slopes.push(harmony_scene::Slope { wall: harmony_scene::Wall::Front, low: 1.6, run: 1.0 });
+        let room = Surroundings::of(vec![], &shaped);
+        let near = |x: f64, y: f64, z: f64| {
+            let place = [DAffine3::from_translation(DVec3::new(x, y, z))];
+            room.nearest(&ball(0.05), &place, None, 0.5, &|_, _| true).unwrap().distance
+        };
+        assert!(
+            (near(-0.15, 1.0, 1.5) - 0.10).abs() < 1e-9,
+            "in the niche, before its back: {}",
+            near(-0.15, 1.0, 1.5)
+        );
+        assert!(near(-0.15, 0.45, 1.5) < -0.04, "in what is under it");
+        assert!(near(2.5, 2.4, 3.7) < 0.0, "above the slope");
+        assert!((room.free_of_room(DVec3::new(2.5, 1.0, 3.5), DVec3::Y) - 1.1).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_chair_is_not_drawn_into_a_block() {
+        let chair = || thing("chair_01", "chair", &[([2.2, 0.0, 0.4], [2.7, 0.9, 0.9])]);
+        let drawn = |room: &Room| Surroundings::of(vec![chair()], room).nearest_of_thing(0, DVec3::X * 0.4);
+        assert!(drawn(&bare()).is_none_or(|(_, distance)| distance > 0.9), "nothing near in the box");
+        let (other, distance) = drawn(&l_plan()).unwrap();
+        assert!(other == Other::Face("back wall") && (distance + 0.1).abs() < 1e-6, "{other:?} {distance}");
     }
 }
