@@ -103,6 +103,25 @@ impl Stance {
     }
 }
 
+/// Elbows go no farther than this, radians: 1.57 is the straight arm, where both ways of bending meet. Which of them a hand's
+/// goal takes from there is chance, and the backward one ends at the joint's limit (2.61) before hands are where they are
+/// wanted: the arm then goes over to the other in one frame.
+const BENT_RAD: f64 = 1.45;
+
+/// The model with elbows that bend forward only, as a person's, and a torso that does not turn against the pelvis: both
+/// hands do the same, and a search that may turn it swings the arms aside to bring the centre of mass over the feet.
+pub(super) fn like_a_person(model: &Model) -> Model {
+    let mut out = model.clone();
+    for joint in &mut out.joints {
+        if joint.name.ends_with("elbow") {
+            joint.range[1] = joint.range[1].min(BENT_RAD);
+        } else if joint.name == "torso" {
+            joint.range = [0.0; 2];
+        }
+    }
+    out
+}
+
 /// Arms beside the body.
 pub(super) fn easy(model: &Model) -> Vec<f64> {
     let mut out = model.rest();

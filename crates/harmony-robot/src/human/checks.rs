@@ -63,7 +63,7 @@ impl Plan<'_> {
         let on_desk = self.body.hands.map(|h| self.gap(&last, &[h], desk.thing, self.draw));
         let thighs = self.body.thighs.map(|t| self.gap(&last, &[t], self.object, self.draw));
         let motion = Motion {
-            model: self.model.clone(),
+            model: self.whole.clone(),
             task: "sit".to_owned(),
             object: self.object,
             steps: STEPS.to_vec(),

@@ -26,7 +26,7 @@ use crate::measure::{self, Chair, Window};
 use crate::model::Model;
 use crate::room::{Shapes, Surroundings};
 use crate::shapes::pieces;
-use body::{Body, Stance, easy};
+use body::{Body, Stance, easy, like_a_person};
 use poses::Plan;
 
 /// The paper's steps.
@@ -103,6 +103,7 @@ fn desk(room: &Surroundings, chair: &Chair, object: usize) -> Result<Desk, Strin
 }
 
 fn sit_on(room: &Surroundings, model: &Model, body: &Body, shapes: &Shapes, object: usize) -> Result<Done, String> {
+    let person = like_a_person(model);
     let thing = &room.things[object];
     let chair = measure::chair(thing)?;
     let desk = desk(room, &chair, object)?;
@@ -129,7 +130,8 @@ fn sit_on(room: &Surroundings, model: &Model, body: &Body, shapes: &Shapes, obje
             let start = Stance { at: DVec3::ZERO, facing: front };
             let mut plan = Plan {
                 room,
-                model,
+                whole: model,
+                model: &person,
                 shapes,
                 body,
                 object,
@@ -137,6 +139,7 @@ fn sit_on(room: &Surroundings, model: &Model, body: &Body, shapes: &Shapes, obje
                 front,
                 draw,
                 easy: easy(model),
+                first: None,
                 frames: vec![],
                 feet: [start; 2],
                 rise: 0.0,

@@ -16,6 +16,9 @@ const ASIDE_M: [f64; 4] = [0.22, 0.18, 0.27, 0.14];
 /// The room turned into the chair's: `front` is where one looks who sits on it.
 pub(super) struct Plan<'a> {
     pub(super) room: &'a Surroundings,
+    /// As its file has it.
+    pub(super) whole: &'a Model,
+    /// As it is moved: see [`super::body::like_a_person`].
     pub(super) model: &'a Model,
     pub(super) shapes: &'a Shapes,
     pub(super) body: &'a Body,
@@ -25,6 +28,8 @@ pub(super) struct Plan<'a> {
     /// How far the chair is drawn.
     pub(super) draw: f64,
     pub(super) easy: Vec<f64>,
+    /// From where the first frame is sought.
+    pub(super) first: Option<Posture>,
     pub(super) frames: Vec<Frame>,
     pub(super) feet: [Stance; 2],
     /// How much higher than at first the pelvis is.

@@ -20,10 +20,7 @@ const LAP_RAD: f64 = 0.35;
 
 impl Plan<'_> {
     fn put(&mut self, step: usize, want: &Want, moved: f64, touching: &[usize], held: bool) -> Result<(), String> {
-        let start = match self.frames.last() {
-            Some(f) => f.posture.clone(),
-            None => Posture { root: upright(want.pelvis, want.facing), joints: self.easy.clone() },
-        };
+        let start = self.frames.last().map(|f| &f.posture).or(self.first.as_ref()).ok_or("no posture to begin with")?.clone();
         // Joints that nothing asks for go to the easy posture by a little a frame.
         let near = |(easy, now): (&f64, &f64)| now + (easy - now).clamp(-EASE_RAD, EASE_RAD);
         let easy: Vec<f64> = self.easy.iter().zip(&start.joints).map(near).collect();
@@ -206,6 +203,7 @@ impl Plan<'_> {
                     let places = self.model.places(&stood.posture);
                     self.body.hands.map(|h| places[h].transform_point3(self.body.palm))
                 };
+                self.first = Some(stood.posture);
                 let mut reached = Ok(());
                 for k in 0..FRAMES[0] {
                     let t = k as f64 / (FRAMES[0] - 1) as f64;

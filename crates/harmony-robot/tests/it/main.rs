@@ -127,6 +127,27 @@ fn what_forbids_a_task_is_told_with_its_number() {
     assert!(matches!(&none, RobotError::Nothing { what } if what == "chair"), "{none}");
 }
 
+/// Joints that move faster between two frames than the H1's can, with the frame and the radians. Speeds are those of the
+/// maker's own description (unitree_ros, `h1_description/urdf/h1.urdf`), rad/s; the MJCF file has none.
+fn too_fast(motion: &harmony_robot::motion::Motion) -> Vec<(String, usize, f64)> {
+    let most = |name: &str| match name {
+        n if n.contains("hip") || n == "torso" => 23.0,
+        n if n.contains("knee") => 14.0,
+        n if n.contains("shoulder_yaw") || n.contains("elbow") => 20.0,
+        _ => 9.0,
+    };
+    let mut out = Vec::new();
+    for (k, pair) in motion.frames.windows(2).enumerate() {
+        for (j, joint) in motion.model.joints.iter().enumerate() {
+            let step = (pair[1].posture.joints[j] - pair[0].posture.joints[j]).abs();
+            if step > most(&joint.name) / f64::from(harmony_robot::motion::FRAMES_PER_SECOND) {
+                out.push((joint.name.clone(), k + 1, step));
+            }
+        }
+    }
+    out
+}
+
 #[test]
 fn the_h1_sits_down_at_the_desk_and_mujoco_finds_the_same() {
     let Some(path) = robot("h1") else { return };
@@ -150,6 +171,8 @@ fn the_h1_sits_down_at_the_desk_and_mujoco_finds_the_same() {
         assert!(m[name] <= most, "{name}: {m:?}");
     }
     assert!(m["balance_margin_m"] > 0.0, "{m:?}");
+    let hasty = too_fast(&done.motion);
+    assert!(hasty.is_empty(), "{hasty:?}");
     let out = tempfile::tempdir().unwrap();
     write(&world, &room, &done, &output(out.path())).unwrap();
     let Some(python) = mujoco() else { return };
