@@ -272,8 +272,8 @@ impl Rows {
                 let u = eigen.eigenvectors.column(k);
                 let v = reduced.tr_mul(&u) / s;
                 let along = u.dot(&left) * s / (s * s + damping * damping_share(s));
-                change += &v * along;
-                free -= &v * v.transpose();
+                change.axpy(along, &v, 1.0);
+                free.ger(-1.0, &v, &v, 1.0);
             }
         }
         // What nothing else asks for goes to the easy posture: its Jacobian is the identity, and its answer in what is left

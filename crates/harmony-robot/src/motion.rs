@@ -109,7 +109,8 @@ pub fn evidence(
         let touches =
             |link: usize, other: Other| other == Other::Thing(motion.object) && frame.touching.contains(&link);
         let free = |link: usize, other: Other| !touches(link, other) && !supports(frame, link, other);
-        if let Some(near) = room.nearest(shapes, &places, moved, FAR_M, &free)
+        // Only what is nearer than all before says something new.
+        if let Some(near) = room.nearest(shapes, &places, moved, out.smallest_clearance_m, &free)
             && near.distance < out.smallest_clearance_m
         {
             out.smallest_clearance_m = near.distance;

@@ -56,6 +56,8 @@ pub struct Surroundings {
     /// Of the room's box.
     pub extents: Extents,
     solids: Vec<Solid>,
+    /// By thing: the thing that it stands on.
+    hosts: Vec<Option<usize>>,
 }
 
 /// What is near.
@@ -76,6 +78,14 @@ pub struct Near {
     pub other: Other,
     /// Metres; below 0 they are in each other.
     pub distance: f64,
+}
+
+impl Piece {
+    /// Smallest and largest corner in the room.
+    fn bounds(&self, place: &DAffine3) -> (DVec3, DVec3) {
+        let corners = self.vertices.iter().map(|v| place.transform_point3(*v));
+        corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)))
+    }
 }
 
 /// Convex pieces of a robot's links, ready for queries.
@@ -167,7 +177,12 @@ impl Surroundings {
 
     /// From things that are in a room.
     pub fn of(things: Vec<Thing>, room: &Room) -> Self {
-        Self { things, extents: room.extents, solids: solids(room) }
+        let host = |t: &Thing| match &t.support {
+            Support::Object { id } => things.iter().position(|h| h.id == id.as_str()),
+            _ => None,
+        };
+        let hosts = things.iter().map(host).collect();
+        Self { things, extents: room.extents, solids: solids(room), hosts }
     }
 
     /// The number of an object by its id.
@@ -203,16 +218,26 @@ impl Surroundings {
             let place = &places[link];
             let at = pose(place);
             for piece in pieces {
-                let centre = place.transform_point3(piece.centre);
+                let ball = (place.transform_point3(piece.centre), piece.radius);
+                // Corners only for what the ball does not tell to be far.
+                let mut bounds: Option<(DVec3, DVec3)> = None;
                 for (k, thing) in self.things.iter().enumerate().filter(|(_, t)| !t.flat) {
                     let offset = moved.filter(|m| self.rides(k, m.0)).map_or(DVec3::ZERO, |m| m.1);
-                    let reach = piece.radius + best.map_or(within, |b| b.distance.min(within)).max(0.0);
-                    let from = centre - offset;
-                    if from.distance(from.clamp(thing.low, thing.high)) > reach || !looks(link, Other::Thing(k)) {
+                    let far = best.map_or(within, |b| b.distance.min(within));
+                    let from = ball.0 - offset;
+                    let reach = ball.1 + far.max(0.0);
+                    if from.distance_squared(from.clamp(thing.low, thing.high)) > reach * reach
+                        || !looks(link, Other::Thing(k))
+                    {
                         continue;
                     }
-                    if let Some(distance) = thing.contact(&piece.shape, &at, offset, within)
-                        && best.is_none_or(|b| distance < b.distance)
+                    let (low, high) = *bounds.get_or_insert_with(|| piece.bounds(place));
+                    let apart = (low - offset - thing.high).max(thing.low - high + offset).max(DVec3::ZERO);
+                    if apart.length_squared() > far.max(0.0).powi(2) {
+                        continue;
+                    }
+                    if let Some(distance) = thing.distance(&piece.shape, &at, offset, far)
+                        && distance < far
                     {
                         best = Some(Near { link, other: Other::Thing(k), distance });
                     }
@@ -302,8 +327,7 @@ impl Surroundings {
             if at == on {
                 return true;
             }
-            let Support::Object { id } = &self.things[at].support else { return false };
-            let Some(next) = self.things.iter().position(|t| t.id == id.as_str()) else { return false };
+            let Some(next) = self.hosts[at] else { return false };
             at = next;
         }
         false
@@ -311,10 +335,19 @@ impl Surroundings {
 }
 
 impl Thing {
-    /// Distance of a convex piece; `None` when farther than `within`.
-    fn contact(&self, piece: &ConvexPolyhedron, at: &Pose, offset: DVec3, within: f64) -> Option<f64> {
+    /// Distance of a convex piece; `None` when it is no nearer than `within`.
+    ///
+    /// What is apart is found from the nearest of the tree's boxes on, so that few triangles are looked at; only what meets
+    /// one is asked for its depth.
+    fn distance(&self, piece: &ConvexPolyhedron, at: &Pose, offset: DVec3, within: f64) -> Option<f64> {
         let here = Pose::from_parts(vector(offset), Rotation::IDENTITY);
-        Some(query::contact(at, piece, &here, &self.mesh, within as f32).ok()??.dist.into())
+        if within > 0.0 {
+            let apart = query::distance(at, piece, &here, &self.mesh).ok()?.distance;
+            if apart > 0.0 {
+                return (f64::from(apart) < within).then_some(apart.into());
+            }
+        }
+        Some(query::contact(at, piece, &here, &self.mesh, 0.0).ok()??.dist.into())
     }
 
     /// Height of the highest point below a height at a place, if there is one, and whether it looks up.

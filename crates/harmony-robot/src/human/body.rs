@@ -108,6 +108,19 @@ impl Stance {
 /// wanted: the arm then goes over to the other in one frame.
 const BENT_RAD: f64 = 1.45;
 
+/// How fast a joint turns at most, radians a second: the maker's description (unitree_ros, `h1_description/urdf/h1.urdf`), for
+/// the MJCF file has no speeds.
+pub(super) fn fastest(joint: &str) -> f64 {
+    match joint {
+        "torso" => 23.0,
+        name if name.contains("hip") => 23.0,
+        name if name.contains("knee") => 14.0,
+        name if name.contains("shoulder_yaw") || name.contains("elbow") => 20.0,
+        // Ankles, and shoulders' pitch and roll.
+        _ => 9.0,
+    }
+}
+
 /// The model with elbows that bend forward only, as a person's, and a torso that does not turn against the pelvis: both
 /// hands do the same, and a search that may turn it swings the arms aside to bring the centre of mass over the feet.
 pub(super) fn like_a_person(model: &Model) -> Model {

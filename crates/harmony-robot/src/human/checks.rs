@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use super::body::Body;
+use super::body::{Body, fastest};
 use super::poses::Plan;
 use super::{DEEP_M, Desk, PASS_M, STEPS};
 use crate::arm::Done;
-use crate::motion::{Evidence, Frame, MISSED, Motion, evidence};
+use crate::motion::{Evidence, FRAMES_PER_SECOND, Frame, MISSED, Motion, evidence};
 use crate::room::Other;
 
 impl Plan<'_> {
@@ -26,13 +26,33 @@ impl Plan<'_> {
         }
     }
 
+    /// Whether no joint turns faster between frames so far than it can, else which does.
+    pub(super) fn steady(&self) -> Result<(), String> {
+        for (number, pair) in self.frames.windows(2).enumerate() {
+            let (from, to) = (&pair[0].posture.joints, &pair[1].posture.joints);
+            for (joint, turned) in self.model.joints.iter().zip(from.iter().zip(to).map(|(a, b)| (a - b).abs())) {
+                let most = fastest(&joint.name) / f64::from(FRAMES_PER_SECOND);
+                if turned > most {
+                    return Err(format!(
+                        "in step {} (\"{}\") {} would turn {turned:.2} rad in a frame, {most:.2} are possible (frame {})",
+                        pair[1].step + 1,
+                        STEPS[pair[1].step],
+                        joint.name,
+                        number + 1
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Whether frames so far are free, else which is not.
     pub(super) fn clear(&self, steps: std::ops::Range<usize>) -> Result<(), String> {
         for (number, frame) in self.frames.iter().enumerate().filter(|(_, f)| steps.contains(&f.step)) {
             let looks = |l: usize, o: Other| !self.bears(frame, l, o) && !self.touches(frame, l, o);
             let moved = Some((self.object, frame.moved));
             let places = self.model.places(&frame.posture);
-            if let Some(near) = self.room.nearest(self.shapes, &places, moved, 0.05, &looks)
+            if let Some(near) = self.room.nearest(self.shapes, &places, moved, 0.0, &looks)
                 && near.distance < -DEEP_M
             {
                 return Err(format!(

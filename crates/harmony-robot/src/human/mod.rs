@@ -124,27 +124,27 @@ fn sit_on(room: &Surroundings, model: &Model, body: &Body, shapes: &Shapes, obje
             ));
         }
     }
+    let mut plan = Plan {
+        room,
+        whole: model,
+        model: &person,
+        shapes,
+        body,
+        object,
+        chair: chair.clone(),
+        front,
+        draw,
+        easy: easy(model),
+        first: None,
+        frames: vec![],
+        feet: [Stance { at: DVec3::ZERO, facing: front }; 2],
+        rise: 0.0,
+    };
+    let reached = plan.reach_and_draw()?;
     let mut why: Vec<String> = Vec::new();
     for side in [1.0, -1.0] {
         for turn in [0.66, 0.33, 0.0] {
-            let start = Stance { at: DVec3::ZERO, facing: front };
-            let mut plan = Plan {
-                room,
-                whole: model,
-                model: &person,
-                shapes,
-                body,
-                object,
-                chair: chair.clone(),
-                front,
-                draw,
-                easy: easy(model),
-                first: None,
-                frames: vec![],
-                feet: [start; 2],
-                rise: 0.0,
-            };
-            match plan.all(&desk, side, turn) {
+            match plan.clone().go_around_and_sit(&desk, &reached, side, turn) {
                 Ok(done) => return Ok(done),
                 Err(e) => why.push(e),
             }

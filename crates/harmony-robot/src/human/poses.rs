@@ -14,6 +14,7 @@ use crate::room::{Other, Shapes, Surroundings};
 const ASIDE_M: [f64; 4] = [0.22, 0.18, 0.27, 0.14];
 
 /// The room turned into the chair's: `front` is where one looks who sits on it.
+#[derive(Clone)]
 pub(super) struct Plan<'a> {
     pub(super) room: &'a Surroundings,
     /// As its file has it.
@@ -133,11 +134,12 @@ impl Plan<'_> {
     pub(super) fn lay(&self, start: &Posture, want: &Want, thing: usize, moved: f64) -> (Want, Found) {
         let mut want = want.clone();
         let mut found = self.solve(start, &want);
-        for _ in 0..8 {
+        for _ in 0..14 {
             let gaps = self.body.hands.map(|h| self.gap(&found.posture, &[h], thing, moved) - 0.001);
             if let Some(hands) = &mut want.hands {
                 for (h, gap) in hands.iter_mut().zip(gaps) {
-                    h.y -= gap.clamp(-0.05, 0.05);
+                    // Not all of it: what is nearest may be the forearm, which a lower hand tilts.
+                    h.y -= 0.6 * gap.clamp(-0.05, 0.05);
                 }
             }
             if gaps.iter().all(|g| g.abs() < 5e-4) {

@@ -20,7 +20,8 @@ const LAP_RAD: f64 = 0.35;
 
 impl Plan<'_> {
     fn put(&mut self, step: usize, want: &Want, moved: f64, touching: &[usize], held: bool) -> Result<(), String> {
-        let start = self.frames.last().map(|f| &f.posture).or(self.first.as_ref()).ok_or("no posture to begin with")?.clone();
+        let start =
+            self.frames.last().map(|f| &f.posture).or(self.first.as_ref()).ok_or("no posture to begin with")?.clone();
         // Joints that nothing asks for go to the easy posture by a little a frame.
         let near = |(easy, now): (&f64, &f64)| now + (easy - now).clamp(-EASE_RAD, EASE_RAD);
         let easy: Vec<f64> = self.easy.iter().zip(&start.joints).map(near).collect();
@@ -93,21 +94,26 @@ impl Plan<'_> {
         Ok(())
     }
 
-    pub(super) fn all(&mut self, desk: &Desk, side: f64, turn: f64) -> Result<Done, String> {
-        // 1 and 2: reach and draw.
-        let (hands, drawn) = self.reach_and_draw()?;
+    /// Steps 3 to 8 after [`Self::reach_and_draw`]: around the chair on one side, turned by a share while crossing.
+    pub(super) fn go_around_and_sit(
+        &mut self,
+        desk: &Desk,
+        (hands, drawn): &([DVec3; 2], Stance),
+        side: f64,
+        turn: f64,
+    ) -> Result<Done, String> {
         // 3: release and stand.
         let last = self.frames.last().map(|f| f.posture.clone()).ok_or("no frame")?;
         // Where an upright pelvis has its hip axes where those of the leaning one are: from there it goes on without a jump.
         let hip = self.hip_axes();
         let pelvis = last.root.transform_point3(hip) - upright(DVec3::ZERO, drawn.facing).matrix3 * hip;
         let beside = {
-            let places = self.model.places(&self.solve(&last, &self.upright_at(&drawn)).posture);
+            let places = self.model.places(&self.solve(&last, &self.upright_at(drawn)).posture);
             self.body.hands.map(|h| places[h].transform_point3(self.body.palm))
         };
         for k in 0..FRAMES[2] {
             let part = smooth((k + 1) as f64 / FRAMES[2] as f64);
-            let mut want = self.upright_at(&drawn);
+            let mut want = self.upright_at(drawn);
             want.pelvis = pelvis.lerp(want.pelvis, part);
             // Up first, then back behind the backrest, then down beside the body.
             let t = (k + 1) as f64 / FRAMES[2] as f64;
@@ -139,6 +145,7 @@ impl Plan<'_> {
         self.shuffle(3, FRAMES[3], &way, None)?;
         self.shuffle(4, FRAMES[4], &[cross], None)?;
         self.shuffle(5, FRAMES[5], &[seat], None)?;
+        self.steady()?;
         self.clear(0..6)?;
         self.met()?;
         let (sitting, depth) = self.sit_down(desk, &seat)?;
@@ -147,7 +154,7 @@ impl Plan<'_> {
 
     /// Steps 1 and 2: where to stand, the hands on the backrest, and the chair drawn; the first place from which the way
     /// back is free, too.
-    fn reach_and_draw(&mut self) -> Result<([DVec3; 2], Stance), String> {
+    pub(super) fn reach_and_draw(&mut self) -> Result<([DVec3; 2], Stance), String> {
         let top_at = self.chair.seat.centre;
         let tops = self
             .tops(self.object, DVec3::new(top_at.x, 0.0, top_at.z), self.chair.back, self.chair.left, 0.01)
@@ -222,6 +229,7 @@ impl Plan<'_> {
                 let drawn = Stance { at: stance.at + self.chair.back * self.draw, ..stance };
                 let all = reached
                     .and_then(|()| self.shuffle(1, FRAMES[1], &[drawn], Some((hands, crouched))))
+                    .and_then(|()| self.steady())
                     .and_then(|()| self.clear(0..2))
                     .and_then(|()| self.met());
                 match all {
@@ -333,6 +341,7 @@ impl Plan<'_> {
             want.passing = k + 1 < FRAMES[7];
             self.put(7, &want, self.draw, &[], k + 1 == FRAMES[7])?;
         }
+        self.steady()?;
         self.clear(0..8)?;
         self.measured(desk, depth, turn)
     }
