@@ -240,7 +240,7 @@ fn opening(room: &Surroundings, own: usize, item: &Item, part: &harmony_export::
         let value = part.range[0] + range * k as f64 / SWEEP as f64;
         let place = [room_from_body * moved(value)];
         let others = |_: usize, o: crate::room::Other| match o {
-            crate::room::Other::Thing(t) => t != own,
+            crate::room::Other::Thing(t) => t != own && !(room.things[t].part && room.rides(t, own)),
             crate::room::Other::Face(_) => k > 1,
         };
         if let Some(near) = room.nearest(&shape, &place, None, 0.01, &others)

@@ -14,11 +14,12 @@
 //! | [`measure`], [`jaw`] | sections, seats and backrests; a hand with two fingers |
 //! | [`mod@affordances`] | what can be grasped, sat on, placed on, opened |
 //! | [`motion`] | frames, and what is measured of them |
-//! | [`arm`], [`human`] | tasks of an arm with a jaw, and of a humanoid |
-//! | [`task`], [`mod@replay`], [`pictures`] | files: trajectory, MJCF with keyframes, frames and sheet |
+//! | [`arm`], [`drawer`], [`human`] | tasks of an arm with a jaw, and of a humanoid |
+//! | [`task`], [`mod@replay`], `stage`, [`pictures`] | files: trajectory, MJCF with keyframes, USD time samples, frames and sheet |
 
 pub mod affordances;
 pub mod arm;
+pub mod drawer;
 mod error;
 pub mod human;
 pub mod ik;
@@ -33,6 +34,7 @@ pub mod replay;
 pub mod room;
 pub mod shapes;
 mod solids;
+mod stage;
 pub mod task;
 
 pub use affordances::{Affordances, affordances};

@@ -1,8 +1,8 @@
 //! The scene around a robot: meshes to measure and to keep away from.
 //!
 //! # Frames
-//! The room frame. Every mesh is taken into it once, where `scene.json` has the object; what a robot moves is moved by an
-//! offset, for scripted tasks draw and lift without turning.
+//! The room frame. Every mesh is taken into it once, where `scene.json` has the object; what a robot moves is moved by
+//! `room_from_room`, a turn and an offset. Parts that open are things of their own, on the thing that they belong to.
 //!
 //! # What is in the way
 //! The reconstructed triangles themselves, and the room's solids: floor, ceiling and walls with their openings, blocks,
@@ -16,6 +16,7 @@
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use harmony_catalogue::Trait;
 use harmony_export::World;
+use harmony_export::world::Select;
 use harmony_mesh::{Bvh, Mesh};
 use harmony_physics::Hull;
 use harmony_scene::{Extents, Room, Support};
@@ -46,6 +47,8 @@ pub struct Thing {
     pub high: DVec3,
     /// Whether it lies flat under everything and gives way.
     pub flat: bool,
+    /// Whether it is a part that opens of the thing that it is on.
+    pub part: bool,
     mesh: TriMesh,
 }
 
@@ -156,6 +159,7 @@ impl Thing {
             low,
             high,
             flat: harmony_catalogue::has(label, Trait::Flat),
+            part: false,
             mesh,
         })
     }
@@ -164,13 +168,25 @@ impl Thing {
 impl Surroundings {
     /// From a scene.
     pub fn new(world: &World) -> Self {
-        let things = world.items.iter().filter_map(|item| {
-            let mut mesh = (*item.mesh).clone();
-            for p in &mut mesh.positions {
-                *p = item.room_point(*p).as_vec3();
-            }
+        let things = world.items.iter().flat_map(|item| {
             let o = &item.object;
-            Thing::new(o.id.as_str(), &o.label, o.support.clone(), o.pose.yaw, &mesh)
+            let of = |id: &str, support: &Support, mut mesh: Mesh| {
+                for p in &mut mesh.positions {
+                    *p = item.room_point(*p).as_vec3();
+                }
+                Thing::new(id, &o.label, support.clone(), o.pose.yaw, &mesh)
+            };
+            let on = Support::Object { id: o.id.clone() };
+            let parts = item.opens.iter().enumerate().filter_map(|(k, part)| {
+                Some(Thing { part: true, ..of(&part.name, &on, item.selected(Select::Part(k)))? })
+            });
+            let mut all = vec![];
+            match of(o.id.as_str(), &o.support, item.selected(Select::Fixed)) {
+                Some(fixed) => all.extend(std::iter::once(fixed).chain(parts)),
+                // All of it opens: it has no parts then.
+                None => all.extend(of(o.id.as_str(), &o.support, (*item.mesh).clone())),
+            }
+            all
         });
         Self::of(things.collect(), &world.scene.room)
     }
@@ -209,34 +225,36 @@ impl Surroundings {
         &self,
         shapes: &Shapes,
         places: &[DAffine3],
-        moved: Option<(usize, DVec3)>,
+        moved: Option<(usize, DAffine3)>,
         within: f64,
         looks: &dyn Fn(usize, Other) -> bool,
     ) -> Option<Near> {
         let mut best: Option<Near> = None;
+        let undo = moved.map(|(_, m)| m.inverse());
+        let rides: Vec<bool> = (0..self.things.len()).map(|k| moved.is_some_and(|m| self.rides(k, m.0))).collect();
         for (link, pieces) in shapes.links.iter().enumerate() {
             let place = &places[link];
-            let at = pose(place);
+            // The link as what has been moved sees it, which then stays where its triangles are.
+            let beside = undo.map(|u| u * *place);
             for piece in pieces {
-                let ball = (place.transform_point3(piece.centre), piece.radius);
                 // Corners only for what the ball does not tell to be far.
-                let mut bounds: Option<(DVec3, DVec3)> = None;
+                let mut bounds: [Option<(DVec3, DVec3)>; 2] = [None; 2];
                 for (k, thing) in self.things.iter().enumerate().filter(|(_, t)| !t.flat) {
-                    let offset = moved.filter(|m| self.rides(k, m.0)).map_or(DVec3::ZERO, |m| m.1);
+                    let from = beside.as_ref().filter(|_| rides[k]).unwrap_or(place);
                     let far = best.map_or(within, |b| b.distance.min(within));
-                    let from = ball.0 - offset;
-                    let reach = ball.1 + far.max(0.0);
-                    if from.distance_squared(from.clamp(thing.low, thing.high)) > reach * reach
+                    let centre = from.transform_point3(piece.centre);
+                    let reach = piece.radius + far.max(0.0);
+                    if centre.distance_squared(centre.clamp(thing.low, thing.high)) > reach * reach
                         || !looks(link, Other::Thing(k))
                     {
                         continue;
                     }
-                    let (low, high) = *bounds.get_or_insert_with(|| piece.bounds(place));
-                    let apart = (low - offset - thing.high).max(thing.low - high + offset).max(DVec3::ZERO);
+                    let (low, high) = *bounds[usize::from(rides[k])].get_or_insert_with(|| piece.bounds(from));
+                    let apart = (low - thing.high).max(thing.low - high).max(DVec3::ZERO);
                     if apart.length_squared() > far.max(0.0).powi(2) {
                         continue;
                     }
-                    if let Some(distance) = thing.distance(&piece.shape, &at, offset, far)
+                    if let Some(distance) = thing.distance(&piece.shape, &pose(from), far)
                         && distance < far
                     {
                         best = Some(Near { link, other: Other::Thing(k), distance });
@@ -276,9 +294,9 @@ impl Surroundings {
     }
 
     /// The nearest of other objects and walls to an object that is moved; what it met where it stands does not count.
-    pub fn nearest_of_thing(&self, thing: usize, offset: DVec3) -> Option<(Other, f64)> {
+    pub fn nearest_of_thing(&self, thing: usize, moved: DAffine3) -> Option<(Other, f64)> {
         let own = &self.things[thing];
-        let (low, high) = (own.low + offset, own.high + offset);
+        let here = pose(&moved);
         let nearer = |best: Option<(Other, f64)>, found: (Other, f64)| match best {
             Some(b) if b.1 <= found.1 => Some(b),
             _ => Some(found),
@@ -286,15 +304,15 @@ impl Surroundings {
         let mut best: Option<(Other, f64)> = None;
         let corner = |v: &Vector| DVec3::new(v.x.into(), v.y.into(), v.z.into());
         let corners: Vec<DVec3> = own.mesh.vertices().iter().map(corner).collect();
-        let moved: Vec<DVec3> = corners.iter().map(|c| *c + offset).collect();
+        let moved: Vec<DVec3> = corners.iter().map(|c| moved.transform_point3(*c)).collect();
+        let (low, high) = moved.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
         for solid in self.solids.iter().filter(|s| s.face != "floor" && s.face != "ceiling") {
-            let now = solid.distance(&moved, &own.mesh, &Pose::from_translation(vector(offset)));
+            let now = solid.distance(&moved, &own.mesh, &here);
             // It comes nearer, and its way goes on: what stands at a wall may be drawn along it.
             if now < 1.0 && now < solid.distance(&corners, &own.mesh, &Pose::IDENTITY) {
                 best = nearer(best, (Other::Face(solid.face), now));
             }
         }
-        let here = Pose::from_parts(vector(offset), Rotation::IDENTITY);
         for (k, other) in self.things.iter().enumerate().filter(|(k, t)| *k != thing && !t.flat) {
             if self.rides(k, thing) || self.rides(thing, k) {
                 continue;
@@ -339,8 +357,8 @@ impl Thing {
     ///
     /// What is apart is found from the nearest of the tree's boxes on, so that few triangles are looked at; only what meets
     /// one is asked for its depth.
-    fn distance(&self, piece: &ConvexPolyhedron, at: &Pose, offset: DVec3, within: f64) -> Option<f64> {
-        let here = Pose::from_parts(vector(offset), Rotation::IDENTITY);
+    fn distance(&self, piece: &ConvexPolyhedron, at: &Pose, within: f64) -> Option<f64> {
+        let here = Pose::IDENTITY;
         if within > 0.0 {
             let apart = query::distance(at, piece, &here, &self.mesh).ok()?.distance;
             if apart > 0.0 {
@@ -407,6 +425,10 @@ pub(crate) mod tests {
         room
     }
 
+    fn by(offset: DVec3) -> DAffine3 {
+        DAffine3::from_translation(offset)
+    }
+
     fn ball(radius: f64) -> Shapes {
         Shapes::new(&[vec![Hull::cuboid(DVec3::splat(-radius), DVec3::splat(radius))]])
     }
@@ -423,7 +445,8 @@ pub(crate) mod tests {
         assert!((sunk.distance + 0.01).abs() < 1e-4, "{sunk:?}");
         let low = near(&at(4.0, 0.03, 1.5));
         assert!((low.distance + 0.02).abs() < 1e-5 && low.other == Other::Face("floor"), "{low:?}");
-        let moved = room.nearest(&shapes, &at(2.5, 0.84, 1.5), Some((0, DVec3::Y * 0.02)), 0.5, &|_, _| true).unwrap();
+        let moved =
+            room.nearest(&shapes, &at(2.5, 0.84, 1.5), Some((0, by(DVec3::Y * 0.02))), 0.5, &|_, _| true).unwrap();
         assert!((moved.distance - 0.03).abs() < 1e-5, "{moved:?}");
         assert!(room.nearest(&shapes, &at(1.0, 1.3, 1.5), None, 0.3, &|_, _| true).is_none());
     }
@@ -433,9 +456,9 @@ pub(crate) mod tests {
         let chair = thing("chair_01", "chair", &[([1.0, 0.0, 1.0], [1.4, 0.9, 1.4])]);
         let shelf = thing("shelf_01", "bookshelf", &[([1.0, 0.0, 1.7], [1.4, 1.8, 2.0])]);
         let room = room(vec![chair, shelf]);
-        let (other, distance) = room.nearest_of_thing(0, DVec3::Z * 0.2).unwrap();
+        let (other, distance) = room.nearest_of_thing(0, by(DVec3::Z * 0.2)).unwrap();
         assert!(other == Other::Thing(1) && (distance - 0.1).abs() < 1e-4, "{other:?} {distance}");
-        let (other, distance) = room.nearest_of_thing(0, DVec3::X * -0.95).unwrap();
+        let (other, distance) = room.nearest_of_thing(0, by(DVec3::X * -0.95)).unwrap();
         assert!(other == Other::Face("left wall") && (distance - 0.05).abs() < 1e-9, "{other:?} {distance}");
     }
 
@@ -477,7 +500,7 @@ pub(crate) mod tests {
     #[test]
     fn a_chair_is_not_drawn_into_a_block() {
         let chair = || thing("chair_01", "chair", &[([2.2, 0.0, 0.4], [2.7, 0.9, 0.9])]);
-        let drawn = |room: &Room| Surroundings::of(vec![chair()], room).nearest_of_thing(0, DVec3::X * 0.4);
+        let drawn = |room: &Room| Surroundings::of(vec![chair()], room).nearest_of_thing(0, by(DVec3::X * 0.4));
         assert!(drawn(&bare()).is_none_or(|(_, distance)| distance > 0.9), "nothing near in the box");
         let (other, distance) = drawn(&l_plan()).unwrap();
         assert!(other == Other::Face("back wall") && (distance + 0.1).abs() < 1e-6, "{other:?} {distance}");

@@ -18,7 +18,7 @@ mod checks;
 mod poses;
 mod steps;
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 use crate::RobotError;
 use crate::arm::{Done, chairs};
@@ -114,7 +114,7 @@ fn sit_on(room: &Surroundings, model: &Model, body: &Body, shapes: &Shapes, obje
     let steps = (draw / 0.03).ceil() as usize;
     for step in 1..=steps {
         let way = draw * step as f64 / steps as f64;
-        if let Some((other, distance)) = room.nearest_of_thing(object, chair.back * way)
+        if let Some((other, distance)) = room.nearest_of_thing(object, DAffine3::from_translation(chair.back * way))
             && distance <= 0.0
         {
             return Err(format!(

@@ -1,6 +1,6 @@
 //! Postures: what a frame of a humanoid asks for, and the search for it.
 
-use glam::{DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 
 use super::body::{Body, Stance};
 use super::{Desk, HANDS_M};
@@ -126,7 +126,7 @@ impl Plan<'_> {
     /// Distance of one link to a thing where it is in a frame.
     pub(super) fn gap(&self, posture: &Posture, links: &[usize], thing: usize, moved: f64) -> f64 {
         let only = |l: usize, o: Other| links.contains(&l) && o == Other::Thing(thing);
-        let moved = Some((self.object, self.chair.back * moved));
+        let moved = Some((self.object, DAffine3::from_translation(self.chair.back * moved)));
         self.room.nearest(self.shapes, &self.model.places(posture), moved, 0.3, &only).map_or(0.3, |n| n.distance)
     }
 

@@ -1,6 +1,6 @@
 //! The eight steps, frame by frame.
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 use super::body::{Stance, mix, strides};
 use super::poses::{Plan, Want};
@@ -34,11 +34,12 @@ impl Plan<'_> {
                 1e3 * found.error
             ));
         }
-        let moved = self.chair.back * moved;
+        let moved = DAffine3::from_translation(self.chair.back * moved);
         self.frames.push(Frame {
             step,
             posture: found.posture,
             moved,
+            opened: 0.0,
             error: found.error,
             touching: touching.to_vec(),
             held,
@@ -78,7 +79,7 @@ impl Plan<'_> {
                 self.rise = RISE_M * smooth((k + 1) as f64 / frames as f64);
             }
             let mut want = self.upright_at(&body);
-            let mut moved = self.frames.last().map_or(0.0, |f| f.moved.dot(self.chair.back));
+            let mut moved = self.frames.last().map_or(0.0, |f| f.moved.translation.dot(self.chair.back));
             let mut touching: Vec<usize> = Vec::new();
             if let Some((hands, height)) = drawn {
                 moved = (body.at - from.at).dot(self.chair.back);
