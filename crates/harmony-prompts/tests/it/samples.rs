@@ -165,7 +165,7 @@ pub fn questions() -> Vec<(String, Question)> {
     let painted = scene().into_iter().map(|object| PaintedObject { object, slots: vec!["oak".into(), "steel".into()] });
     let finding = "- desk_01: outline agreement 0.51, penetration 30 mm".to_owned();
     let measured = LightingDelta { verdict: LightingVerdict::Adjust, ..LightingDelta::default() };
-    let further: [(&str, Question); 18] = [
+    let further: [(&str, Question); 19] = [
         ("completed", CompletedQuestion { objects: named() }.into()),
         ("front", FrontsQuestion { objects: named() }.into()),
         ("orient", OrientQuestion { objects: named() }.into()),
