@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::body::{Body, fastest};
 use super::poses::Plan;
-use super::{DEEP_M, Desk, PASS_M, STEPS};
+use super::{DEEP_M, Desk, HANDS_M, PASS_M, STEPS};
 use crate::arm::Done;
 use crate::motion::{Evidence, FRAMES_PER_SECOND, Frame, MISSED, Motion, evidence};
 use crate::room::Other;
@@ -39,6 +39,26 @@ impl Plan<'_> {
                         STEPS[pair[1].step],
                         joint.name,
                         number + 1
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the hands stay at the backrest in all frames so far in which they are meant to.
+    pub(super) fn in_touch(&self) -> Result<(), String> {
+        for (number, frame) in self.frames.iter().enumerate() {
+            let moved = frame.moved.translation.dot(self.chair.back);
+            for link in &frame.touching {
+                let gap = self.gap(&frame.posture, &[*link], self.object, moved);
+                if gap.abs() > HANDS_M {
+                    return Err(format!(
+                        "in step {} (\"{}\") {} leaves the backrest by {:.0} mm (frame {number})",
+                        frame.step + 1,
+                        STEPS[frame.step],
+                        self.model.links[*link].name,
+                        1e3 * gap
                     ));
                 }
             }

@@ -231,6 +231,7 @@ impl Plan<'_> {
                 let all = reached
                     .and_then(|()| self.shuffle(1, FRAMES[1], &[drawn], Some((hands, crouched))))
                     .and_then(|()| self.steady())
+                    .and_then(|()| self.in_touch())
                     .and_then(|()| self.clear(0..2))
                     .and_then(|()| self.met());
                 match all {
