@@ -73,6 +73,7 @@ if not moved:
     raise SystemExit(f"{trajectory['object']} is not in {args.scene}")
 xform = UsdGeom.Xformable(moved[0])
 rest = xform.GetLocalTransformation()
+parent = xform.ComputeParentToWorldTransform(0)
 
 for frame in trajectory["frames"]:
     position = z_up(frame["root_position"])
@@ -81,8 +82,11 @@ for frame in trajectory["frames"]:
     values[order] = frame["joints"]
     robot.set_joint_positions(values)
     offset = z_up(frame["object_offset"])
-    now = Gf.Matrix4d(rest)
-    now.SetTranslateOnly(rest.ExtractTranslation() + Gf.Vec3d(*map(float, offset)))
+    x, y, z, w = frame.get("object_rotation", (0, 0, 0, 1))
+    turn = Gf.Matrix4d(1)
+    turn.SetRotateOnly(Gf.Quatd(w, *map(float, z_up((x, y, z)))))
+    turn.SetTranslateOnly(Gf.Vec3d(*map(float, offset)))
+    now = rest * parent * turn * parent.GetInverse()
     xform.MakeMatrixXform().Set(now)
     world.render()
 

@@ -52,6 +52,7 @@ pub use error::ExportError;
 pub use files::Files;
 pub use glb::GlbOptions;
 pub use manifest::{BodyRow, MANIFEST, Manifest};
+pub use usd::animation;
 pub(crate) use usd::level_name as usd_level_name;
 pub use world::World;
 

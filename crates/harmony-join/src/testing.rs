@@ -118,7 +118,7 @@ pub fn source(name: &str, extents: Extents, things: &[Box3], turn: QuarterTurn, 
 
 fn object(t: &Box3, number: usize, pose: Pose) -> SceneObject {
     let pbr = PbrFactors { roughness: 0.7, metallic: 0.0, ior: 1.5, transmission: 0.0 };
-    let physical = Physical { weight_kg: 10.0, thickness_m: 0.02, elasticity: 0.1 };
+    let physical = Physical { weight_kg: 10.0, thickness_m: 0.02, elasticity: 0.1, rigid: None };
     SceneObject {
         id: ObjectId::numbered(t.label, number + 1),
         index: 10 + number as u32,

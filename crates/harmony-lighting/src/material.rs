@@ -97,6 +97,7 @@ pub fn material_for(label: &str, size: Size, answer: Option<&MaterialAnswer>) ->
         weight_kg: keep("weight in kg", answer.weight_kg, weight, low, high),
         thickness_m: keep("thickness in m", answer.thickness_m, thickness, 0.0002, 0.5),
         elasticity: keep("elasticity", answer.elasticity, harmony_catalogue::material(category).elasticity, 0.0, 1.0),
+        rigid: None,
     };
     (SurfaceMaterial { category, pbr, physical }, notes)
 }

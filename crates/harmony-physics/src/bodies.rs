@@ -173,6 +173,8 @@ fn body(object: &SceneObject, made: &Decomposition, factor: Vec3) -> Body {
     let solid: f64 = hulls.iter().map(|h| h.moments().mass).sum();
     let (mass_kg, of_mass) = matter::mass(object, solid);
     notes.extend(of_mass);
+    let (friction, of_friction) = matter::friction(object);
+    notes.extend(of_friction);
     let foot = matter::heavy_foot(object);
     if let Some(share) = foot {
         notes.push(format!("{:.0} % of the mass is taken to be in the lowest fifth", 100.0 * share));
@@ -189,7 +191,7 @@ fn body(object: &SceneObject, made: &Decomposition, factor: Vec3) -> Body {
         motion: matter::motion(object),
         hulls: if gives_way { Vec::new() } else { hulls },
         mass_kg,
-        friction: matter::friction(object),
+        friction,
         restitution: matter::restitution(object),
         centre_of_mass: moments.centre,
         inertia: [i.x_axis.to_array(), i.y_axis.to_array(), i.z_axis.to_array()],

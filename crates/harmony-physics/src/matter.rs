@@ -1,10 +1,10 @@
 //! What a thing weighs, how it slides and springs, and whether it moves at all.
 //! Key `physics.mass`.
 //!
-//! Mass comes from the scene (`material.physical.weight_kg`: the paper's question to the model, or the catalogue where no
-//! model was asked) and is checked twice: against the catalogue's mass over the bounding box of such a thing, and against
-//! what its solid would weigh if it were full of its material. Friction is the catalogue's, of the material against dry
-//! wood: that is what the paper's prompt asks for as well. Restitution follows the paper's elasticity, but cloth, leather
+//! Mass comes from the scene: `material.physical.rigid` (the paper's question for simulations, asked once a room), else
+//! `weight_kg` (its question for materials, or the catalogue where no model was asked). It is checked twice: against the
+//! catalogue's mass over the bounding box of such a thing, and against what its solid would weigh if it were full of its
+//! material. Friction is that of the same question, else the catalogue's of the material against dry wood. Restitution follows the paper's elasticity, but cloth, leather
 //! and foam swallow a blow and do not give it back.
 
 use harmony_catalogue::{Trait, box_density, kind, material};
@@ -23,6 +23,9 @@ pub enum Motion {
 
 /// A weight farther from the catalogue's than this factor is not believed.
 pub const FARTHEST_MASS: f64 = 5.0;
+/// A friction farther from the material's in the catalogue than this factor is not believed. By hand: what tables give for
+/// one material on dry wood differs by less.
+pub const FARTHEST_FRICTION: f64 = 3.0;
 /// Nothing that moves is lighter, kilograms: solvers lose their footing with much less.
 pub const LIGHTEST_KG: f64 = 0.02;
 /// Kinds that are screwed, plumbed or built in, beside what hangs on walls and ceilings.
@@ -69,7 +72,8 @@ pub fn mass(object: &SceneObject, solid_m3: f64) -> (f64, Vec<String>) {
     let full = (material(category).density_kg_m3 * solid_m3).max(LIGHTEST_KG);
     // A thing cannot weigh more than its solid, but its solid is only as good as its mesh.
     let expected = usual.min(1.5 * full).max(LIGHTEST_KG);
-    let named = object.material.physical.weight_kg;
+    let physical = &object.material.physical;
+    let named = physical.rigid.map_or(physical.weight_kg, |r| r.mass_kg);
     if !(named.is_finite() && named > 0.0) {
         notes.push(format!("no usable weight in the scene: {expected:.2} kg by its kind and size"));
         return (expected, notes);
@@ -86,9 +90,19 @@ pub fn mass(object: &SceneObject, solid_m3: f64) -> (f64, Vec<String>) {
     (named.max(LIGHTEST_KG), notes)
 }
 
-/// Coefficient of friction against dry wood.
-pub fn friction(object: &SceneObject) -> f64 {
-    material(object.material.category).friction
+/// Coefficient of friction against dry wood, and what was changed about it.
+pub fn friction(object: &SceneObject) -> (f64, Option<String>) {
+    let category = object.material.category;
+    let usual = material(category).friction;
+    let Some(named) = object.material.physical.rigid.map(|r| r.friction) else { return (usual, None) };
+    let (low, high) = (usual / FARTHEST_FRICTION, usual * FARTHEST_FRICTION);
+    if (low..=high).contains(&named) {
+        return (named, None);
+    }
+    let taken = if named.is_finite() { named.clamp(low, high) } else { usual };
+    let note =
+        format!("a friction of {named:.2} is not believed of {category:?}, {usual:.2} is usual: {taken:.2} is taken");
+    (taken, Some(note))
 }
 
 /// Coefficient of restitution, 0 to 1.
@@ -150,6 +164,22 @@ mod tests {
         assert_eq!(restitution(&thing), 0.0);
         thing.material.category = MaterialCategory::Plastic;
         assert!((restitution(&thing) - 0.5).abs() < 1e-12);
-        assert!((0.1..1.0).contains(&friction(&thing)));
+        assert!((0.1..1.0).contains(&friction(&thing).0));
+    }
+
+    #[test]
+    fn what_was_answered_for_simulations_comes_before_the_materials_weight() {
+        let mut chair = object("chair_01", "chair", Level::Furniture, Support::Floor);
+        chair.material.category = MaterialCategory::Wood;
+        chair.material.physical.weight_kg = 4.0;
+        let usual = friction(&chair).0;
+        let mut of = |mass_kg, slip| {
+            chair.material.physical.rigid = Some(harmony_scene::RigidEstimate { mass_kg, friction: slip });
+            (mass(&chair, 0.02), friction(&chair))
+        };
+        assert_eq!(of(6.0, 1.2 * usual), ((6.0, vec![]), (1.2 * usual, None)));
+        let ((kg, mass_notes), (slip, note)) = of(600.0, 9.0);
+        assert!(kg < 60.0 && mass_notes.len() == 1 && note.is_some(), "{kg} {mass_notes:?} {note:?}");
+        assert!((slip - 3.0 * usual).abs() < 1e-12, "{slip}");
     }
 }

@@ -39,7 +39,7 @@ pub(crate) fn object(id: &str, label: &str, level: Level, support: Support) -> S
         material: SurfaceMaterial {
             category,
             pbr: category.defaults(),
-            physical: harmony_scene::Physical { weight_kg: f64::NAN, thickness_m: 0.01, elasticity: 0.1 },
+            physical: harmony_scene::Physical { weight_kg: f64::NAN, thickness_m: 0.01, elasticity: 0.1, rigid: None },
         },
         mesh: String::new(),
         mask: None,

@@ -434,7 +434,7 @@ mod tests {
     use super::*;
 
     fn door(pbr: PbrFactors) -> SceneObject {
-        let physical = Physical { weight_kg: 20.0, thickness_m: 0.04, elasticity: 0.1 };
+        let physical = Physical { weight_kg: 20.0, thickness_m: 0.04, elasticity: 0.1, rigid: None };
         SceneObject {
             id: ObjectId::numbered("door", 1),
             index: 10,

@@ -18,6 +18,7 @@ mod lighting;
 mod list;
 mod meshes;
 mod missing;
+mod physical;
 mod programs;
 mod question;
 mod reorder;
@@ -49,6 +50,7 @@ pub use meshes::{
     OrientQuestion,
 };
 pub use missing::{MissingAnswer, MissingDecoration, MissingQuestion, PresentDecoration};
+pub use physical::{PhysicalAnswer, PhysicalItem, PhysicalLabel, PhysicalQuestion};
 pub use programs::{
     LookVerdict, LookedAt, ModelledObject, ProgramObject, ProgramsAnswer, ProgramsQuestion, SecondLookAnswer,
     SecondLookQuestion, ToModel, WithoutProgram,

@@ -7,8 +7,8 @@ use serde_json::Value;
 use crate::{
     CompletedQuestion, CountsQuestion, FrontsQuestion, GroupsQuestion, HostsQuestion, InspectQuestion,
     LastLookQuestion, LayoutQuestion, LightingReviewQuestion, LightsQuestion, ListQuestion, MissingQuestion,
-    OrientQuestion, ProgramsQuestion, ReorderQuestion, ReviewQuestion, SecondLookQuestion, SizesQuestion,
-    TurnsQuestion,
+    OrientQuestion, PhysicalQuestion, ProgramsQuestion, ReorderQuestion, ReviewQuestion, SecondLookQuestion,
+    SizesQuestion, TurnsQuestion,
 };
 
 /// One kind of question: its fields are all that is asked about, and everything else follows from them.
@@ -103,6 +103,7 @@ questions! {
     SecondLook(SecondLookQuestion),
     Reorder(ReorderQuestion),
     Review(ReviewQuestion),
+    Physical(PhysicalQuestion),
     Lights(LightsQuestion),
     LightingReview(LightingReviewQuestion),
     LastLook(LastLookQuestion),

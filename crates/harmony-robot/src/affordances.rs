@@ -109,7 +109,7 @@ fn free_above(room: &Surroundings, own: usize, from: DVec3) -> (f64, String) {
         }
         t.bvh.raycast(from, DVec3::Y, 10.0).map(|hit| (hit.distance, t.id.clone()))
     });
-    let ceiling = (room.extents.height - from.y, "the ceiling".to_owned());
+    let ceiling = (room.free_of_room(from, DVec3::Y), "the ceiling".to_owned());
     hits.chain(std::iter::once(ceiling)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, String::new()))
 }
 
@@ -240,7 +240,7 @@ fn opening(room: &Surroundings, own: usize, item: &Item, part: &harmony_export::
         let value = part.range[0] + range * k as f64 / SWEEP as f64;
         let place = [room_from_body * moved(value)];
         let others = |_: usize, o: crate::room::Other| match o {
-            crate::room::Other::Thing(t) => t != own,
+            crate::room::Other::Thing(t) => t != own && !(room.things[t].part && room.rides(t, own)),
             crate::room::Other::Face(_) => k > 1,
         };
         if let Some(near) = room.nearest(&shape, &place, None, 0.01, &others)

@@ -7,12 +7,12 @@
 //! hand is shifted until both do.
 //!
 //! # Limits
-//! Kinematics alone: whether friction holds what is gripped, and whether the arm is strong enough, is not asked. The hand
-//! comes from straight above.
+//! Kinematics alone: whether friction holds what is gripped, and whether the arm is strong enough, is not asked. Chairs and
+//! decorations are taken from straight above.
 
 use std::collections::BTreeMap;
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 use harmony_physics::Hull;
 use harmony_scene::{Level, Support};
 
@@ -29,7 +29,9 @@ use crate::shapes::pieces;
 pub const DRAW_M: f64 = 0.45;
 /// How far a thing is lifted, metres.
 pub const LIFT_M: f64 = 0.20;
-/// Height from which the hand comes down, above where it holds, metres.
+/// From the pads back to the wrist, roughly, metres.
+const WRIST_M: f64 = 0.2;
+/// How far before where it holds the hand is when it comes, metres.
 const ABOVE_M: f64 = 0.14;
 /// Frames of the approach, the way down, the closing and the way with the object: 140, as in the paper.
 const FRAMES: [usize; 4] = [20, 30, 15, 75];
@@ -41,6 +43,92 @@ const COLUMNS: [f64; 10] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
 const TOUCH_M: f64 = 2e-4;
 /// What is touched may be this deep in a finger, metres.
 const DEEP_M: f64 = 1e-3;
+
+/// Where and from where a jaw takes hold.
+#[derive(Debug, Clone)]
+pub(crate) struct Hold {
+    /// Middle between the pads, room.
+    pub centre: DVec3,
+    /// Unit: where the fingers point.
+    pub approach: DVec3,
+    /// Unit, across: the fingers close along it.
+    pub closing: DVec3,
+    /// Measurements that belong to it.
+    pub measured: BTreeMap<String, f64>,
+    /// Why there.
+    pub because: String,
+}
+
+impl Hold {
+    fn from_above(grasp: &Grasp) -> Self {
+        let measured = [
+            ("grasp_height_m", grasp.section.height_m),
+            ("grasp_thickness_m", grasp.section.thickness_m),
+            ("top_m", grasp.top_m),
+        ];
+        Self {
+            centre: grasp.centre,
+            approach: DVec3::NEG_Y,
+            closing: grasp.closing,
+            measured: measured.map(|(name, v)| (name.to_owned(), v)).into(),
+            because: grasp.because.clone(),
+        }
+    }
+}
+
+/// The way that an object is moved.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Way {
+    /// Along a line, metres.
+    Straight(DVec3),
+    /// About an axis, radians.
+    Turn {
+        /// Unit.
+        axis: DVec3,
+        /// A point of it.
+        pivot: DVec3,
+        /// By how much.
+        angle: f64,
+    },
+}
+
+impl Way {
+    /// `room_from_room` after a share of it.
+    pub fn at(&self, share: f64) -> DAffine3 {
+        match self {
+            Self::Straight(way) => DAffine3::from_translation(*way * share),
+            Self::Turn { axis, pivot, angle } => {
+                let turn = DMat3::from_quat(DQuat::from_axis_angle(*axis, angle * share));
+                DAffine3::from_mat3_translation(turn, *pivot - turn * *pivot)
+            }
+        }
+    }
+
+    /// How far a point goes on it, metres.
+    fn length(&self, from: DVec3) -> f64 {
+        match self {
+            Self::Straight(way) => way.length(),
+            Self::Turn { axis, pivot, angle } => {
+                let arm = from - *pivot;
+                (arm - *axis * arm.dot(*axis)).length() * angle.abs()
+            }
+        }
+    }
+}
+
+/// What is done with an object.
+pub(crate) struct Carried<'a> {
+    /// Its number.
+    pub object: usize,
+    /// Its way.
+    pub way: Way,
+    /// What its joint has at the end; 0 without one.
+    pub opened: f64,
+    /// Names of the four steps.
+    pub steps: [&'static str; 4],
+    /// Name of the task.
+    pub task: &'a str,
+}
 
 /// A task of an arm, done.
 pub struct Done {
@@ -79,7 +167,9 @@ pub fn draw_chair(room: &Surroundings, model: &Model, object: Option<&str>) -> R
             let grasp = chair.grasp(thing, &jaw.size).map_err(|why| forbidden(format!("its backrest: {why}")))?;
             free_way(room, k, chair.back, DRAW_M).map_err(&forbidden)?;
             let steps = ["approach", "descend and straddle", "close", "draw"];
-            carry(room, model, &jaw, k, &grasp, chair.back * DRAW_M, steps, "draw-chair").map_err(&forbidden)
+            let way = Way::Straight(chair.back * DRAW_M);
+            let what = Carried { object: k, way, opened: 0.0, steps, task: "draw-chair" };
+            carry(room, model, &jaw, &Hold::from_above(&grasp), &what).map_err(&forbidden)
         })();
         match tried {
             Ok(done) => return Ok(done),
@@ -94,7 +184,7 @@ fn free_way(room: &Surroundings, thing: usize, along: DVec3, length: f64) -> Res
     let steps = (length / 0.03).ceil() as usize;
     for step in 1..=steps {
         let way = length * step as f64 / steps as f64;
-        if let Some((other, distance)) = room.nearest_of_thing(thing, along * way)
+        if let Some((other, distance)) = room.nearest_of_thing(thing, DAffine3::from_translation(along * way))
             && distance <= 0.0
         {
             return Err(format!("it meets {} after {way:.2} m, the way is {length:.2} m", room.name(other)));
@@ -159,7 +249,9 @@ pub fn pick(
         let forbidden = |why: String| RobotError::Forbidden { task: format!("{} cannot be picked up", thing.id), why };
         let tried = grasp_of(room, k, &jaw.size).map_err(&forbidden).and_then(|grasp| {
             let steps = ["approach", "descend and straddle", "close", "lift"];
-            carry(room, model, &jaw, k, &grasp, DVec3::Y * LIFT_M, steps, "pick").map_err(&forbidden)
+            let way = Way::Straight(DVec3::Y * LIFT_M);
+            let what = Carried { object: k, way, opened: 0.0, steps, task: "pick" };
+            carry(room, model, &jaw, &Hold::from_above(&grasp), &what).map_err(&forbidden)
         });
         match tried {
             Ok(done) => return Ok(done),
@@ -201,13 +293,13 @@ struct Hand<'a> {
 }
 
 impl Hand<'_> {
-    fn at(&self, start: &Posture, target: DVec3, closing: DVec3, steps: usize) -> Found {
+    fn at(&self, start: &Posture, target: DVec3, turn: DMat3, steps: usize) -> Found {
         let mut home = self.model.rest();
         // The arm's own first joint is free to face where it works.
         home[0] = start.joints[0];
         let tasks = [
             Task::new(0, Goal::Point { link: self.jaw.hand, point: self.jaw.centre, target }),
-            Task::new(0, Goal::Turn { link: self.jaw.hand, target: self.jaw.down(closing) }),
+            Task::new(0, Goal::Turn { link: self.jaw.hand, target: turn }),
             Task::new(1, Goal::Joints { target: home }),
         ];
         let settings = Settings { steps, tolerance: 1e-6, ..Settings::default() };
@@ -215,25 +307,26 @@ impl Hand<'_> {
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "each is one thing, used once")]
-fn carry(
+/// Takes hold of an object and moves it, from the first place of the arm that allows it.
+///
+/// # Errors
+/// Why none does: the measurement of the one that came nearest to it.
+pub(crate) fn carry(
     room: &Surroundings,
     model: &Model,
     jaw: &Jaw,
-    object: usize,
-    grasp: &Grasp,
-    way: DVec3,
-    steps: [&'static str; 4],
-    task: &str,
+    hold: &Hold,
+    what: &Carried<'_>,
 ) -> Result<Done, String> {
+    let object = what.object;
     let hand = Hand { model, jaw };
-    let stands = stands(room, &hand, grasp, way)?;
+    let stands = stands(room, &hand, hold, &what.way)?;
     let count = stands.len();
     let mut best: Option<(f64, String)> = None;
     let bare = Shapes::new(&pieces(model));
     for stand in stands {
         // The key poses first: most places are out by them.
-        if let Some((distance, why)) = in_the_way(room, &hand, &bare, object, way, &stand) {
+        if let Some((distance, why)) = in_the_way(room, &hand, &bare, what, &stand) {
             if best.as_ref().is_none_or(|b| distance > b.0) {
                 best = Some((distance, why));
             }
@@ -243,7 +336,7 @@ fn carry(
         stand_on(&mut standing, stand.column);
         let shapes = Shapes::new(&pieces(&standing));
         let hand = Hand { model: &standing, jaw };
-        let made = match frames(room, &hand, &shapes, object, grasp, way, &stand) {
+        let made = match frames(room, &hand, &shapes, hold, what, &stand) {
             Ok(made) => made,
             Err(why) => {
                 best = best.or(Some((f64::NEG_INFINITY, why)));
@@ -251,9 +344,9 @@ fn carry(
             }
         };
         let motion = Motion {
-            task: task.to_owned(),
+            task: what.task.to_owned(),
             object,
-            steps: steps.to_vec(),
+            steps: what.steps.to_vec(),
             frames: made.frames,
             column_m: stand.column,
             model: standing,
@@ -267,19 +360,17 @@ fn carry(
             }
             continue;
         }
-        let mut measured = BTreeMap::from([
-            ("grasp_height_m".to_owned(), grasp.section.height_m),
-            ("grasp_thickness_m".to_owned(), grasp.section.thickness_m),
-            ("top_m".to_owned(), grasp.top_m),
+        let mut measured = hold.measured.clone();
+        measured.extend([
             ("jaw_m".to_owned(), jaw.size.opening_m),
             ("jaw_closed_to_m".to_owned(), 2.0 * made.each),
-            ("way_m".to_owned(), way.length()),
+            ("way_m".to_owned(), what.way.length(hold.centre)),
             ("column_m".to_owned(), stand.column),
+            ("fingertip_off_its_line_m".to_owned(), off_line(&motion, jaw)),
         ]);
-        measured.insert("fingertip_off_its_line_m".to_owned(), off_line(&motion, jaw, way));
         let base = stand.root.translation;
         let because = vec![
-            grasp.because.clone(),
+            hold.because.clone(),
             format!(
                 "the arm stands on a column of {:.2} m at x {:.2}, z {:.2}: of {count} places from which all key poses are \
                  reached, the first whose whole way is free, by the joints' distance to their limits",
@@ -299,17 +390,17 @@ fn in_the_way(
     room: &Surroundings,
     hand: &Hand<'_>,
     shapes: &Shapes,
-    object: usize,
-    way: DVec3,
+    what: &Carried<'_>,
     stand: &Stand,
 ) -> Option<(f64, String)> {
+    let object = what.object;
     let mut worst: Option<(f64, String)> = None;
     for (posture, share) in stand.keys.iter().zip([0.0, 0.0, 0.5, 1.0]) {
         let looks = |link: usize, other: Other| {
             (link != 0 || other != Other::Face("floor"))
                 && (other != Other::Thing(object) || !hand.jaw.fingers.contains(&link))
         };
-        let moved = Some((object, way * share));
+        let moved = Some((object, what.way.at(share)));
         if let Some(near) = room.nearest(shapes, &hand.model.places(posture), moved, 0.02, &looks)
             && near.distance < 0.0
             && worst.as_ref().is_none_or(|w| near.distance < w.0)
@@ -322,17 +413,17 @@ fn in_the_way(
     worst
 }
 
-/// How far the middle between the pads leaves the straight way while the object is moved, metres.
-fn off_line(motion: &Motion, jaw: &Jaw, way: DVec3) -> f64 {
-    let tips: Vec<DVec3> = motion
+/// How far the middle between the pads leaves the way of what it holds, metres.
+fn off_line(motion: &Motion, jaw: &Jaw) -> f64 {
+    let held: Vec<(DVec3, DAffine3)> = motion
         .frames
         .iter()
         .filter(|f| f.step == 3)
-        .map(|f| motion.model.places(&f.posture)[jaw.hand].transform_point3(jaw.centre))
+        .map(|f| (motion.model.places(&f.posture)[jaw.hand].transform_point3(jaw.centre), f.moved))
         .collect();
-    let along = way.normalize_or(DVec3::Y);
-    let Some(first) = tips.first() else { return 0.0 };
-    tips.iter().map(|t| (*t - *first) - along * (*t - *first).dot(along)).map(DVec3::length).fold(0.0, f64::max)
+    let Some((first, from)) = held.first() else { return 0.0 };
+    let start = from.inverse().transform_point3(*first);
+    held.iter().map(|(tip, moved)| tip.distance(moved.transform_point3(start))).fold(0.0, f64::max)
 }
 
 /// Puts a column under the root link.
@@ -351,9 +442,9 @@ fn stand_on(model: &mut Model, column: f64) {
 }
 
 /// Places from which the key poses are reached, best first.
-fn stands(room: &Surroundings, hand: &Hand<'_>, grasp: &Grasp, way: DVec3) -> Result<Vec<Stand>, String> {
-    let keys = [grasp.centre + DVec3::Y * ABOVE_M, grasp.centre, grasp.centre + way * 0.5, grasp.centre + way];
-    let middle = grasp.centre + way * 0.5;
+fn stands(room: &Surroundings, hand: &Hand<'_>, hold: &Hold, way: &Way) -> Result<Vec<Stand>, String> {
+    // The wrist midway.
+    let middle = way.at(0.5).transform_point3(hold.centre - hold.approach * WRIST_M);
     let mut out: Vec<Stand> = Vec::new();
     let e = &room.extents;
     let mut looked = 0;
@@ -365,7 +456,7 @@ fn stands(room: &Surroundings, hand: &Hand<'_>, grasp: &Grasp, way: DVec3) -> Re
                 let at = DVec3::new(middle.x, column, middle.z) + out_there;
                 let inside = at.x > 0.2 && at.z > 0.2 && at.x < e.width - 0.2 && at.z < e.depth - 0.2;
                 // From the shoulder to the wrist, roughly, and neither far above nor below.
-                let up = middle.y + 0.2 - (column + 0.33);
+                let up = middle.y - (column + 0.33);
                 if !inside || !(-0.55..=0.55).contains(&up) {
                     continue;
                 }
@@ -376,15 +467,15 @@ fn stands(room: &Surroundings, hand: &Hand<'_>, grasp: &Grasp, way: DVec3) -> Re
                     continue;
                 }
                 looked += 1;
-                out.extend(stand(hand, &keys, grasp.closing, root, column));
+                out.extend(stand(hand, hold, way, root, column));
             }
         }
     }
     if out.is_empty() {
         return Err(format!(
             "the arm reaches the hand's way at {:.2} m height, {:.2} m long, from none of {looked} free places within 0.72 m",
-            grasp.section.height_m,
-            way.length()
+            hold.centre.y,
+            way.length(hold.centre)
         ));
     }
     out.sort_by(|a, b| b.margin.total_cmp(&a.margin));
@@ -401,14 +492,18 @@ fn column_is_free(room: &Surroundings, at: DVec3, column: f64) -> bool {
 }
 
 /// A place, when all key poses are reached from it.
-fn stand(hand: &Hand<'_>, keys: &[DVec3], closing: DVec3, root: DAffine3, column: f64) -> Option<Stand> {
+fn stand(hand: &Hand<'_>, hold: &Hold, way: &Way, root: DAffine3, column: f64) -> Option<Stand> {
     let mut best: Option<Stand> = None;
-    for closing in [closing, -closing] {
+    for closing in [hold.closing, -hold.closing] {
         let mut posture = Posture { root, joints: hand.model.rest() };
         let mut margin = f64::INFINITY;
         let mut made: Vec<Posture> = Vec::new();
-        for key in keys {
-            let found = hand.at(&posture, *key, closing, 60);
+        let turn = hand.jaw.turned(hold.approach, closing);
+        let before = hold.centre - hold.approach * ABOVE_M;
+        let keys = [(before, 0.0), (hold.centre, 0.0), (hold.centre, 0.5), (hold.centre, 1.0)];
+        for (point, share) in keys {
+            let moved = way.at(share);
+            let found = hand.at(&posture, moved.transform_point3(point), moved.matrix3 * turn, 60);
             if found.error > 1e-4 {
                 margin = f64::NEG_INFINITY;
                 break;
@@ -434,20 +529,20 @@ fn frames(
     room: &Surroundings,
     hand: &Hand<'_>,
     shapes: &Shapes,
-    object: usize,
-    grasp: &Grasp,
-    way: DVec3,
+    hold: &Hold,
+    what: &Carried<'_>,
     stand: &Stand,
 ) -> Result<Made, String> {
-    let (model, jaw) = (hand.model, hand.jaw);
+    let (model, jaw, object) = (hand.model, hand.jaw, what.object);
+    let turn = jaw.turned(hold.approach, stand.closing);
     let open = model.joints[jaw.joints[0]].range[1];
     let finger_gap = |posture: &Posture, finger: usize| {
         let only = |l: usize, o: Other| l == finger && o == Other::Thing(object);
         room.nearest(shapes, &model.places(posture), None, 0.1, &only).map_or(0.1, |n| n.distance)
     };
     // Close until the nearer finger touches, then shift the hand until both do.
-    let mut centre = grasp.centre;
-    let mut held = hand.at(&stand.keys[0], centre, stand.closing, 120);
+    let mut centre = hold.centre;
+    let mut held = hand.at(&stand.keys[0], centre, turn, 120);
     let mut each = open;
     for _ in 0..6 {
         let gaps = |v: f64| {
@@ -468,33 +563,33 @@ fn frames(
         }
         // The first finger opens along the hand's closing direction: where its gap is the larger, the hand is too far there.
         centre -= stand.closing * ((a - b) / 2.0).clamp(-0.005, 0.005);
-        held = hand.at(&held.posture, centre, stand.closing, 120);
+        held = hand.at(&held.posture, centre, turn, 120);
     }
     let mut frames: Vec<Frame> = Vec::new();
     let mut posture = stand.keys[0].clone();
-    let mut put = |frames: &mut Vec<Frame>, step: usize, at: DVec3, each: f64, moved: DVec3, touching: &[usize]| {
-        let found = hand.at(&posture, at, stand.closing, 60);
+    let mut put = |frames: &mut Vec<Frame>, step: usize, at: DVec3, each: f64, share: f64, touching: &[usize]| {
+        let moved = what.way.at(share);
+        let found = hand.at(&posture, moved.transform_point3(at), moved.matrix3 * turn, 60);
         posture = found.posture;
         jaw.open(model, &mut posture.joints, each);
-        let touching = touching.to_vec();
-        frames.push(Frame { step, posture: posture.clone(), moved, error: found.error, touching, held: false });
+        let (error, touching, opened) = (found.error, touching.to_vec(), what.opened * share);
+        frames.push(Frame { step, posture: posture.clone(), moved, opened, error, touching, held: false });
     };
-    let above = centre + DVec3::Y * ABOVE_M;
+    let before = centre - hold.approach * ABOVE_M;
     let part = |k: usize, n: usize| smooth(k as f64 / (n - 1) as f64);
     for k in 0..FRAMES[0] {
-        put(&mut frames, 0, above + DVec3::Y * 0.08 * (1.0 - part(k, FRAMES[0])), open, DVec3::ZERO, &[]);
+        put(&mut frames, 0, before - hold.approach * 0.08 * (1.0 - part(k, FRAMES[0])), open, 0.0, &[]);
     }
     for k in 0..FRAMES[1] {
-        put(&mut frames, 1, above.lerp(centre, part(k, FRAMES[1])), open, DVec3::ZERO, &[]);
+        put(&mut frames, 1, before.lerp(centre, part(k, FRAMES[1])), open, 0.0, &[]);
     }
     for k in 0..FRAMES[2] {
         let last = k + 1 == FRAMES[2];
         let touching: &[usize] = if last { &jaw.fingers } else { &[] };
-        put(&mut frames, 2, centre, open + (each - open) * part(k, FRAMES[2]), DVec3::ZERO, touching);
+        put(&mut frames, 2, centre, open + (each - open) * part(k, FRAMES[2]), 0.0, touching);
     }
     for k in 0..FRAMES[3] {
-        let moved = way * part(k, FRAMES[3]);
-        put(&mut frames, 3, centre + moved, each, moved, &jaw.fingers);
+        put(&mut frames, 3, centre, each, part(k, FRAMES[3]), &jaw.fingers);
     }
     match frames.iter().find(|f| f.error > 1e-4) {
         Some(f) => Err(format!("the arm misses a pose of the way by {:.1} mm", 1e3 * f.error)),

@@ -3,7 +3,9 @@
 //! # Idea
 //! Goals of a lower level never disturb those of a higher one: each level is solved in what the levels above leave free
 //! (Siciliano and Slotine 1991, "A general framework for managing multiple tasks in highly redundant robotic systems"),
-//! with damping near singular postures (Nakamura and Hanafusa 1986; Wampler 1986). A joint at its limit that would leave it
+//! with damping near singular postures (Nakamura and Hanafusa 1986; Wampler 1986) that fades with what is left of the error
+//! (Sugihara 2011, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method"): a goal that can be reached
+//! is reached as fast where the posture is nearly singular, as two flat feet on legs with one ankle joint are. A joint at its limit that would leave it
 //! is locked and the step solved again, so that limits hold in every posture that comes out.
 //!
 //! # Frames
@@ -113,7 +115,7 @@ impl Found {
     }
 }
 
-/// Damping of the pseudo-inverse.
+/// Most damping of the pseudo-inverse.
 const DAMPING: f64 = 0.02;
 /// Singular values below this leave their direction to the next level.
 const SMALL: f64 = 1e-3;
@@ -261,6 +263,7 @@ impl Rows {
             let left = error - jacobian * &change;
             // Singular values and vectors by the eigenvectors of the small square J J^T: a level has few rows.
             let eigen = SymmetricEigen::new(&reduced * reduced.transpose());
+            let damping = (left.norm_squared() / 2.0).min(DAMPING * DAMPING);
             for (k, squared) in eigen.eigenvalues.iter().enumerate() {
                 let s = squared.max(0.0).sqrt();
                 if s <= SMALL {
@@ -268,9 +271,9 @@ impl Rows {
                 }
                 let u = eigen.eigenvectors.column(k);
                 let v = reduced.tr_mul(&u) / s;
-                let along = u.dot(&left) * s / (s * s + DAMPING * DAMPING * damping_share(s));
-                change += &v * along;
-                free -= &v * v.transpose();
+                let along = u.dot(&left) * s / (s * s + damping * damping_share(s));
+                change.axpy(along, &v, 1.0);
+                free.ger(-1.0, &v, &v, 1.0);
             }
         }
         // What nothing else asks for goes to the easy posture: its Jacobian is the identity, and its answer in what is left
@@ -395,6 +398,17 @@ mod tests {
 
     fn tip(target: DVec3, level: usize) -> Task {
         Task::weighted(level, Goal::Point { link: 2, point: DVec3::X, target }, DVec3::new(1.0, 1.0, 0.0))
+    }
+
+    /// Nearly straight, a hand's goal on the line of the arm moves the joints by the root of its way: with constant damping
+    /// that took hundreds of steps, and what stood on such a goal (a humanoid's feet) was never met.
+    #[test]
+    fn a_goal_near_a_straight_arm_is_reached_in_few_steps() {
+        let model = arm();
+        let start = Posture { root: DAffine3::IDENTITY, joints: vec![0.002, -0.004] };
+        let target = DVec3::X * 1.9999;
+        let found = solve(&model, &start, &[tip(target, 0)], &Settings { steps: 40, must: 1, tolerance: 1e-8 });
+        assert!(found.error < 1e-8 && found.steps < 25, "{} after {}", found.error, found.steps);
     }
 
     #[test]

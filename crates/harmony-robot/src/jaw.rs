@@ -89,10 +89,10 @@ impl Jaw {
         })
     }
 
-    /// `room_from_hand` for fingers that point down and close along a horizontal direction.
-    pub fn down(&self, closing: DVec3) -> DMat3 {
+    /// `room_from_hand` for fingers that point along `approach` and close along `closing`, at right angles to it.
+    pub fn turned(&self, approach: DVec3, closing: DVec3) -> DMat3 {
         let hand = DMat3::from_cols(self.closing, self.approach, self.closing.cross(self.approach));
-        let room = DMat3::from_cols(closing, DVec3::NEG_Y, closing.cross(DVec3::NEG_Y));
+        let room = DMat3::from_cols(closing, approach, closing.cross(approach));
         room * hand.transpose()
     }
 

@@ -10,15 +10,16 @@
 //! |---|---|
 //! | [`model`], `mjcf`, `meshes` | a robot's tree of links, read from its MJCF file |
 //! | [`ik`] | inverse kinematics: damped least squares with priorities |
-//! | [`shapes`], [`room`] | convex pieces of links, the scene around them, distances |
+//! | [`shapes`], [`room`], `solids` | convex pieces of links, the scene and the room around them, distances |
 //! | [`measure`], [`jaw`] | sections, seats and backrests; a hand with two fingers |
 //! | [`mod@affordances`] | what can be grasped, sat on, placed on, opened |
 //! | [`motion`] | frames, and what is measured of them |
-//! | [`arm`], [`human`] | tasks of an arm with a jaw, and of a humanoid |
-//! | [`task`], [`mod@replay`], [`pictures`] | files: trajectory, MJCF with keyframes, frames and sheet |
+//! | [`arm`], [`drawer`], [`human`] | tasks of an arm with a jaw, and of a humanoid |
+//! | [`task`], [`mod@replay`], `stage`, [`pictures`] | files: trajectory, MJCF with keyframes, USD time samples, frames and sheet |
 
 pub mod affordances;
 pub mod arm;
+pub mod drawer;
 mod error;
 pub mod human;
 pub mod ik;
@@ -32,6 +33,8 @@ pub mod pictures;
 pub mod replay;
 pub mod room;
 pub mod shapes;
+mod solids;
+mod stage;
 pub mod task;
 
 pub use affordances::{Affordances, affordances};

@@ -4,7 +4,7 @@
 //! that is held has been moved. Nothing is simulated. What holds of every frame is measured afterwards on the postures
 //! themselves ([`evidence`]), not taken from the solver.
 
-use glam::{DAffine3, DQuat, DVec3};
+use glam::{DAffine3, DQuat};
 use serde::{Deserialize, Serialize};
 
 use crate::model::{Model, Posture};
@@ -22,8 +22,10 @@ pub struct Frame {
     pub step: usize,
     /// The robot.
     pub posture: Posture,
-    /// How far the held object is from where the scene has it, room.
-    pub moved: DVec3,
+    /// `room_from_room` of the held object: from where the scene has it to where it is.
+    pub moved: DAffine3,
+    /// Value of its joint when it is a part that opens, radians or metres; 0 else.
+    pub opened: f64,
     /// Largest error of the goals that had to be reached, metres or radians.
     pub error: f64,
     /// Links that are meant to touch the object in this frame.
@@ -109,7 +111,8 @@ pub fn evidence(
         let touches =
             |link: usize, other: Other| other == Other::Thing(motion.object) && frame.touching.contains(&link);
         let free = |link: usize, other: Other| !touches(link, other) && !supports(frame, link, other);
-        if let Some(near) = room.nearest(shapes, &places, moved, FAR_M, &free)
+        // Only what is nearer than all before says something new.
+        if let Some(near) = room.nearest(shapes, &places, moved, out.smallest_clearance_m, &free)
             && near.distance < out.smallest_clearance_m
         {
             out.smallest_clearance_m = near.distance;
@@ -179,8 +182,14 @@ pub struct FrameRow {
     pub root_rotation: [f64; 4],
     /// Radians or metres.
     pub joints: Vec<f64>,
-    /// Of the object from where the scene has it, room.
+    /// Of the object from where the scene has it: turned about the room's origin by `object_rotation`, then moved by this.
     pub object_offset: [f64; 3],
+    /// See `object_offset`: x, y, z, w.
+    #[serde(default = "no_turn")]
+    pub object_rotation: [f64; 4],
+    /// Value of the object's joint when it is a part that opens, radians or metres.
+    #[serde(default)]
+    pub object_joint: f64,
 }
 
 impl Motion {
@@ -216,6 +225,10 @@ impl Motion {
     }
 }
 
+fn no_turn() -> [f64; 4] {
+    [0.0, 0.0, 0.0, 1.0]
+}
+
 fn row(frame: &Frame) -> FrameRow {
     let root: &DAffine3 = &frame.posture.root;
     let q = DQuat::from_mat3(&root.matrix3).normalize();
@@ -223,7 +236,9 @@ fn row(frame: &Frame) -> FrameRow {
         root_position: root.translation.to_array(),
         root_rotation: [q.x, q.y, q.z, q.w],
         joints: frame.posture.joints.clone(),
-        object_offset: frame.moved.to_array(),
+        object_offset: frame.moved.translation.to_array(),
+        object_rotation: DQuat::from_mat3(&frame.moved.matrix3).normalize().to_array(),
+        object_joint: frame.opened,
     }
 }
 

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use harmony_export::World;
+use harmony_export::world::Select;
 use harmony_mesh::{Material, Mesh, shell_material_name};
 use harmony_render::{Instance, RenderOptions, Renderer};
 use harmony_scene::{Camera, ImageSize, Intrinsics, Surface};
@@ -22,10 +23,13 @@ const FOV: f64 = 0.9;
 const ROBOT: u32 = 1;
 
 /// A visual mesh of a link.
-struct Seen {
-    link_from_mesh: DAffine3,
-    mesh: Arc<Mesh>,
-    color: [f32; 3],
+pub(crate) struct Seen {
+    /// Place in the link.
+    pub link_from_mesh: DAffine3,
+    /// Its triangles.
+    pub mesh: Arc<Mesh>,
+    /// Linear.
+    pub color: [f32; 3],
 }
 
 /// Draws a motion.
@@ -34,6 +38,7 @@ pub struct Painter<'a> {
     room: &'a Surroundings,
     motion: &'a Motion,
     meshes: Vec<Vec<Seen>>,
+    drawn: Vec<Drawn>,
     renderer: Renderer,
     camera: Camera,
     hidden: Vec<&'static str>,
@@ -48,6 +53,7 @@ impl<'a> Painter<'a> {
             room,
             motion,
             meshes: meshes(&motion.model),
+            drawn: drawn(world, room, motion.object),
             renderer: Renderer::new(),
             camera,
             hidden: vec![],
@@ -109,16 +115,16 @@ impl<'a> Painter<'a> {
         for face in self.world.shell.iter().filter(|f| !self.hidden.contains(&f.name.as_str())) {
             out.push(Instance::in_room(&face.mesh, 2));
         }
-        for item in &self.world.items {
-            let thing = self.room.things.iter().position(|t| t.id == item.name());
-            let rides = thing.is_some_and(|t| self.room.rides(t, self.motion.object));
-            let mut instance = Instance::posed(&item.mesh, &item.object.pose, 3);
-            if rides {
-                instance.translation += moved;
-            }
+        for d in &self.drawn {
+            let item = &self.world.items[d.item];
             // Lamps under a ceiling that is not drawn would float before the picture.
             if item.object.level == harmony_scene::Level::Ceiling {
                 continue;
+            }
+            let mut instance = Instance::posed(&d.mesh, &item.object.pose, 3);
+            if d.moves {
+                instance.linear = moved.matrix3 * instance.linear;
+                instance.translation = moved.transform_point3(instance.translation);
             }
             out.push(instance);
         }
@@ -165,8 +171,36 @@ impl<'a> Painter<'a> {
     }
 }
 
+/// A mesh of the scene, canonical.
+pub(crate) struct Drawn {
+    /// Number of its item.
+    pub item: usize,
+    /// All of it, or what moves of it, or the rest.
+    pub mesh: Arc<Mesh>,
+    /// Whether the motion moves it.
+    pub moves: bool,
+}
+
+/// Meshes of all items; one of which a part is moved comes as that and the rest.
+pub(crate) fn drawn(world: &World, room: &Surroundings, object: usize) -> Vec<Drawn> {
+    let name = &room.things[object].id;
+    let of = |(number, item): (usize, &harmony_export::world::Item)| -> Vec<Drawn> {
+        let one = |mesh: Arc<Mesh>, moves| Drawn { item: number, mesh, moves };
+        let Some(part) = item.opens.iter().position(|o| o.name == *name) else {
+            let rides = room.things.iter().position(|t| t.id == item.name()).is_some_and(|t| room.rides(t, object));
+            return vec![one(Arc::clone(&item.mesh), rides)];
+        };
+        let mut rest = item.selected(Select::Fixed);
+        for other in (0..item.opens.len()).filter(|k| *k != part) {
+            rest.append(&item.selected(Select::Part(other)));
+        }
+        vec![one(Arc::new(rest), false), one(Arc::new(item.selected(Select::Part(part))), true)]
+    };
+    world.items.iter().enumerate().flat_map(of).collect()
+}
+
 /// Visual meshes of every link, with colours.
-fn meshes(model: &Model) -> Vec<Vec<Seen>> {
+pub(crate) fn meshes(model: &Model) -> Vec<Vec<Seen>> {
     let of = |geom: &crate::model::Geom| match &geom.form {
         Form::Mesh(mesh) => Some(Arc::clone(mesh)),
         Form::Box(half) => {

@@ -12,6 +12,7 @@
 use std::fmt::Write as _;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
+use harmony_export::world::z_up_rotation;
 use harmony_mesh::Mesh;
 use harmony_physics::Hull;
 use roxmltree::{Document, Node};
@@ -49,9 +50,9 @@ pub fn replay(scene: &str, room: &Surroundings, motion: &Motion, pieces: &[Vec<H
             let mut values = row.values.clone();
             let thing = room.things.iter().position(|t| t.id == row.body);
             if row.free && thing.is_some_and(|t| room.rides(t, motion.object)) {
-                for (v, d) in values.iter_mut().zip(up(frame.moved).to_array()) {
-                    *v += d;
-                }
+                values = carried(&values, &frame.moved);
+            } else if !row.free && row.body == room.things[motion.object].id {
+                values = vec![frame.opened];
             }
             qpos.extend(values);
         }
@@ -101,6 +102,15 @@ fn joints(node: Node<'_, '_>, out: &mut Vec<Row>) {
     for inner in node.children().filter(|n| n.has_tag_name("body")) {
         joints(inner, out);
     }
+}
+
+/// A free body's place and turn (w, x, y, z) after `room_from_room`.
+fn carried(values: &[f64], moved: &DAffine3) -> Vec<f64> {
+    let [x, y, z, qw, qx, qy, qz] = values[..] else { return values.to_vec() };
+    let at = up(moved.transform_point3(DVec3::new(x, z, -y)));
+    let turn = DQuat::from_mat3(&z_up_rotation(moved.matrix3)) * DQuat::from_xyzw(qx, qy, qz, qw);
+    let turn = turn.normalize();
+    [at.to_array().to_vec(), vec![turn.w, turn.x, turn.y, turn.z]].concat()
 }
 
 /// A vector of the room in the scene's file.

@@ -1,12 +1,12 @@
 //! The scene around a robot: meshes to measure and to keep away from.
 //!
 //! # Frames
-//! The room frame. Every mesh is taken into it once, where `scene.json` has the object; what a robot moves is moved by an
-//! offset, for scripted tasks draw and lift without turning.
+//! The room frame. Every mesh is taken into it once, where `scene.json` has the object; what a robot moves is moved by
+//! `room_from_room`, a turn and an offset. Parts that open are things of their own, on the thing that they belong to.
 //!
 //! # What is in the way
-//! The reconstructed triangles themselves, and the six faces of the room. What lies flat under everything (rugs) gives way,
-//! as it does in `harmony-physics`.
+//! The reconstructed triangles themselves, and the room's solids: floor, ceiling and walls with their openings, blocks,
+//! niches and slopes. What lies flat under everything (rugs) gives way, as it does in `harmony-physics`.
 //!
 //! # Distances
 //! Between a convex piece of the robot and the triangles, by parry, in single precision (a hundredth of a millimetre in a
@@ -16,14 +16,16 @@
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use harmony_catalogue::Trait;
 use harmony_export::World;
+use harmony_export::world::Select;
 use harmony_mesh::{Bvh, Mesh};
 use harmony_physics::Hull;
-use harmony_scene::{Extents, Support};
+use harmony_scene::{Extents, Room, Support};
 use parry3d::math::{Pose, Rotation, Vector};
 use parry3d::query;
 use parry3d::shape::{ConvexPolyhedron, TriMesh};
 
 use crate::RobotError;
+use crate::solids::{Solid, solids};
 
 /// An object of the scene.
 pub struct Thing {
@@ -45,6 +47,8 @@ pub struct Thing {
     pub high: DVec3,
     /// Whether it lies flat under everything and gives way.
     pub flat: bool,
+    /// Whether it is a part that opens of the thing that it is on.
+    pub part: bool,
     mesh: TriMesh,
 }
 
@@ -52,8 +56,11 @@ pub struct Thing {
 pub struct Surroundings {
     /// In the scene's order.
     pub things: Vec<Thing>,
-    /// Of the room.
+    /// Of the room's box.
     pub extents: Extents,
+    solids: Vec<Solid>,
+    /// By thing: the thing that it stands on.
+    hosts: Vec<Option<usize>>,
 }
 
 /// What is near.
@@ -74,8 +81,14 @@ pub struct Near {
     pub other: Other,
     /// Metres; below 0 they are in each other.
     pub distance: f64,
-    /// The point of the other, room.
-    pub point: DVec3,
+}
+
+impl Piece {
+    /// Smallest and largest corner in the room.
+    fn bounds(&self, place: &DAffine3) -> (DVec3, DVec3) {
+        let corners = self.vertices.iter().map(|v| place.transform_point3(*v));
+        corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)))
+    }
 }
 
 /// Convex pieces of a robot's links, ready for queries.
@@ -146,6 +159,7 @@ impl Thing {
             low,
             high,
             flat: harmony_catalogue::has(label, Trait::Flat),
+            part: false,
             mesh,
         })
     }
@@ -154,15 +168,37 @@ impl Thing {
 impl Surroundings {
     /// From a scene.
     pub fn new(world: &World) -> Self {
-        let things = world.items.iter().filter_map(|item| {
-            let mut mesh = (*item.mesh).clone();
-            for p in &mut mesh.positions {
-                *p = item.room_point(*p).as_vec3();
-            }
+        let things = world.items.iter().flat_map(|item| {
             let o = &item.object;
-            Thing::new(o.id.as_str(), &o.label, o.support.clone(), o.pose.yaw, &mesh)
+            let of = |id: &str, support: &Support, mut mesh: Mesh| {
+                for p in &mut mesh.positions {
+                    *p = item.room_point(*p).as_vec3();
+                }
+                Thing::new(id, &o.label, support.clone(), o.pose.yaw, &mesh)
+            };
+            let on = Support::Object { id: o.id.clone() };
+            let parts = item.opens.iter().enumerate().filter_map(|(k, part)| {
+                Some(Thing { part: true, ..of(&part.name, &on, item.selected(Select::Part(k)))? })
+            });
+            let mut all = vec![];
+            match of(o.id.as_str(), &o.support, item.selected(Select::Fixed)) {
+                Some(fixed) => all.extend(std::iter::once(fixed).chain(parts)),
+                // All of it opens: it has no parts then.
+                None => all.extend(of(o.id.as_str(), &o.support, (*item.mesh).clone())),
+            }
+            all
         });
-        Self { things: things.collect(), extents: world.scene.room.extents }
+        Self::of(things.collect(), &world.scene.room)
+    }
+
+    /// From things that are in a room.
+    pub fn of(things: Vec<Thing>, room: &Room) -> Self {
+        let host = |t: &Thing| match &t.support {
+            Support::Object { id } => things.iter().position(|h| h.id == id.as_str()),
+            _ => None,
+        };
+        let hosts = things.iter().map(host).collect();
+        Self { things, extents: room.extents, solids: solids(room), hosts }
     }
 
     /// The number of an object by its id.
@@ -189,27 +225,39 @@ impl Surroundings {
         &self,
         shapes: &Shapes,
         places: &[DAffine3],
-        moved: Option<(usize, DVec3)>,
+        moved: Option<(usize, DAffine3)>,
         within: f64,
         looks: &dyn Fn(usize, Other) -> bool,
     ) -> Option<Near> {
         let mut best: Option<Near> = None;
+        let undo = moved.map(|(_, m)| m.inverse());
+        let rides: Vec<bool> = (0..self.things.len()).map(|k| moved.is_some_and(|m| self.rides(k, m.0))).collect();
         for (link, pieces) in shapes.links.iter().enumerate() {
             let place = &places[link];
-            let at = pose(place);
+            // The link as what has been moved sees it, which then stays where its triangles are.
+            let beside = undo.map(|u| u * *place);
             for piece in pieces {
-                let centre = place.transform_point3(piece.centre);
+                // Corners only for what the ball does not tell to be far.
+                let mut bounds: [Option<(DVec3, DVec3)>; 2] = [None; 2];
                 for (k, thing) in self.things.iter().enumerate().filter(|(_, t)| !t.flat) {
-                    let offset = moved.filter(|m| self.rides(k, m.0)).map_or(DVec3::ZERO, |m| m.1);
-                    let reach = piece.radius + best.map_or(within, |b| b.distance.min(within)).max(0.0);
-                    let from = centre - offset;
-                    if from.distance(from.clamp(thing.low, thing.high)) > reach || !looks(link, Other::Thing(k)) {
+                    let from = beside.as_ref().filter(|_| rides[k]).unwrap_or(place);
+                    let far = best.map_or(within, |b| b.distance.min(within));
+                    let centre = from.transform_point3(piece.centre);
+                    let reach = piece.radius + far.max(0.0);
+                    if centre.distance_squared(centre.clamp(thing.low, thing.high)) > reach * reach
+                        || !looks(link, Other::Thing(k))
+                    {
                         continue;
                     }
-                    if let Some((distance, point)) = thing.contact(&piece.shape, &at, offset, within)
-                        && best.is_none_or(|b| distance < b.distance)
+                    let (low, high) = *bounds[usize::from(rides[k])].get_or_insert_with(|| piece.bounds(from));
+                    let apart = (low - thing.high).max(thing.low - high).max(DVec3::ZERO);
+                    if apart.length_squared() > far.max(0.0).powi(2) {
+                        continue;
+                    }
+                    if let Some(distance) = thing.distance(&piece.shape, &pose(from), far)
+                        && distance < far
                     {
-                        best = Some(Near { link, other: Other::Thing(k), distance, point });
+                        best = Some(Near { link, other: Other::Thing(k), distance });
                     }
                 }
                 self.faces(piece, place, link, within, looks, &mut best);
@@ -227,50 +275,44 @@ impl Surroundings {
         looks: &dyn Fn(usize, Other) -> bool,
         best: &mut Option<Near>,
     ) {
-        let e = &self.extents;
-        let centre = place.transform_point3(piece.centre);
-        let faces: [(&'static str, DVec3, f64); 6] = [
-            ("floor", DVec3::Y, 0.0),
-            ("ceiling", DVec3::NEG_Y, e.height),
-            ("left wall", DVec3::X, 0.0),
-            ("right wall", DVec3::NEG_X, e.width),
-            ("back wall", DVec3::Z, 0.0),
-            ("front wall", DVec3::NEG_Z, e.depth),
-        ];
-        for (name, normal, offset) in faces {
-            if centre.dot(normal) + offset - piece.radius > within || !looks(link, Other::Face(name)) {
+        let (centre, at) = (place.transform_point3(piece.centre), pose(place));
+        let mut corners: Vec<DVec3> = Vec::new();
+        for solid in &self.solids {
+            let other = Other::Face(solid.face);
+            let far = best.map_or(within, |b| b.distance.min(within));
+            if solid.before(centre, piece.radius) >= far || !looks(link, other) {
                 continue;
             }
-            for v in &piece.vertices {
-                let at = place.transform_point3(*v);
-                let distance = at.dot(normal) + offset;
-                if distance < within && best.is_none_or(|b| distance < b.distance) {
-                    *best = Some(Near { link, other: Other::Face(name), distance, point: at - normal * distance });
-                }
+            if corners.is_empty() {
+                corners.extend(piece.vertices.iter().map(|v| place.transform_point3(*v)));
+            }
+            let distance = solid.distance(&corners, &piece.shape, &at);
+            if distance < far {
+                *best = Some(Near { link, other, distance });
             }
         }
     }
 
     /// The nearest of other objects and walls to an object that is moved; what it met where it stands does not count.
-    pub fn nearest_of_thing(&self, thing: usize, offset: DVec3) -> Option<(Other, f64)> {
+    pub fn nearest_of_thing(&self, thing: usize, moved: DAffine3) -> Option<(Other, f64)> {
         let own = &self.things[thing];
-        let (low, high) = (own.low + offset, own.high + offset);
-        let e = &self.extents;
-        let walls = [
-            ("left wall", low.x, own.low.x),
-            ("right wall", e.width - high.x, e.width - own.high.x),
-            ("back wall", low.z, own.low.z),
-            ("front wall", e.depth - high.z, e.depth - own.high.z),
-        ];
+        let here = pose(&moved);
         let nearer = |best: Option<(Other, f64)>, found: (Other, f64)| match best {
             Some(b) if b.1 <= found.1 => Some(b),
             _ => Some(found),
         };
-        let mut best = walls
-            .into_iter()
-            .filter(|(_, distance, before)| distance < before)
-            .fold(None, |best, (name, distance, _)| nearer(best, (Other::Face(name), distance)));
-        let here = Pose::from_parts(vector(offset), Rotation::IDENTITY);
+        let mut best: Option<(Other, f64)> = None;
+        let corner = |v: &Vector| DVec3::new(v.x.into(), v.y.into(), v.z.into());
+        let corners: Vec<DVec3> = own.mesh.vertices().iter().map(corner).collect();
+        let moved: Vec<DVec3> = corners.iter().map(|c| moved.transform_point3(*c)).collect();
+        let (low, high) = moved.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+        for solid in self.solids.iter().filter(|s| s.face != "floor" && s.face != "ceiling") {
+            let now = solid.distance(&moved, &own.mesh, &here);
+            // It comes nearer, and its way goes on: what stands at a wall may be drawn along it.
+            if now < 1.0 && now < solid.distance(&corners, &own.mesh, &Pose::IDENTITY) {
+                best = nearer(best, (Other::Face(solid.face), now));
+            }
+        }
         for (k, other) in self.things.iter().enumerate().filter(|(k, t)| *k != thing && !t.flat) {
             if self.rides(k, thing) || self.rides(thing, k) {
                 continue;
@@ -290,6 +332,11 @@ impl Surroundings {
         best
     }
 
+    /// Free way from a point along a direction until the room ends, metres; infinite through an opening.
+    pub fn free_of_room(&self, from: DVec3, along: DVec3) -> f64 {
+        self.solids.iter().filter_map(|s| s.ray(from, along)).fold(f64::INFINITY, f64::min)
+    }
+
     /// Whether a thing is another, or stands on it, directly or by what it stands on.
     pub fn rides(&self, thing: usize, on: usize) -> bool {
         let mut at = thing;
@@ -298,8 +345,7 @@ impl Surroundings {
             if at == on {
                 return true;
             }
-            let Support::Object { id } = &self.things[at].support else { return false };
-            let Some(next) = self.things.iter().position(|t| t.id == id.as_str()) else { return false };
+            let Some(next) = self.hosts[at] else { return false };
             at = next;
         }
         false
@@ -307,12 +353,19 @@ impl Surroundings {
 }
 
 impl Thing {
-    /// Distance of a convex piece, and the nearest point of this; `None` when farther than `within`.
-    fn contact(&self, piece: &ConvexPolyhedron, at: &Pose, offset: DVec3, within: f64) -> Option<(f64, DVec3)> {
-        let here = Pose::from_parts(vector(offset), Rotation::IDENTITY);
-        let contact = query::contact(at, piece, &here, &self.mesh, within as f32).ok()??;
-        let p = contact.point2;
-        Some((contact.dist.into(), DVec3::new(p.x.into(), p.y.into(), p.z.into())))
+    /// Distance of a convex piece; `None` when it is no nearer than `within`.
+    ///
+    /// What is apart is found from the nearest of the tree's boxes on, so that few triangles are looked at; only what meets
+    /// one is asked for its depth.
+    fn distance(&self, piece: &ConvexPolyhedron, at: &Pose, within: f64) -> Option<f64> {
+        let here = Pose::IDENTITY;
+        if within > 0.0 {
+            let apart = query::distance(at, piece, &here, &self.mesh).ok()?.distance;
+            if apart > 0.0 {
+                return (f64::from(apart) < within).then_some(apart.into());
+            }
+        }
+        Some(query::contact(at, piece, &here, &self.mesh, 0.0).ok()??.dist.into())
     }
 
     /// Height of the highest point below a height at a place, if there is one, and whether it looks up.
@@ -348,8 +401,32 @@ pub(crate) mod tests {
         Thing::new(id, label, Support::Floor, 0.0, &hull_mesh(&hulls, [0.5; 3])).unwrap()
     }
 
+    pub(crate) fn bare() -> Room {
+        Room {
+            room_type: "study".into(),
+            extents: Extents { width: 5.0, height: 2.6, depth: 4.0 },
+            shape: harmony_scene::RoomShape::default(),
+            seen: vec![],
+            openings: vec![],
+            floor_texture: None,
+            wall_texture: None,
+        }
+    }
+
     pub(crate) fn room(things: Vec<Thing>) -> Surroundings {
-        Surroundings { things, extents: Extents { width: 5.0, height: 2.6, depth: 4.0 } }
+        Surroundings::of(things, &bare())
+    }
+
+    /// An L: the back right corner is a block of 2 x 1.5 m.
+    pub(crate) fn l_plan() -> Room {
+        let mut room = bare();
+        let (min, max) = (DVec3::new(3.0, 0.0, 0.0), DVec3::new(5.0, 2.6, 1.5));
+        room.shape.blocks.push(harmony_scene::Block { kind: "corner".into(), min, max });
+        room
+    }
+
+    fn by(offset: DVec3) -> DAffine3 {
+        DAffine3::from_translation(offset)
     }
 
     fn ball(radius: f64) -> Shapes {
@@ -368,7 +445,8 @@ pub(crate) mod tests {
         assert!((sunk.distance + 0.01).abs() < 1e-4, "{sunk:?}");
         let low = near(&at(4.0, 0.03, 1.5));
         assert!((low.distance + 0.02).abs() < 1e-5 && low.other == Other::Face("floor"), "{low:?}");
-        let moved = room.nearest(&shapes, &at(2.5, 0.84, 1.5), Some((0, DVec3::Y * 0.02)), 0.5, &|_, _| true).unwrap();
+        let moved =
+            room.nearest(&shapes, &at(2.5, 0.84, 1.5), Some((0, by(DVec3::Y * 0.02))), 0.5, &|_, _| true).unwrap();
         assert!((moved.distance - 0.03).abs() < 1e-5, "{moved:?}");
         assert!(room.nearest(&shapes, &at(1.0, 1.3, 1.5), None, 0.3, &|_, _| true).is_none());
     }
@@ -378,9 +456,53 @@ pub(crate) mod tests {
         let chair = thing("chair_01", "chair", &[([1.0, 0.0, 1.0], [1.4, 0.9, 1.4])]);
         let shelf = thing("shelf_01", "bookshelf", &[([1.0, 0.0, 1.7], [1.4, 1.8, 2.0])]);
         let room = room(vec![chair, shelf]);
-        let (other, distance) = room.nearest_of_thing(0, DVec3::Z * 0.2).unwrap();
+        let (other, distance) = room.nearest_of_thing(0, by(DVec3::Z * 0.2)).unwrap();
         assert!(other == Other::Thing(1) && (distance - 0.1).abs() < 1e-4, "{other:?} {distance}");
-        let (other, distance) = room.nearest_of_thing(0, DVec3::X * -0.95).unwrap();
+        let (other, distance) = room.nearest_of_thing(0, by(DVec3::X * -0.95)).unwrap();
         assert!(other == Other::Face("left wall") && (distance - 0.05).abs() < 1e-9, "{other:?} {distance}");
+    }
+
+    #[test]
+    fn a_link_is_kept_out_of_a_block_and_may_pass_where_the_box_alone_would_stop_it() {
+        let room = Surroundings::of(vec![], &l_plan());
+        let near = |x: f64, y: f64, z: f64| {
+            let place = [DAffine3::from_translation(DVec3::new(x, y, z))];
+            room.nearest(&ball(0.05), &place, None, 0.5, &|_, o| o != Other::Face("floor"))
+        };
+        // Before the block's face, before its edge, and in it; the walls of the box are metres away.
+        let face = near(4.0, 1.3, 1.65).unwrap();
+        assert!((face.distance - 0.10).abs() < 1e-9, "{face:?}");
+        let edge = near(2.8, 1.3, 1.75).unwrap();
+        assert!((edge.distance - 0.15_f64.hypot(0.20)).abs() < 1e-5, "{edge:?}");
+        let inside = near(4.0, 1.3, 1.3).unwrap();
+        assert!((inside.distance + 0.25).abs() < 1e-9, "{inside:?}");
+        // A niche in the left wall, 0.3 m deep, and a slope before the front wall.
+        let mut shaped = bare();
+        let (min, max) = (DVec3::new(-0.3, 0.5, 1.0), DVec3::new(0.0, 1.5, 2.0));
+        let wall = harmony_scene::Wall::Left;
+        shaped.shape.niches.push(harmony_scene::Niche { kind: "niche".into(), wall, sides: None, min, max });
+        shaped.shape.slopes.push(harmony_scene::Slope { wall: harmony_scene::Wall::Front, low: 1.6, run: 1.0 });
+        let room = Surroundings::of(vec![], &shaped);
+        let near = |x: f64, y: f64, z: f64| {
+            let place = [DAffine3::from_translation(DVec3::new(x, y, z))];
+            room.nearest(&ball(0.05), &place, None, 0.5, &|_, _| true).unwrap().distance
+        };
+        assert!(
+            (near(-0.15, 1.0, 1.5) - 0.10).abs() < 1e-9,
+            "in the niche, before its back: {}",
+            near(-0.15, 1.0, 1.5)
+        );
+        assert!(near(-0.15, 0.45, 1.5) < -0.04, "in what is under it");
+        assert!(near(2.5, 2.4, 3.7) < 0.0, "above the slope");
+        assert!((room.free_of_room(DVec3::new(2.5, 1.0, 3.5), DVec3::Y) - 1.1).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_chair_is_not_drawn_into_a_block() {
+        let chair = || thing("chair_01", "chair", &[([2.2, 0.0, 0.4], [2.7, 0.9, 0.9])]);
+        let drawn = |room: &Room| Surroundings::of(vec![chair()], room).nearest_of_thing(0, by(DVec3::X * 0.4));
+        assert!(drawn(&bare()).is_none_or(|(_, distance)| distance > 0.9), "nothing near in the box");
+        let (other, distance) = drawn(&l_plan()).unwrap();
+        assert!(other == Other::Face("back wall") && (distance + 0.1).abs() < 1e-6, "{other:?} {distance}");
     }
 }

@@ -13,7 +13,7 @@ use crate::motion::Trajectory;
 use crate::pictures::Painter;
 use crate::room::Surroundings;
 use crate::shapes::pieces;
-use crate::{RobotError, human, replay};
+use crate::{RobotError, drawer, human, replay, stage};
 
 /// What a robot is to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,6 +22,8 @@ pub enum Job {
     DrawChair,
     /// An arm picks a decoration up.
     Pick,
+    /// An arm opens a drawer or a door of furniture.
+    OpenDrawer,
     /// A humanoid sits down at the desk.
     Sit,
 }
@@ -57,11 +59,13 @@ pub fn perform(
     match job {
         Job::DrawChair => arm::draw_chair(room, model, object),
         Job::Pick => arm::pick(room, model, object, level),
+        Job::OpenDrawer => drawer::open(world, room, model, object),
         Job::Sit => human::sit(room, model, object),
     }
 }
 
-/// Writes `trajectory.json`, `mjcf/<task>.xml` beside the scene's own MJCF, `frame_<n>.png` and `sheet.jpg`.
+/// Writes `trajectory.json`, `mjcf/<task>.xml` and `usd/<task>.usda` beside the scene's own files, `frame_<n>.png` and
+/// `sheet.png`.
 ///
 /// # Errors
 /// Files that cannot be written, a scene that cannot be exported.
@@ -70,7 +74,7 @@ pub fn write(world: &World, room: &Surroundings, done: &Done, output: &Output) -
     let trajectory = motion.trajectory(room, done.evidence.clone(), done.measured.clone(), done.because.clone());
     write_json(&output.folder.join("trajectory.json"), &trajectory)?;
     let options = Options { cache: output.hulls.clone(), ..Options::default() };
-    let files = harmony_export::export(world, &[Format::Mjcf], &output.folder, &options)?;
+    let files = harmony_export::export(world, &[Format::Mjcf, Format::Usd], &output.folder, &options)?;
     let scene =
         files.iter().find(|(name, _)| *name == "mjcf/scene.xml").map(|(_, bytes)| String::from_utf8_lossy(bytes));
     let scene =
@@ -80,6 +84,8 @@ pub fn write(world: &World, room: &Surroundings, done: &Done, output: &Output) -
         write_atomic(&output.folder.join("mjcf/assets").join(name), bytes)?;
     }
     write_atomic(&output.folder.join(format!("mjcf/{}.xml", motion.task)), made.xml.as_bytes())?;
+    let layer = stage::layer(world, room, motion);
+    write_atomic(&output.folder.join(format!("usd/{}.usda", motion.task)), layer.as_bytes())?;
     pictures(world, room, done, output)?;
     Ok(trajectory)
 }

@@ -29,7 +29,7 @@ pub use camera::{Camera, ImageSize, Intrinsics, Ray};
 pub use components::components;
 pub use ids::{IdError, ObjectId};
 pub use light::{AlbedoCells, AlbedoField, Light, LightKind, Lighting, ViewTransform};
-pub use material::{MaterialCategory, PbrFactors, Physical, SurfaceMaterial};
+pub use material::{MaterialCategory, PbrFactors, Physical, RigidEstimate, SurfaceMaterial};
 pub use object::{
     Confidence, DepthPosition, Level, Placement, PlacementType, Pose, Relations, SceneObject, Size, Support,
     SurfacePosition, WallAffinity,

@@ -44,6 +44,18 @@ pub struct Physical {
     pub thickness_m: f64,
     /// 0 rigid to 1 springy.
     pub elasticity: f64,
+    /// Mass and friction as estimated for a rigid-body simulation, where somebody was asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rigid: Option<RigidEstimate>,
+}
+
+/// What was answered for a rigid-body simulation (paper, "Physical Simulations").
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RigidEstimate {
+    /// Mass, kilograms.
+    pub mass_kg: f64,
+    /// Coefficient of friction against a wood floor.
+    pub friction: f64,
 }
 
 /// An object's dominant material.

@@ -237,7 +237,7 @@ fn object(o: &Value) -> Result<SceneObject> {
         material: SurfaceMaterial {
             category: MaterialCategory::Other,
             pbr: MaterialCategory::Other.defaults(),
-            physical: Physical { weight_kg: 10.0, thickness_m: 0.01, elasticity: 0.1 },
+            physical: Physical { weight_kg: 10.0, thickness_m: 0.01, elasticity: 0.1, rigid: None },
         },
         mesh: String::new(),
         mask: None,

@@ -53,7 +53,7 @@ fn scene(text: &str) -> Scene {
             material: SurfaceMaterial {
                 category: MaterialCategory::Wood,
                 pbr: MaterialCategory::Wood.defaults(),
-                physical: Physical { weight_kg: 6.0, thickness_m: 0.02, elasticity: 0.1 },
+                physical: Physical { weight_kg: 6.0, thickness_m: 0.02, elasticity: 0.1, rigid: None },
             },
             mesh: text.into(),
             mask: Some(text.into()),

@@ -32,6 +32,8 @@ pub enum Task {
     DrawChair,
     /// The Panda picks a decoration up.
     Pick,
+    /// The Panda opens a drawer or a door of furniture.
+    OpenDrawer,
     /// The H1 draws the chair, goes around it and sits down at the desk.
     Sit,
 }
@@ -108,8 +110,11 @@ pub fn run(args: &Args) -> Result<u8> {
     let job = match (robot, task) {
         (Robot::Panda, Task::DrawChair) => Job::DrawChair,
         (Robot::Panda, Task::Pick) => Job::Pick,
+        (Robot::Panda, Task::OpenDrawer) => Job::OpenDrawer,
         (Robot::H1, Task::Sit) => Job::Sit,
-        (Robot::Panda, Task::Sit) => bail!("a Panda is an arm and cannot sit; its tasks are draw-chair and pick"),
+        (Robot::Panda, Task::Sit) => {
+            bail!("a Panda is an arm and cannot sit; its tasks are draw-chair, pick and open-drawer")
+        }
         (Robot::H1, _) => bail!("an H1 has no jaw; its task is sit"),
     };
     let Some(model) = model else {

@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
+use harmony_export::animation::Animation;
+use harmony_export::{Format, Options, World, export};
 use harmony_io::{ReadLimits, read_bounded, read_glb, write_atomic, write_json};
 use harmony_lighting::CyclesRenderer;
 use harmony_physics::pictures::{self, FILM_STEP, Painter, gif_bytes, mp4_bytes, sheet, sheet_frames};
@@ -248,6 +250,7 @@ fn shake_run(
     let bytes = read_bounded(&args.run.join("scene_full.glb"), ReadLimits::default().bytes)?;
     let animated = animate::animated_glb(&bytes, &shaken).map_err(|e| hinted(e.to_string(), Some(e.hint())))?;
     write_atomic(&out.join("earthquake.glb"), &animated)?;
+    stage(args, &shaken, out)?;
     let glb = read_glb(&bytes, &ReadLimits::default())?;
     let (camera, omit) = view(args, loaded);
     let painter = Painter::new(&glb, &shaken, camera, &omit);
@@ -282,6 +285,15 @@ fn shake_run(
         write_frames(out, "frame_lit", "sheet_lit.jpg", &lit)?;
     }
     say!("{}", out.display())
+}
+
+/// `usd/scene.usda` and over it `usd/earthquake.usda` with time samples.
+fn stage(args: &Args, shaken: &Shaken, out: &Path) -> Result<()> {
+    let world = World::read(&args.run).map_err(|e| hinted(e.to_string(), e.hint()))?;
+    let options = Options { cache: Some(out.join("hulls")), ..Options::default() };
+    export(&world, &[Format::Usd], out, &options).map_err(|e| hinted(e.to_string(), e.hint()))?;
+    let layer = Animation::of_earthquake(&world, shaken).layer(&world);
+    Ok(write_atomic(&out.join("usd/earthquake.usda"), layer.as_bytes())?)
 }
 
 fn view(args: &Args, loaded: &RunScene) -> (Camera, Vec<Surface>) {

@@ -79,7 +79,7 @@ fn object(id: &str, label: &str, index: u32, level: Level, position: Vec3, size:
         material: SurfaceMaterial {
             category,
             pbr: category.defaults(),
-            physical: Physical { weight_kg: 5.0, thickness_m: 0.01, elasticity: 0.1 },
+            physical: Physical { weight_kg: 5.0, thickness_m: 0.01, elasticity: 0.1, rigid: None },
         },
         mesh: format!("{}/meshes/{id}.glb", level.folder()),
         mask: Some(format!("{}/masks/{id}.png", level.folder())),

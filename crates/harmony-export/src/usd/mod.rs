@@ -20,6 +20,7 @@
 //! # Sources
 //! UsdPhysics, UsdLux and UsdPreviewSurface schema pages of OpenUSD 26; the rules of packages from its usdz specification.
 
+pub mod animation;
 mod physics;
 mod stage;
 mod text;

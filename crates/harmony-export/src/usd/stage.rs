@@ -252,7 +252,7 @@ fn material(t: &mut Text, world: &World, look: &Look) {
 }
 
 /// A matrix as USD has it: rows are the images of the axes, the translation in the last one.
-fn matrix(axes: DMat3, at: DVec3) -> String {
+pub(super) fn matrix(axes: DMat3, at: DVec3) -> String {
     let row = |v: DVec3, w: f64| tuple(&[v.x, v.y, v.z, w], 9);
     format!("( {}, {}, {}, {} )", row(axes.x_axis, 0.0), row(axes.y_axis, 0.0), row(axes.z_axis, 0.0), row(at, 1.0))
 }

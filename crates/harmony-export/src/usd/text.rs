@@ -44,6 +44,16 @@ impl Text {
         self.line("}");
     }
 
+    /// A prim of a layer below, of which something is said anew.
+    pub fn over(&mut self, name: &str, inside: impl FnOnce(&mut Self)) {
+        self.line(&format!("over \"{name}\""));
+        self.line("{");
+        self.depth += 1;
+        inside(self);
+        self.depth -= 1;
+        self.line("}");
+    }
+
     /// An array attribute whose elements are tuples.
     pub fn tuples<const N: usize>(
         &mut self,

@@ -43,7 +43,7 @@ fn thing(
         material: SurfaceMaterial {
             category,
             pbr: category.defaults(),
-            physical: Physical { weight_kg: 8.0, thickness_m: 0.02, elasticity: 0.1 },
+            physical: Physical { weight_kg: 8.0, thickness_m: 0.02, elasticity: 0.1, rigid: None },
         },
         mesh: format!("{}/meshes/{id}.glb", level.folder()),
         mask: None,

@@ -52,7 +52,7 @@ pub fn thing(id: &str, label: &str, size: [f64; 3], position: [f64; 3], yaw: f64
         material: SurfaceMaterial {
             category: MaterialCategory::Wood,
             pbr: MaterialCategory::Wood.defaults(),
-            physical: Physical { weight_kg: 10.0, thickness_m: 0.02, elasticity: 0.1 },
+            physical: Physical { weight_kg: 10.0, thickness_m: 0.02, elasticity: 0.1, rigid: None },
         },
         mesh: String::new(),
         mask: None,

@@ -215,7 +215,7 @@ fn segmentation_files_are_read_back_as_masks_with_labels() {
         material: SurfaceMaterial {
             category: MaterialCategory::Wood,
             pbr: MaterialCategory::Wood.defaults(),
-            physical: Physical { weight_kg: 1.0, thickness_m: 0.01, elasticity: 0.0 },
+            physical: Physical { weight_kg: 1.0, thickness_m: 0.01, elasticity: 0.0, rigid: None },
         },
         mesh: String::new(),
         mask: Some(format!("3_furniture/masks/{id}.png")),

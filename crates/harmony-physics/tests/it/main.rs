@@ -68,7 +68,7 @@ fn thing(id: &str, label: &str, at: [f64; 3], yaw: f64, support: Support, hulls:
         material: SurfaceMaterial {
             category,
             pbr: category.defaults(),
-            physical: Physical { weight_kg: 0.0, thickness_m: 0.02, elasticity: 0.1 },
+            physical: Physical { weight_kg: 0.0, thickness_m: 0.02, elasticity: 0.1, rigid: None },
         },
         mesh: String::new(),
         mask: None,

@@ -12,7 +12,7 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::outputs;
 use crate::relight::{LitPictures, relight};
 use crate::state::SceneState;
-use crate::steps::last_look;
+use crate::steps::{last_look, physical};
 use crate::views;
 
 /// Estimates materials and light; renders the lit picture when there is a path tracer.
@@ -21,6 +21,7 @@ use crate::views;
 /// Fatal role errors and unwritable files.
 pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneState, Option<LitPictures>), PhaseError> {
     ctx.step("materials and light sources");
+    physical::estimate(ctx, &mut state).await?;
     write_materials(ctx, &state)?;
     let objects = outputs::scene_objects(&state);
     let mut lighting = lights_from_scene(&state.partial.room, &objects, |id| state.mesh_of(id).map(|mesh| &**mesh));

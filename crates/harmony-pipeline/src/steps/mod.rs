@@ -9,6 +9,7 @@ pub mod hosts;
 pub mod inspect;
 pub mod last_look;
 pub mod missing;
+pub mod physical;
 pub mod place;
 pub mod prepare;
 pub mod programs;

@@ -66,6 +66,21 @@ fn nonsense_of_any_form_is_a_complaint_and_never_a_panic() {
 }
 
 #[test]
+fn masses_and_frictions_are_those_of_the_labels_and_within_reason() {
+    let question = questions().into_iter().find(|(name, _)| name == "physical").unwrap().1;
+    let answer = |label: &str, mass: f64, slip: f64| {
+        let item = |l: &str, m: f64| json!({"label": l, "mass_kg": m, "friction": slip});
+        question.check(&json!({"items": [item("desk", 30.0), item(label, mass)]}))
+    };
+    assert_eq!(answer("vase", 1.5, 0.4), Ok(()));
+    assert_eq!(question.check(&json!({"items": []})), Ok(()), "the catalogue's are taken");
+    assert!(complaint(answer("sofa", 40.0, 0.4)).contains("sofa"));
+    assert!(complaint(answer("desk", 30.0, 0.4)).contains("twice"));
+    assert!(complaint(answer("vase", 0.0, 0.4)).contains("mass"));
+    assert!(complaint(answer("vase", 1.5, 4.0)).contains("friction"));
+}
+
+#[test]
 fn a_layout_has_plausible_numbers() {
     type Spoil = fn(&mut LayoutAnswer);
     let spoils: [(Spoil, &str); 7] = [

@@ -67,6 +67,7 @@ fn all_kinds_are_among_the_samples() {
         "list",
         "missing",
         "orient",
+        "physical",
         "programs",
         "reorder",
         "review",

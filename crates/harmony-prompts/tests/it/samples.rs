@@ -5,9 +5,9 @@ use harmony_prompts::{
     CompletedQuestion, CountsQuestion, DoubtedSize, FoundObject, FrontsQuestion, GroupsQuestion, HostedObject,
     HostsQuestion, InspectCandidate, InspectQuestion, KnownDepth, KnownObject, LastLookQuestion, LayoutQuestion,
     LightingReviewQuestion, LightsQuestion, ListQuestion, ListedLight, MatchedSet, MissingQuestion, ModelledObject,
-    NamedObject, OrientQuestion, PaintedObject, PlacedObject, PresentDecoration, ProgramsQuestion, Question,
-    ReorderQuestion, ReviewQuestion, RoomSummary, RoomView, SecondLookQuestion, SeenObject, SizesQuestion, ToModel,
-    TurnedObject, TurnsQuestion, UnaidedRoom, WithoutProgram,
+    NamedObject, OrientQuestion, PaintedObject, PhysicalLabel, PhysicalQuestion, PlacedObject, PresentDecoration,
+    ProgramsQuestion, Question, ReorderQuestion, ReviewQuestion, RoomSummary, RoomView, SecondLookQuestion, SeenObject,
+    SizesQuestion, ToModel, TurnedObject, TurnsQuestion, UnaidedRoom, WithoutProgram,
 };
 use harmony_scene::{
     Camera, Extents, ImageSize, Intrinsics, Level, Light, LightKind, Lighting, ObjectId, PixelBox, SceneCamera, Size,
@@ -165,7 +165,7 @@ pub fn questions() -> Vec<(String, Question)> {
     let painted = scene().into_iter().map(|object| PaintedObject { object, slots: vec!["oak".into(), "steel".into()] });
     let finding = "- desk_01: outline agreement 0.51, penetration 30 mm".to_owned();
     let measured = LightingDelta { verdict: LightingVerdict::Adjust, ..LightingDelta::default() };
-    let further: [(&str, Question); 18] = [
+    let further: [(&str, Question); 19] = [
         ("completed", CompletedQuestion { objects: named() }.into()),
         ("front", FrontsQuestion { objects: named() }.into()),
         ("orient", OrientQuestion { objects: named() }.into()),
@@ -187,6 +187,16 @@ pub fn questions() -> Vec<(String, Question)> {
                     usual: [size(0.25, 0.4, 0.25), size(0.6, 0.8, 0.6)],
                     apparent: Some(size(0.5, 0.55, 0.0)),
                 }],
+            }
+            .into(),
+        ),
+        (
+            "physical",
+            PhysicalQuestion {
+                items: vec![
+                    PhysicalLabel { label: "desk".into(), size: size(1.2, 0.74, 0.6) },
+                    PhysicalLabel { label: "vase".into(), size: size(0.12, 0.3, 0.12) },
+                ],
             }
             .into(),
         ),

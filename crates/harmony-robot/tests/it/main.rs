@@ -74,7 +74,7 @@ fn the_panda_draws_a_chair_by_its_backrest_and_mujoco_finds_the_same() {
     let m = &done.measured;
     assert!((m["grasp_thickness_m"] - 0.03).abs() < 1e-4 && m["fingertip_off_its_line_m"] < 2e-3, "{m:?}");
     assert!((m["jaw_closed_to_m"] - 0.03).abs() < 2e-3, "{m:?}");
-    let last = done.motion.frames.last().unwrap().moved;
+    let last = done.motion.frames.last().unwrap().moved.translation;
     assert!((last.length() - 0.45).abs() < 1e-9 && last.z > 0.4, "away from the desk: {last}");
     let out = tempfile::tempdir().unwrap();
     write(&world, &room, &done, &output(out.path())).unwrap();
@@ -98,7 +98,7 @@ fn the_panda_picks_what_is_thin_enough_and_says_of_the_rest_why_not() {
     let room = Surroundings::new(&world);
     let done = perform(&world, &room, &model, Job::Pick, Some("vase_01")).unwrap();
     assert!(done.evidence.smallest_clearance_m >= 0.0 && done.evidence.failed_frames == 0, "{:?}", done.evidence);
-    assert!((done.motion.frames.last().unwrap().moved.y - 0.2).abs() < 1e-9);
+    assert!((done.motion.frames.last().unwrap().moved.translation.y - 0.2).abs() < 1e-9);
     let wide = perform(&world, &room, &model, Job::Pick, Some("box_01")).err().unwrap();
     let said = wide.to_string();
     assert!(matches!(wide, RobotError::Forbidden { .. }) && said.contains("150 mm across"), "{said}");
@@ -127,6 +127,87 @@ fn what_forbids_a_task_is_told_with_its_number() {
     assert!(matches!(&none, RobotError::Nothing { what } if what == "chair"), "{none}");
 }
 
+/// What usd-core reads of a motion's layer, and how far it is from the trajectory and from MuJoCo.
+fn staged(python: &Path, folder: &Path, task: &str) -> serde_json::Value {
+    let found = Command::new(python)
+        .arg(harmony_testing::root().join("tools/usd_motion.py"))
+        .arg(folder.join(format!("usd/{task}.usda")))
+        .arg(folder.join("trajectory.json"))
+        .arg("--mjcf")
+        .arg(folder.join(format!("mjcf/{task}.xml")))
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&found.stdout);
+    assert!(found.status.success(), "{said} {}", String::from_utf8_lossy(&found.stderr));
+    serde_json::from_str(&said).unwrap()
+}
+
+#[test]
+fn the_panda_opens_a_drawer_by_its_handle_and_mujoco_and_usd_find_the_same() {
+    let Some(path) = robot("panda") else { return };
+    let model = Model::read(&path).unwrap();
+    let run = study(&Study { dresser_m: Some(3.0), ..Study::default() });
+    let world = World::read(run.path()).unwrap();
+    let room = Surroundings::new(&world);
+    let done = perform(&world, &room, &model, Job::OpenDrawer, Some("dresser_01")).unwrap();
+    let (e, m) = (&done.evidence, &done.measured);
+    assert_eq!((e.frames, e.failed_frames), (140, 0), "{e:?}");
+    assert!(e.smallest_clearance_m >= 0.0 && e.largest_gap_m < 1e-3 && e.deepest_touch_m < 1e-3, "{e:?}");
+    // The template's bars stand 22 mm before the front and are 10 mm thick.
+    assert!((m["handle_proud_m"] - 0.0216).abs() < 1e-3 && (m["grasp_thickness_m"] - 0.0096).abs() < 1e-3, "{m:?}");
+    assert!(
+        m["opened_m"] > 0.25 * m["joint_limit_m"] - 1e-9 && (m["joint_limit_m"] - 0.7 * 0.45).abs() < 0.03,
+        "{m:?}"
+    );
+    let last = done.motion.frames.last().unwrap();
+    let out = glam::DVec3::X * m["opened_m"];
+    assert!(last.moved.translation.distance(out) < 1e-9 && (last.opened - m["opened_m"]).abs() < 1e-12, "{last:?}");
+    let folder = tempfile::tempdir().unwrap();
+    write(&world, &room, &done, &output(folder.path())).unwrap();
+    let Some(python) = mujoco() else { return };
+    let found = replayed(&python, folder.path(), "open-drawer", "left_finger,right_finger", &path);
+    assert_eq!(found["frames"], 140);
+    assert!(found["over_limits"].as_f64().unwrap() < 1e-5 && found["links_apart"].as_f64().unwrap() < 1e-4, "{found}");
+    assert!(found["deepest"]["distance"].as_f64().unwrap() > -0.011, "{found}");
+    let found = staged(&python, folder.path(), "open-drawer");
+    assert_eq!((found["frames"].as_u64(), found["links"].as_u64()), (Some(140), Some(model.links.len() as u64)));
+    assert_eq!(found["kinematic"], serde_json::json!([room.things[done.motion.object].id]), "{found}");
+}
+
+#[test]
+fn a_drawer_that_meets_something_is_told_with_its_way() {
+    let Some(path) = robot("panda") else { return };
+    let run = study(&Study { dresser_m: Some(0.1), ..Study::default() });
+    let world = World::read(run.path()).unwrap();
+    let room = Surroundings::new(&world);
+    let model = Model::read(&path).unwrap();
+    let said = perform(&world, &room, &model, Job::OpenDrawer, None).err().unwrap().to_string();
+    assert!(said.contains("it meets bookshelf_02 after 0.0") && said.contains("its joint allows 0.3"), "{said}");
+    let said = perform(&world, &room, &model, Job::OpenDrawer, Some("desk_01")).err().unwrap().to_string();
+    assert!(said.contains("desk_01 cannot be opened"), "{said}");
+}
+
+/// Joints that move faster between two frames than the H1's can, with the frame and the radians. Speeds are those of the
+/// maker's own description (unitree_ros, `h1_description/urdf/h1.urdf`), rad/s; the MJCF file has none.
+fn too_fast(motion: &harmony_robot::motion::Motion) -> Vec<(String, usize, f64)> {
+    let most = |name: &str| match name {
+        n if n.contains("hip") || n == "torso" => 23.0,
+        n if n.contains("knee") => 14.0,
+        n if n.contains("shoulder_yaw") || n.contains("elbow") => 20.0,
+        _ => 9.0,
+    };
+    let mut out = Vec::new();
+    for (k, pair) in motion.frames.windows(2).enumerate() {
+        for (j, joint) in motion.model.joints.iter().enumerate() {
+            let step = (pair[1].posture.joints[j] - pair[0].posture.joints[j]).abs();
+            if step > most(&joint.name) / f64::from(harmony_robot::motion::FRAMES_PER_SECOND) {
+                out.push((joint.name.clone(), k + 1, step));
+            }
+        }
+    }
+    out
+}
+
 #[test]
 fn the_h1_sits_down_at_the_desk_and_mujoco_finds_the_same() {
     let Some(path) = robot("h1") else { return };
@@ -150,6 +231,8 @@ fn the_h1_sits_down_at_the_desk_and_mujoco_finds_the_same() {
         assert!(m[name] <= most, "{name}: {m:?}");
     }
     assert!(m["balance_margin_m"] > 0.0, "{m:?}");
+    let hasty = too_fast(&done.motion);
+    assert!(hasty.is_empty(), "{hasty:?}");
     let out = tempfile::tempdir().unwrap();
     write(&world, &room, &done, &output(out.path())).unwrap();
     let Some(python) = mujoco() else { return };

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use harmony_io::{GlbNode, GlbScene, NodeTransform, write_glb, write_json};
-use harmony_mesh::{Group, Material, Mesh};
+use harmony_mesh::{Group, Material, Mesh, TemplateParams, template};
 use harmony_physics::Hull;
 use harmony_scene::{
     Camera, Confidence, Extents, ImageSize, Intrinsics, Level, Lighting, MaterialCategory, ObjectId, Physical, Pose,
@@ -19,11 +19,13 @@ pub struct Study {
     pub chair: bool,
     /// A bookshelf this far behind the chair, metres.
     pub wall_behind_m: Option<f64>,
+    /// A dresser of three drawers at the left wall, with so much free floor before it until a bookshelf, metres.
+    pub dresser_m: Option<f64>,
 }
 
 impl Default for Study {
     fn default() -> Self {
-        Self { back_m: 0.03, chair: true, wall_behind_m: None }
+        Self { back_m: 0.03, chair: true, wall_behind_m: None, dresser_m: None }
     }
 }
 
@@ -50,9 +52,13 @@ fn thing(id: &str, label: &str, at: [f64; 3], yaw: f64, support: Support, hulls:
         .iter()
         .map(Hull::bounds)
         .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), (a, b)| (l.min(a), h.max(b)));
+    (object(id, label, at, yaw, support, Size::from_vec(high - low)), mesh(hulls))
+}
+
+fn object(id: &str, label: &str, at: [f64; 3], yaw: f64, support: Support, size: Size) -> SceneObject {
     let level = if support == Support::Floor { Level::Furniture } else { Level::Decoration };
     let category = MaterialCategory::Wood;
-    let object = SceneObject {
+    SceneObject {
         id: ObjectId::new(id).unwrap(),
         index: 10,
         level,
@@ -60,21 +66,29 @@ fn thing(id: &str, label: &str, at: [f64; 3], yaw: f64, support: Support, hulls:
         description: String::new(),
         source_phrase: label.into(),
         pose: Pose::new(Vec3::from_array(at), yaw, 1.0),
-        size: Size::from_vec(high - low),
+        size,
         support,
         relations: Relations::default(),
         material: SurfaceMaterial {
             category,
             pbr: category.defaults(),
-            physical: Physical { weight_kg: 0.0, thickness_m: 0.02, elasticity: 0.1 },
+            physical: Physical { weight_kg: 0.0, thickness_m: 0.02, elasticity: 0.1, rigid: None },
         },
         mesh: String::new(),
         mask: None,
         seen_box: None,
         mesh_source: "test".into(),
         confidence: Confidence::default(),
-    };
-    (object, mesh(hulls))
+    }
+}
+
+/// As part models make it: fronts and handles in slots of their own. It looks along +X.
+fn dresser() -> (SceneObject, Arc<Mesh>) {
+    let size = Size { width: 0.8, height: 0.9, depth: 0.45 };
+    let params = TemplateParams { drawers: Some(3), ..TemplateParams::default() };
+    let made = template("dresser", &params, size).build(size).unwrap().mesh;
+    let at = [0.25, 0.0, 2.6];
+    (object("dresser_01", "dresser", at, std::f64::consts::FRAC_PI_2, Support::Floor, size), Arc::new(made))
 }
 
 /// Front +Z: four legs, a seat at 0.45 m, a back to 0.92 m.
@@ -119,6 +133,13 @@ pub fn study(study: &Study) -> tempfile::TempDir {
     if let Some(behind) = study.wall_behind_m {
         let at = [2.5, 0.0, 0.82 + 0.2 + behind + 0.15];
         things.push(thing("bookshelf_01", "bookshelf", at, 0.0, Support::Floor, &half(0.5, 1.8, 0.15)));
+    }
+    if let Some(before) = study.dresser_m {
+        things.push(dresser());
+        let at = [0.25 + 0.225 + before + 0.15, 0.0, 2.6];
+        if before < 2.0 {
+            things.push(thing("bookshelf_02", "bookshelf", at, 0.0, Support::Floor, &half(0.15, 1.8, 0.5)));
+        }
     }
     write_run(folder.path(), &things);
     folder
