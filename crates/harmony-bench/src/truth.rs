@@ -350,7 +350,8 @@ impl TruthObject {
 
 fn opening(v: &Value, whole: &Extents, within: &Extents, origin: DVec3) -> Option<Opening> {
     let kind = match v["kind"].as_str()? {
-        "door" => OpeningKind::Door,
+        // One without an object.
+        "door" | "passage" => OpeningKind::Door,
         "window" => OpeningKind::Window,
         _ => return None,
     };
@@ -365,6 +366,7 @@ fn opening(v: &Value, whole: &Extents, within: &Extents, origin: DVec3) -> Optio
         u: [n("u0")? - along, n("u1")? - along],
         y: [n("y0")?, n("y1")?],
         inset: wall.distance(within, plane - origin),
+        rise: n("rise").unwrap_or(0.0),
         object: v["object"].as_str().and_then(|s| ObjectId::new(s).ok()),
     })
 }

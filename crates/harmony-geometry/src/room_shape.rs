@@ -71,6 +71,12 @@ const SAME: (f64, f64) = (0.10, 0.35);
 const SNAP: f64 = 0.07;
 /// A face thinner than this is none, metres.
 const THINNEST: f64 = 0.04;
+/// Beyond this share of the way from what is behind to a face's plane a pixel shows the face.
+const JUMP: f64 = 0.65;
+/// More pixels than this share on the wrong side of an edge: it is not clear.
+const UNCLEAR: f64 = 0.2;
+/// Corners this near to the outermost are of the same side, metres.
+const SAME_SIDE: f64 = 0.2;
 /// A measured side lies this near to the outlined one, metres.
 const SIDE: f64 = 0.15;
 
@@ -138,6 +144,24 @@ impl MeasuredShape {
     }
 }
 
+/// Where a face's plane is and what lies behind it, from the box's wall, metres.
+#[derive(Debug, Clone, Copy)]
+struct Depths {
+    /// Where the outline lies.
+    plane: f64,
+    /// Where the map has that.
+    front: f64,
+    /// Where the map has what is behind.
+    behind: f64,
+}
+
+/// Which ends of a face are meant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Along {
+    Wall,
+    Height,
+}
+
 struct View<'a> {
     camera: &'a Camera,
     extents: &'a Extents,
@@ -147,6 +171,11 @@ struct View<'a> {
 impl View<'_> {
     /// Points of the map inside an outline.
     fn points(&self, outline: &[Vec2]) -> Vec<Vec3> {
+        self.points_in(outline, &[])
+    }
+
+    /// Points of the map inside one outline and outside another.
+    fn points_in(&self, outline: &[Vec2], without: &[Vec2]) -> Vec<Vec3> {
         let Some(map) = self.map else { return Vec::new() };
         let (w, h) = (map.size.width as usize, map.size.height as usize);
         let image = self.camera.size;
@@ -156,7 +185,7 @@ impl View<'_> {
                     ((i % w) as f64 + 0.5) * f64::from(image.width) / w as f64,
                     ((i / w) as f64 + 0.5) * f64::from(image.height) / h as f64,
                 );
-                map.xyz[*i].is_finite() && inside(outline, at)
+                map.xyz[*i].is_finite() && inside(outline, at) && !inside(without, at)
             })
             .map(|i| map.xyz[i])
             .collect()
@@ -195,6 +224,19 @@ impl View<'_> {
         median(&met).filter(|d| *d > 0.0)
     }
 
+    /// Where the map has the wall just around a niche, metres before the box's wall: a map is off by more over a room than
+    /// over a niche.
+    fn wall_beside(&self, hint: &ShapeHint) -> Option<f64> {
+        if hint.kind != ShapeKind::Niche {
+            return None;
+        }
+        let middle = hint.face.iter().sum::<Vec2>() / hint.face.len() as f64;
+        let grown = |by: f64| hint.face.iter().map(|p| middle + (*p - middle) * by).collect::<Vec<_>>();
+        let near = self.points_in(&grown(1.5), &grown(1.1));
+        let away: Vec<f64> = near.iter().map(|p| hint.wall.distance(self.extents, *p)).collect();
+        plane_of(&away, 0.0).filter(|d| d.abs() < 0.5 * hint.depth)
+    }
+
     /// How far the box's wall must go outward because calibration took the face of a block for it, or inward because it
     /// took the bottom of a niche; `None` where it did not.
     fn wall_behind(&self, hint: &ShapeHint, hints: &[ShapeHint]) -> Option<f64> {
@@ -230,7 +272,8 @@ impl View<'_> {
         let outward = out.moved.iter().find(|(w, _)| *w == hint.wall).map_or(0.0, |m| m.1);
         let told = if hint.kind == ShapeKind::Niche { -hint.depth } else { hint.depth };
         // From the wall's place after the move, along its normal.
-        let measured = self.offset(hint).map(|d| d + outward);
+        let beside = if outward == 0.0 { self.wall_beside(hint).unwrap_or(0.0) } else { 0.0 };
+        let measured = self.offset(hint).map(|d| d + outward - beside);
         let believed = |d: &f64| d * told > 0.0 && d.abs() > THINNEST && (d / told).ln().abs() < 1.2;
         let inset = measured.filter(believed).unwrap_or(told);
         if measured.is_none() {
@@ -242,7 +285,7 @@ impl View<'_> {
         }
         // The outline lies on the block's face, or on the wall's plane that a niche opens.
         let plane = if hint.kind == ShapeKind::Niche { -outward } else { inset - outward };
-        let Some([mut u, y]) = self.spans(hint, plane, outward) else {
+        let Some([mut u, y]) = self.spans(hint, plane, outward, inset) else {
             out.notes.push(format!("{}: its outline is not on the {:?} wall; left out", hint.what, hint.wall));
             return;
         };
@@ -274,7 +317,7 @@ impl View<'_> {
     }
 
     /// From where to where a face reaches along its wall and in height.
-    fn spans(&self, hint: &ShapeHint, plane: f64, outward: f64) -> Option<[[f64; 2]; 2]> {
+    fn spans(&self, hint: &ShapeHint, plane: f64, outward: f64, inset: f64) -> Option<[[f64; 2]; 2]> {
         let (wall, e) = (hint.wall, self.extents);
         let on_plane = |pixel: Vec2| {
             let ray = self.camera.ray(pixel);
@@ -291,11 +334,18 @@ impl View<'_> {
         let length = wall.length(e);
         let mut u = span(&corners.iter().map(|c| c.x).collect::<Vec<_>>());
         let mut y = span(&corners.iter().map(|c| c.y).collect::<Vec<_>>());
-        if hint.kind == ShapeKind::Block {
-            for (k, end) in u.iter_mut().enumerate() {
-                if !ends[k] {
-                    *end = self.side(hint, [-outward, plane], *end).unwrap_or(*end);
-                }
+        let (beside, niche) = (self.wall_beside(hint).unwrap_or(-outward), hint.kind == ShapeKind::Niche);
+        let [front, behind] = if niche { [beside, inset + beside] } else { [plane, -outward] };
+        let depths = Depths { plane, front, behind };
+        for (k, reaches) in ends.into_iter().enumerate() {
+            if !reaches {
+                let side = (hint.kind == ShapeKind::Block).then(|| self.side(hint, [-outward, plane], u[k])).flatten();
+                u[k] = side.or_else(|| self.edge(hint, depths, Along::Wall, k, [u, y])).unwrap_or(u[k]);
+            }
+        }
+        for (k, reaches) in [floor, ceiling].into_iter().enumerate() {
+            if !reaches {
+                y[k] = self.edge(hint, depths, Along::Height, k, [u, y]).unwrap_or(y[k]);
             }
         }
         for (range, most, reaches) in [(&mut u, length, ends), (&mut y, e.height, [floor, ceiling])] {
@@ -308,6 +358,72 @@ impl View<'_> {
             *range = range.map(|v| v.clamp(0.0, most));
         }
         Some([u, y])
+    }
+
+    /// One end of a face where the map jumps from it to what is behind, or from before a niche into it: of the places near
+    /// the outlined end, the one that parts the pixels of the two best, on the face's plane.
+    fn edge(&self, hint: &ShapeHint, depths: Depths, along: Along, end: usize, spans: [[f64; 2]; 2]) -> Option<f64> {
+        let map = self.map?;
+        let (w, h, image) = (map.size.width as usize, f64::from(map.size.height), self.camera.size);
+        let own = usize::from(along == Along::Height);
+        let across = spans[1 - own];
+        let inner = [across[0] + 0.15 * (across[1] - across[0]), across[1] - 0.15 * (across[1] - across[0])];
+        let told = spans[own][end];
+        let mut pixels: Vec<(f64, bool)> = Vec::new();
+        for (i, p) in map.xyz.iter().enumerate().filter(|(_, p)| p.is_finite()) {
+            let at = Vec2::new(
+                ((i % w) as f64 + 0.5) * f64::from(image.width) / w as f64,
+                ((i / w) as f64 + 0.5) * f64::from(image.height) / h,
+            );
+            let ray = self.camera.ray(at);
+            let k =
+                (hint.wall.distance(self.extents, ray.origin) - depths.plane) / -ray.direction.dot(hint.wall.normal());
+            if !(k.is_finite() && k > 0.05) {
+                continue;
+            }
+            let on = hint.wall.coordinates(ray.at(k));
+            let (here, other) = if own == 0 { (on.x, on.y) } else { (on.y, on.x) };
+            if (here - told).abs() < SIDE && other > inner[0] && other < inner[1] {
+                let share = (hint.wall.distance(self.extents, *p) - depths.behind) / (depths.front - depths.behind);
+                // What stands before the face tells nothing.
+                if share < 1.5 {
+                    // A niche is what lies behind its plane, a block what does not.
+                    let inside = if hint.kind == ShapeKind::Niche { share < JUMP } else { share > JUMP };
+                    pixels.push((if end == 0 { here } else { -here }, inside));
+                }
+            }
+        }
+        pixels.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let total = pixels.iter().filter(|p| p.1).count();
+        if total < LEAST_POINTS || pixels.len() - total < LEAST_POINTS {
+            return None;
+        }
+        // Pixels on the wrong side of a cut: inside ones before it, others after it.
+        let mut wrong = pixels.len() - total;
+        let mut best = (wrong, pixels[0].0);
+        for pair in pixels.windows(2) {
+            wrong = if pair[0].1 { wrong + 1 } else { wrong - 1 };
+            if wrong < best.0 {
+                best = (wrong, f64::midpoint(pair[0].0, pair[1].0));
+            }
+        }
+        let clear = (best.0 as f64) < UNCLEAR * pixels.len() as f64;
+        let cut = if end == 0 { best.1 } else { -best.1 };
+        clear.then(|| self.without_side(hint, depths, own, end, cut))
+    }
+
+    /// A cut moved to the edge itself where the side beyond it is seen, too: on that the pixels part not at the edge but a
+    /// little behind it.
+    fn without_side(&self, hint: &ShapeHint, depths: Depths, own: usize, end: usize, cut: f64) -> f64 {
+        let eye = self.camera.centre();
+        let (to_plane, c) = (hint.wall.distance(self.extents, eye) - depths.plane, hint.wall.coordinates(eye));
+        let from = if own == 0 { c.x } else { c.y };
+        let seen_from_inside = if end == 0 { from > cut } else { from < cut };
+        if seen_from_inside != (hint.kind == ShapeKind::Niche) || to_plane <= 0.0 {
+            return cut;
+        }
+        let behind = (1.0 - JUMP) * (depths.front - depths.behind).abs();
+        from + (cut - from) * (to_plane + behind) / to_plane
     }
 
     /// A block's side as the map has it, near to where the outline ends.
@@ -434,10 +550,16 @@ fn line(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     Some((low, rise))
 }
 
-/// Smallest and largest of some values; the outline's corners are few, so all count.
+/// The two sides of an outline from its corners: the mean of those near the outermost, which alone would be the one with
+/// the largest error outward.
 fn span(values: &[f64]) -> [f64; 2] {
     let (low, high) = values.iter().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
-    [low, high]
+    let near = SAME_SIDE.min((high - low) / 3.0);
+    let mean = |end: f64| {
+        let own: Vec<f64> = values.iter().copied().filter(|v| (v - end).abs() <= near).collect();
+        own.iter().sum::<f64>() / own.len().max(1) as f64
+    };
+    [mean(low), mean(high)]
 }
 
 /// Whether a point lies in a polygon (even-odd).
@@ -537,6 +659,36 @@ mod tests {
     }
 
     #[test]
+    fn an_outline_that_is_off_is_put_right_by_the_map() {
+        let niche = Niche {
+            kind: "niche".into(),
+            wall: Wall::Back,
+            sides: None,
+            min: Vec3::new(3.0, 0.8, -0.3),
+            max: Vec3::new(4.1, 1.9, 0.0),
+        };
+        let block =
+            Block { kind: "chimney breast".into(), min: Vec3::new(0.6, 0.0, 0.0), max: Vec3::new(1.8, 2.6, 0.4) };
+        let shape = RoomShape { niches: vec![niche], blocks: vec![block], ..RoomShape::default() };
+        let (room, camera) = (room(shape), camera());
+        // Corners up to 10 cm off, each in its own way.
+        let opening = outline(&camera, &[[2.93, 0.86, 0.0], [4.17, 0.74, 0.0], [4.04, 1.97, 0.0], [3.05, 1.83, 0.0]]);
+        let face = outline(&camera, &[[0.52, 0.05, 0.4], [1.88, 0.02, 0.4], [1.74, 2.55, 0.4], [0.66, 2.55, 0.4]]);
+        let hints = [
+            hint(ShapeKind::Niche, opening, 0.35, [false; 4]),
+            hint(ShapeKind::Block, face, 0.45, [true, true, false, false]),
+        ];
+        let xyz = map(&room, &camera, Vec3::ZERO);
+        let found = measure_shape(&hints, &camera, &room.extents, Some(MapInRoom { size: camera.size, xyz: &xyz }));
+        // A pixel of the map covers 2 cm of the wall.
+        let (got, block) = (&found.shape.niches[0], &found.shape.blocks[0]);
+        assert!((got.min - Vec3::new(3.0, 0.8, -0.3)).abs().max_element() < 0.02, "{got:?}");
+        assert!((got.max - Vec3::new(4.1, 1.9, 0.0)).abs().max_element() < 0.02, "{got:?}");
+        assert!((block.min - Vec3::new(0.6, 0.0, 0.0)).abs().max_element() < 0.02, "{block:?}");
+        assert!((block.max - Vec3::new(1.8, 2.6, 0.4)).abs().max_element() < 0.02, "{block:?}");
+    }
+
+    #[test]
     fn recesses_and_slopes_are_measured() {
         let niche = Niche {
             kind: "recess".into(),
@@ -557,8 +709,9 @@ mod tests {
         let xyz = map(&room, &camera, Vec3::ZERO);
         let found = measure_shape(&hints, &camera, &room.extents, Some(MapInRoom { size: camera.size, xyz: &xyz }));
         let got = &found.shape.niches[0];
-        assert!((got.min - Vec3::new(2.0, 0.5, -0.3)).length() < 0.02, "{got:?}");
-        assert!((got.max - Vec3::new(3.4, 2.1, 0.0)).length() < 0.02, "{got:?}");
+        // A pixel of the map covers 2 cm of the wall.
+        assert!((got.min - Vec3::new(2.0, 0.5, -0.3)).abs().max_element() < 0.02, "{got:?}");
+        assert!((got.max - Vec3::new(3.4, 2.1, 0.0)).abs().max_element() < 0.02, "{got:?}");
         let got = found.shape.slopes[0];
         assert!((got.low - 1.2).abs() < 0.02 && (got.run - 1.5).abs() < 0.03, "{got:?}");
         // Without a map the outline's corners tell, which lie five centimetres inside the slope; the depth is as told.

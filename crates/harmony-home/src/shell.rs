@@ -135,6 +135,7 @@ mod tests {
                 u: [1.0, 1.9],
                 y: [0.0, 2.0],
                 inset: 0.0,
+                rise: 0.0,
                 object: None,
             }],
             floor_texture: None,

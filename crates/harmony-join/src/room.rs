@@ -65,6 +65,7 @@ fn opening(sources: &[Source], joint: &Joint, t: &Thing) -> Option<Opening> {
         u,
         y,
         inset: found.inset * placing.ln_scale.exp(),
+        rise: found.rise * placing.ln_scale.exp(),
         object: Some(t.object.id.clone()),
     })
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec2};
-use harmony_scene::{Extents, OpeningKind, Room, RoomFace, Surface, WallPlane, clipped};
+use harmony_scene::{Extents, Opening, OpeningKind, Room, RoomFace, Surface, WallPlane, clipped};
 use image::RgbaImage;
 
 pub use trim::{CORNICE, Trim, Trims};
@@ -73,9 +73,9 @@ pub fn room_shell_with(
             let holes = holes(room, face);
             sheet.face(face, &holes);
         }
-        for (plane, hole, kind) in all_holes(room, surface) {
-            let depth = options.door_reveal.filter(|_| kind == OpeningKind::Door).unwrap_or(options.reveal);
-            sheet.reveals(plane, &hole, depth);
+        for hole in all_holes(room, surface) {
+            let depth = options.door_reveal.filter(|_| hole.kind == OpeningKind::Door).unwrap_or(options.reveal);
+            sheet.reveals(WallPlane { wall: hole.wall, inset: hole.inset }, &hole, depth);
         }
         let triangles = sheet.triangles;
         mesh.groups.push(Group { material: mesh.materials.len(), triangles });
@@ -108,6 +108,10 @@ struct Rect {
 }
 
 impl Rect {
+    fn of(hole: &Opening) -> Self {
+        Self { min: DVec2::new(hole.u[0], hole.y[0]), max: DVec2::new(hole.u[1], hole.y[1]) }
+    }
+
     fn contains(&self, p: DVec2) -> bool {
         p.cmpgt(self.min).all() && p.cmplt(self.max).all()
     }
@@ -116,25 +120,25 @@ impl Rect {
 /// Openings this near to a plane are cut into it, metres.
 const SAME_PLANE: f64 = 0.01;
 
-/// The openings of a wall with their planes, cut to the wall; those without area are left out.
-fn all_holes(room: &Room, surface: Surface) -> Vec<(WallPlane, Rect, OpeningKind)> {
+/// The openings of a wall, cut to the wall; those without area are left out.
+fn all_holes(room: &Room, surface: Surface) -> Vec<Opening> {
     let size = surface.size(&room.extents);
-    let holes = room.openings.iter().filter(|o| o.wall.surface() == surface).map(|o| {
-        let rect = Rect { min: DVec2::new(o.u[0], o.y[0]), max: DVec2::new(o.u[1], o.y[1]) };
-        (WallPlane { wall: o.wall, inset: o.inset }, rect, o.kind)
-    });
-    holes
-        .filter(|(_, r, _)| r.min.is_finite() && r.max.is_finite())
-        .map(|(plane, r, kind)| (plane, Rect { min: r.min.max(DVec2::ZERO), max: r.max.min(size) }, kind))
-        .filter(|(_, r, _)| (r.max - r.min).min_element() > 1e-6)
+    let own = room.openings.iter().filter(|o| o.wall.surface() == surface);
+    own.filter(|o| o.u.iter().chain(&o.y).all(|v| v.is_finite()))
+        .map(|o| {
+            let (u, y) = ([o.u[0].max(0.0), o.u[1].min(size.x)], [o.y[0].max(0.0), o.y[1].min(size.y)]);
+            Opening { u, y, ..o.clone() }
+        })
+        .filter(|o| (o.u[1] - o.u[0]).min(o.y[1] - o.y[0]) > 1e-6)
         .collect()
 }
 
 /// The openings that are cut into a face.
-fn holes(room: &Room, face: &RoomFace) -> Vec<Rect> {
+fn holes(room: &Room, face: &RoomFace) -> Vec<Opening> {
     let Some(plane) = face.plane(&room.extents) else { return Vec::new() };
-    let own = |p: &WallPlane| p.wall == plane.wall && (p.inset - plane.inset).abs() < SAME_PLANE;
-    all_holes(room, plane.wall.surface()).into_iter().filter(|(p, ..)| own(p)).map(|(_, r, _)| r).collect()
+    let mut all = all_holes(room, plane.wall.surface());
+    all.retain(|o| o.wall == plane.wall && (o.inset - plane.inset).abs() < SAME_PLANE);
+    all
 }
 
 /// The faces of one surface while their triangles are made.
@@ -152,10 +156,11 @@ impl<'a> Sheet<'a> {
         Self { surface, extents, mesh, triangles: Vec::new(), welded: HashMap::new() }
     }
 
-    /// A face: cells along the edges of its holes, without those inside a hole.
+    /// A face: cells along the edges of its holes, without those inside a hole, and what a rounded top leaves of its own.
     ///
     /// Neighbouring cells share their vertices, so a face has no T-junctions.
-    fn face(&mut self, face: &RoomFace, holes: &[Rect]) {
+    fn face(&mut self, face: &RoomFace, openings: &[Opening]) {
+        let holes: Vec<Rect> = openings.iter().map(Rect::of).collect();
         let Some(plane) = face.plane(self.extents).filter(|_| !holes.is_empty()) else {
             self.polygon(&face.polygon, face.normal);
             return;
@@ -167,6 +172,10 @@ impl<'a> Sheet<'a> {
             let inside = |at: &f64| *at > low[axis] && *at < high[axis];
             let mut at = vec![low[axis], high[axis]];
             at.extend(holes.iter().flat_map(|h| [h.min[axis], h.max[axis]]).filter(inside));
+            // An arch touches its rectangle at the top's middle and at its springing.
+            let arches = openings.iter().filter(|o| o.rounded() > 0.0);
+            let touches = |o: &Opening| if axis == 0 { f64::midpoint(o.u[0], o.u[1]) } else { o.y[1] - o.rounded() };
+            at.extend(arches.map(touches).filter(inside));
             at.sort_by(f64::total_cmp);
             at.dedup();
             at
@@ -185,23 +194,48 @@ impl<'a> Sheet<'a> {
                 self.polygon(&cell, face.normal);
             }
         }
+        for opening in openings.iter().filter(|o| o.rounded() > 0.0) {
+            self.spandrels(face, plane, &opening.top());
+        }
     }
 
-    /// The four sides of a hole, from the face outward, a door's threshold among them.
-    fn reveals(&mut self, plane: WallPlane, hole: &Rect, depth: f64) {
+    /// The wall between an arch and the corners of its rectangle, as fans around these.
+    fn spandrels(&mut self, face: &RoomFace, plane: WallPlane, arc: &[DVec2]) {
+        let high = arc[arc.len() / 2];
+        let halves = [(arc[0].x, &arc[..=arc.len() / 2]), (arc[arc.len() - 1].x, &arc[arc.len() / 2..])];
+        for (u, half) in halves {
+            let corner = plane.point(self.extents, u, high.y);
+            for pair in half.windows(2) {
+                let mut part = vec![corner];
+                part.extend(pair.iter().map(|p| plane.point(self.extents, p.x, p.y)));
+                // Only what lies on this face: an opening may go on over several.
+                let u = |p: DVec3| plane.coordinates(p).x;
+                let ends = face.polygon.iter().map(|p| u(*p));
+                let (low, top) = ends.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
+                let part = clipped(&part, |p| u(p) - low);
+                let part = clipped(&part, |p| top - u(p));
+                self.polygon(&part, face.normal);
+            }
+        }
+    }
+
+    /// The sides of a hole, from the face outward, a door's threshold among them.
+    fn reveals(&mut self, plane: WallPlane, hole: &Opening, depth: f64) {
         // NaN makes no reveals either.
         if depth.is_nan() || depth <= 0.0 {
             return;
         }
         let outward = -plane.normal() * depth;
-        let Rect { min, max } = *hole;
-        let corners = [min, DVec2::new(max.x, min.y), max, DVec2::new(min.x, max.y)];
+        let outline = hole.outline();
         let at = |p: DVec2| plane.point(self.extents, p.x, p.y);
-        let sides: Vec<([DVec3; 4], DVec3)> = (0..4)
+        let sides: Vec<([DVec3; 4], DVec3)> = (0..outline.len())
             .map(|i| {
-                let (a, b) = (corners[i], corners[(i + 1) % 4]);
-                let normal = (at((min + max) / 2.0) - at((a + b) / 2.0)).normalize_or(DVec3::Y);
-                ([at(a), at(b), at(b) + outward, at(a) + outward], normal)
+                let (a, b) = (at(outline[i]), at(outline[(i + 1) % outline.len()]));
+                // The outline runs round the hole with that on its left, seen with u to the right.
+                let along = at(DVec2::X) - at(DVec2::ZERO);
+                let turned = along.cross(DVec3::Y).dot(plane.normal());
+                let side = plane.normal().cross(b - a) * turned.signum();
+                ([a, b, b + outward, a + outward], side.normalize_or(DVec3::Y))
             })
             .collect();
         for (side, normal) in sides {
@@ -246,7 +280,7 @@ mod tests {
     use harmony_scene::{Opening, OpeningKind, Wall};
 
     fn room() -> Room {
-        let opening = |kind, wall, u, y| Opening { kind, wall, u, y, inset: 0.0, object: None };
+        let opening = |kind, wall, u, y| Opening { kind, wall, u, y, inset: 0.0, rise: 0.0, object: None };
         Room {
             room_type: "bedroom".into(),
             extents: Extents { width: 4.0, height: 2.5, depth: 5.0 },
@@ -312,6 +346,50 @@ mod tests {
         assert!(near_corner, "the top left of the back wall has uv (0, 0)");
         let jamb = bvh.raycast(DVec3::new(1.5, 1.4, -0.05), DVec3::X, 10.0).unwrap();
         assert!((jamb.distance - 0.5).abs() < 1e-6 && jamb.normal.x < -0.99, "the reveal faces into the opening");
+    }
+
+    #[test]
+    fn an_arch_is_open_below_its_curve_and_wall_above_it() {
+        let mut room = room();
+        let (half, y1) = (0.6, 2.2);
+        let arched = |wall, u: f64, rise| Opening {
+            kind: OpeningKind::Door,
+            wall,
+            u: [u - half, u + half],
+            y: [0.0, y1],
+            inset: 0.0,
+            rise,
+            object: None,
+        };
+        for wall in Wall::ALL {
+            for rise in [0.6, 0.25, 5.0] {
+                room.openings = vec![arched(wall, 1.5, rise)];
+                let mesh = room_shell(&room, &|_| None);
+                mesh.check().unwrap();
+                let bvh = Bvh::new(&mesh);
+                let eye = DVec3::new(2.0, 1.2, 2.5);
+                let passes = |u: f64, y: f64| {
+                    let way = wall.point(&room.extents, u, y) - eye;
+                    !bvh.any_hit(eye, way, way.length() + 1e-3)
+                };
+                // A circle through both springings and the top.
+                let rise = rise.min(half);
+                let radius = (half * half + rise * rise) / (2.0 * rise);
+                for u in [-0.55, -0.3, 0.0, 0.2, 0.5_f64] {
+                    let top = y1 - radius + (radius * radius - u * u).sqrt();
+                    assert!(passes(1.5 + u, top - 0.03), "{wall:?} {rise} {u}: open under {top}");
+                    assert!(!passes(1.5 + u, top + 0.03), "{wall:?} {rise} {u}: wall over {top}");
+                }
+                assert!(!passes(1.5, y1 + 0.02) && !passes(1.5 + half + 0.02, 1.0) && passes(1.5, 0.02));
+                // Every reveal looks into the hole.
+                let middle = wall.point(&room.extents, 1.45, 1.0) - wall.normal() * 0.05;
+                for direction in [DVec3::Y, DVec3::NEG_Y, wall.normal().cross(DVec3::Y), DVec3::Y.cross(wall.normal())]
+                {
+                    let hit = bvh.raycast(middle, direction, 3.0).unwrap();
+                    assert!(hit.normal.dot(direction) < -0.9, "{wall:?} {direction}: {}", hit.normal);
+                }
+            }
+        }
     }
 
     #[test]

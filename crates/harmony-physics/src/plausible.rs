@@ -369,7 +369,7 @@ mod tests {
     }
 
     fn door(wall: Wall, u: [f64; 2]) -> Opening {
-        Opening { kind: OpeningKind::Door, wall, u, y: [0.0, 2.0], inset: 0.0, object: None }
+        Opening { kind: OpeningKind::Door, wall, u, y: [0.0, 2.0], inset: 0.0, rise: 0.0, object: None }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! cut out; blocks as they are; slopes as wedges.
 
 use harmony_mesh::shell_material_name;
-use harmony_scene::{Room, Surface, Vec2, Vec3, Wall};
+use harmony_scene::{Opening, Room, Surface, Vec2, Vec3, Wall};
 
 use crate::hull::Hull;
 
@@ -96,6 +96,8 @@ fn face(room: &Room, surface: Surface) -> Vec<Hull> {
         }))
         .filter(|(a, b)| a.is_finite() && b.is_finite() && (*b - *a).min_element() > 1e-3)
         .collect();
+    let arches = room.openings.iter().filter(|o| Some(o.wall) == surface.wall() && o.inset.abs() < 0.01);
+    let arches: Vec<Hull> = arches.flat_map(|o| spandrels(room, o)).collect();
     rectangles(low, high, &holes)
         .into_iter()
         .map(|(a, b)| {
@@ -104,6 +106,25 @@ fn face(room: &Room, surface: Surface) -> Vec<Hull> {
             let (low, high) = (p.min(q), p.max(q));
             Hull::cuboid(low.min(low + out), high.max(high + out))
         })
+        .chain(arches)
+        .collect()
+}
+
+/// The wall between an arch and the corners of its rectangle: prisms around these, over the chords of the arch.
+fn spandrels(room: &Room, opening: &Opening) -> Vec<Hull> {
+    if opening.rounded() <= 0.0 {
+        return Vec::new();
+    }
+    let (wall, arc) = (opening.wall, opening.top());
+    let middle = arc.len() / 2;
+    let fans = [(arc[0].x, &arc[..=middle]), (arc[arc.len() - 1].x, &arc[middle..])];
+    let prism = |corner: Vec2, chord: &[Vec2]| {
+        let foot = [corner, chord[0], chord[1]].map(|p| wall.point(&room.extents, p.x, p.y));
+        Hull::of(&[foot, foot.map(|p| p - wall.normal() * SHELL_M)].concat())
+    };
+    let prism = &prism;
+    fans.into_iter()
+        .flat_map(|(u, half)| half.windows(2).filter_map(move |chord| prism(Vec2::new(u, opening.y[1]), chord)))
         .collect()
 }
 
@@ -134,7 +155,7 @@ fn rectangles(low: Vec2, high: Vec2, holes: &[(Vec2, Vec2)]) -> Vec<(Vec2, Vec2)
 mod tests {
     use super::*;
     use crate::testing::room;
-    use harmony_scene::{Opening, OpeningKind, Vec3, Wall};
+    use harmony_scene::{OpeningKind, Vec3, Wall};
 
     fn inside(hulls: &[Hull], p: Vec3) -> bool {
         hulls.iter().any(|h| h.outside(p) < 0.0)
@@ -150,6 +171,7 @@ mod tests {
                 u: [1.0, 1.9],
                 y: [0.0, 2.0],
                 inset: 0.0,
+                rise: 0.0,
                 object: None,
             },
             Opening {
@@ -158,6 +180,7 @@ mod tests {
                 u: [2.5, 9.9],
                 y: [0.9, 2.0],
                 inset: 0.0,
+                rise: 0.0,
                 object: None,
             },
         ];
@@ -174,6 +197,30 @@ mod tests {
         let floor = &all.iter().find(|(n, _)| n == "floor").unwrap().1;
         assert_eq!(floor.len(), 1);
         assert!((floor[0].bounds().1.y).abs() < 1e-12 && floor[0].bounds().0.x < 0.0);
+    }
+
+    #[test]
+    fn under_an_arch_one_walks_and_beside_it_is_wall() {
+        let mut room = room();
+        room.openings = vec![Opening {
+            kind: OpeningKind::Door,
+            wall: Wall::Back,
+            u: [1.0, 2.0],
+            y: [0.0, 2.0],
+            inset: 0.0,
+            rise: 0.5,
+            object: None,
+        }];
+        let all = shell(&room);
+        let back = &all.iter().find(|(n, _)| n == "wall_back").unwrap().1;
+        assert!(back.iter().all(Hull::is_sound));
+        // A half circle of 0.5 m around (1.5, 1.5): the chords lie up to 1 cm inside it.
+        for (u, y) in [(1.5, 1.98), (1.15, 1.82), (1.85, 1.82), (1.02, 1.4)] {
+            assert!(!inside(back, Vec3::new(u, y, -0.1)), "{u} {y} is open");
+        }
+        for (u, y) in [(1.5, 2.02), (1.1, 1.85), (1.9, 1.85), (1.02, 1.9), (0.98, 1.0)] {
+            assert!(inside(back, Vec3::new(u, y, -0.1)), "{u} {y} is wall");
+        }
     }
 
     #[test]

@@ -15,6 +15,7 @@ use serde_json::Value;
 use crate::Phase;
 use crate::filter::Filtered;
 use crate::steps::programs::Program;
+use crate::steps::surfaces::Beyond;
 use crate::views::Gallery;
 
 /// One thing in the room. It gains fields as it goes: found and masked, inspected, modelled, placed (then
@@ -178,6 +179,8 @@ pub struct SceneState {
     pub objects: BTreeMap<ObjectId, Object>,
     /// Textures of the room's faces.
     pub surfaces: BTreeMap<Surface, Arc<RgbaImage>>,
+    /// What the photo shows through passages.
+    pub beyond: Vec<Beyond>,
     /// Boards along the walls.
     pub trims: Trims,
     /// Pixels of what was found and then left out, by label: not in the scene, and no bare room either.

@@ -41,7 +41,7 @@ pub fn empty_room() -> SceneState {
         photo: Arc::new(RgbImage::from_pixel(size.width, size.height, Rgb([128; 3]))),
         photo_frame: Arc::new(Mask::empty(size)),
         layout: Layout {
-            answer: LayoutAnswer::example(),
+            answer: LayoutAnswer { walls: Vec::new(), ..LayoutAnswer::example() },
             evidence: Value::Null,
             method: "made up".to_owned(),
             confidence: 1.0,
@@ -50,6 +50,7 @@ pub fn empty_room() -> SceneState {
         partial: PartialScene::new(room, camera, None, None),
         objects: BTreeMap::new(),
         surfaces: BTreeMap::new(),
+        beyond: Vec::new(),
         trims: harmony_mesh::Trims::default(),
         rejected: Vec::new(),
         left: Vec::new(),

@@ -15,6 +15,7 @@ use harmony_scene::{Camera, ImageSize, Intrinsics, PixelBox, Pose, Room, Size, S
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 
 use crate::state::{Object, SceneState};
+use crate::steps::surfaces::{Beyond, panes};
 
 /// Colour of what is outside the room.
 pub const OUTSIDE_RGB: [u8; 3] = [235, 238, 242];
@@ -24,7 +25,13 @@ const OUTSIDE: [u8; 4] = [OUTSIDE_RGB[0], OUTSIDE_RGB[1], OUTSIDE_RGB[2], 255];
 pub fn shell(state: &SceneState, omit: Vec<Surface>) -> Mesh {
     let textures = |surface: Surface| state.surfaces.get(&surface).cloned();
     let options = ShellOptions { omit, trims: state.trims, ..ShellOptions::default() };
-    room_shell_with(&state.partial.room, &textures, &options)
+    let omitted = |o: &Beyond| options.omit.contains(&o.opening.wall.surface());
+    let beyond: Vec<Beyond> = state.beyond.iter().filter(|o| !omitted(o)).cloned().collect();
+    let mut shell = room_shell_with(&state.partial.room, &textures, &options);
+    if !beyond.is_empty() {
+        shell.append(&panes(&beyond, &state.partial.room.extents));
+    }
+    shell
 }
 
 /// What the scene draws, the shell first.
@@ -95,6 +102,7 @@ struct Shown {
     room: Room,
     surfaces: Vec<(Surface, Arc<RgbaImage>)>,
     trims: Trims,
+    beyond: Vec<Arc<RgbaImage>>,
     objects: Vec<(u32, Pose, Arc<Mesh>)>,
 }
 
@@ -108,6 +116,7 @@ impl Shown {
             camera: state.partial.camera,
             room: state.partial.room.clone(),
             trims: state.trims,
+            beyond: state.beyond.iter().map(|b| Arc::clone(&b.picture)).collect(),
             surfaces: state.surfaces.iter().map(|(surface, texture)| (*surface, Arc::clone(texture))).collect(),
             objects: objects.collect(),
         }
@@ -118,6 +127,8 @@ impl Shown {
         self.camera == other.camera
             && self.room == other.room
             && self.trims == other.trims
+            && self.beyond.len() == other.beyond.len()
+            && self.beyond.iter().zip(&other.beyond).all(|(a, b)| Arc::ptr_eq(a, b))
             && self.surfaces.len() == other.surfaces.len()
             && self.surfaces.iter().zip(&other.surfaces).all(|(a, b)| a.0 == b.0 && Arc::ptr_eq(&a.1, &b.1))
             && self.objects.len() == other.objects.len()

@@ -121,23 +121,40 @@ pub struct LayoutWall {
     pub height_m: f64,
     /// What it is made of, in words.
     pub surface: String,
-    /// Doors and windows in it.
+    /// Doors, windows and passages in it.
     #[serde(default)]
     pub openings: Vec<LayoutOpening>,
 }
 
-/// A door or window in a wall.
+/// What an opening is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum LayoutOpeningKind {
+    Window,
+    Door,
+    /// Open, without a leaf, into another room (beyond the paper).
+    Passage,
+}
+
+/// A door, window or passage in a wall.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LayoutOpening {
-    /// window or door.
-    pub kind: harmony_scene::OpeningKind,
+    /// window, door or passage.
+    pub kind: LayoutOpeningKind,
     /// Metres.
     pub width_m: f64,
     /// Metres.
     pub height_m: f64,
     /// From the wall's left end, metres.
     pub offset_m: f64,
+    /// A passage's outline in the photo, 0..1000, in order; empty for others (beyond the paper).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub face: Vec<[f64; 2]>,
+    /// How much higher the middle of a rounded top is than its ends, metres; null when straight (beyond the paper).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arch_m: Option<f64>,
 }
 
 /// On which side of the deepest corner the back wall lies.
@@ -328,12 +345,24 @@ impl LayoutAnswer {
                 length_m: 3.6,
                 height_m: 2.6,
                 surface: "painted plaster".into(),
-                openings: vec![LayoutOpening {
-                    kind: harmony_scene::OpeningKind::Window,
-                    width_m: 1.2,
-                    height_m: 1.3,
-                    offset_m: 1.0,
-                }],
+                openings: vec![
+                    LayoutOpening {
+                        kind: LayoutOpeningKind::Window,
+                        width_m: 1.2,
+                        height_m: 1.3,
+                        offset_m: 1.0,
+                        face: vec![],
+                        arch_m: None,
+                    },
+                    LayoutOpening {
+                        kind: LayoutOpeningKind::Passage,
+                        width_m: 1.0,
+                        height_m: 2.1,
+                        offset_m: 2.5,
+                        face: vec![[790.0, 668.0], [792.0, 330.0], [850.0, 290.0], [908.0, 334.0], [910.0, 680.0]],
+                        arch_m: Some(0.25),
+                    },
+                ],
             }],
             camera: LayoutCamera {
                 height_m: 1.5,
@@ -411,11 +440,28 @@ impl LayoutAnswer {
         for feature in &self.shape {
             feature.check()?;
         }
+        for opening in self.walls.iter().flat_map(|w| &w.openings) {
+            opening.check()?;
+        }
         if let Some(p) = self.camera.corner_px {
             in_range("camera.corner_px x", p[0], -200.0, 1200.0)?;
             in_range("camera.corner_px y", p[1], -200.0, 1200.0)?;
         }
         Ok(())
+    }
+}
+
+impl LayoutOpening {
+    fn check(&self) -> Result<(), String> {
+        if self.kind == LayoutOpeningKind::Passage && self.face.len() < 3 {
+            let given = self.face.len();
+            return Err(format!("the outline of a passage has {given} corner(s); three or more are needed"));
+        }
+        for p in &self.face {
+            in_range("an opening corner's x", p[0], -500.0, 1500.0)?;
+            in_range("an opening corner's y", p[1], -500.0, 1500.0)?;
+        }
+        self.arch_m.map_or(Ok(()), |arch| in_range("an opening's arch_m", arch, 0.0, 3.0))
     }
 }
 

@@ -39,9 +39,9 @@ pub use last_look::{
 };
 pub use layout::{
     BackWallSide, FloorTexture, KnownDepth, LayoutAnswer, LayoutCamera, LayoutFeature, LayoutFeatureKind,
-    LayoutOpening, LayoutPart, LayoutPartKind, LayoutPattern, LayoutPatternKind, LayoutPin, LayoutQuestion,
-    LayoutReach, LayoutRoom, LayoutSurface, LayoutTrim, LayoutTrims, LayoutWall, PinKind, SurfaceName, UnaidedRoom,
-    WallTexture,
+    LayoutOpening, LayoutOpeningKind, LayoutPart, LayoutPartKind, LayoutPattern, LayoutPatternKind, LayoutPin,
+    LayoutQuestion, LayoutReach, LayoutRoom, LayoutSurface, LayoutTrim, LayoutTrims, LayoutWall, PinKind, SurfaceName,
+    UnaidedRoom, WallTexture,
 };
 pub use lighting::{LightingReviewQuestion, LightsQuestion, SeenObject};
 pub use list::{ListAnswer, ListQuestion, ListedInstance, ListedItem, RoomView};

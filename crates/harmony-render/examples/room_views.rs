@@ -12,7 +12,7 @@ use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Opening, OpeningKind
 use image::{Rgba, RgbaImage};
 
 fn room() -> Room {
-    let opening = |kind, wall, u, y| Opening { kind, wall, u, y, inset: 0.0, object: None };
+    let opening = |kind, wall, u, y| Opening { kind, wall, u, y, inset: 0.0, rise: 0.0, object: None };
     Room {
         room_type: "living_room".into(),
         extents: Extents { width: 4.5, height: 2.6, depth: 5.5 },

@@ -239,7 +239,8 @@ fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
-/// A rectangular hole in a wall.
+/// A hole in a wall: a rectangle, perhaps with a rounded top. A door without an object is a passage: open, without a
+/// leaf.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Opening {
     /// What it is.
@@ -253,9 +254,55 @@ pub struct Opening {
     /// How far before the wall the plane is that it is cut into, metres: on a block's face; negative in a niche.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub inset: f64,
+    /// How far its top is rounded, metres: height of the middle over the ends of the arch; 0 is straight, half the width
+    /// a half circle.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub rise: f64,
     /// The window or door object that fills it.
     pub object: Option<ObjectId>,
 }
+
+/// Chords that an arch is drawn with.
+const ARCH_CHORDS: usize = 16;
+
+impl Opening {
+    /// Whether it is open, without a leaf or pane.
+    pub fn is_passage(&self) -> bool {
+        self.kind == OpeningKind::Door && self.object.is_none()
+    }
+
+    /// How far the top is rounded: not more than a half circle, nor than the opening is high; 0 when straight.
+    pub fn rounded(&self) -> f64 {
+        let most = ((self.u[1] - self.u[0]) / 2.0).min(self.y[1] - self.y[0]);
+        if self.rise > ROUNDED && most > ROUNDED { self.rise.min(most) } else { 0.0 }
+    }
+
+    /// Points `(u, y)` along the top from its low-u end to the other: an arc of a circle, or the two corners.
+    pub fn top(&self) -> Vec<DVec2> {
+        let ([a, b], [_, high], rise) = (self.u, self.y, self.rounded());
+        if rise <= 0.0 {
+            return vec![DVec2::new(a, high), DVec2::new(b, high)];
+        }
+        let (middle, half) = (f64::midpoint(a, b), (b - a) / 2.0);
+        let radius = (half * half + rise * rise) / (2.0 * rise);
+        let (centre, turn) = (high - radius, (half / radius).clamp(-1.0, 1.0).asin());
+        (0..=ARCH_CHORDS)
+            .map(|k| {
+                let angle = turn * (2.0 * k as f64 / ARCH_CHORDS as f64 - 1.0);
+                DVec2::new(middle + radius * angle.sin(), centre + radius * angle.cos())
+            })
+            .collect()
+    }
+
+    /// Its outline `(u, y)`: along the bottom, up, and back along the top.
+    pub fn outline(&self) -> Vec<DVec2> {
+        let bottom = [DVec2::new(self.u[0], self.y[0]), DVec2::new(self.u[1], self.y[0])];
+        bottom.into_iter().chain(self.top().into_iter().rev()).collect()
+    }
+}
+
+/// Tops rounded by less than this are straight, metres.
+const ROUNDED: f64 = 0.01;
 
 /// What a room surface is made of (layout answer, STEP 4).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -4,6 +4,9 @@
 //! room's axes but the slopes, which are level along one wall. [`Room::faces`] turns it into flat faces. Key
 //! `layout.shape`.
 
+use std::cell::RefCell;
+use std::sync::Arc;
+
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,6 +15,10 @@ use crate::{Extents, Ray, Room, Surface, Wall};
 
 /// Lengths below this are none, metres.
 const EPS: f64 = 1e-6;
+/// Nothing stands against a plane that meets the floor over less than this, metres.
+const SHORTEST_FOOT: f64 = 0.15;
+/// Rooms whose faces a thread keeps.
+const KEPT: usize = 4;
 /// A block whose side is this near to a wall of the box touches it, metres.
 const TOUCH: f64 = 1e-3;
 
@@ -148,6 +155,11 @@ impl RoomFace {
         Some(WallPlane { wall, inset: wall.distance(extents, *self.polygon.first()?) })
     }
 
+    /// Whether a point lies in it, with so much slack across its plane and none along it.
+    pub fn contains(&self, p: DVec3, slack: f64) -> bool {
+        (p - self.polygon[0]).dot(self.normal).abs() <= slack && self.holds(p)
+    }
+
     /// Whether a point of its plane lies in it.
     fn holds(&self, p: DVec3) -> bool {
         let n = self.polygon.len();
@@ -201,7 +213,7 @@ impl Exit {
 #[derive(Debug, Clone, PartialEq)]
 pub struct RoomFaces {
     /// The faces; empty for a box.
-    faces: Vec<RoomFace>,
+    faces: Arc<Vec<RoomFace>>,
     extents: Extents,
 }
 
@@ -209,7 +221,7 @@ impl RoomFaces {
     /// Where a ray that starts inside leaves the room.
     pub fn exit(&self, ray: &Ray) -> Option<Exit> {
         let mut best: Option<(f64, &RoomFace)> = None;
-        for face in &self.faces {
+        for face in self.faces.iter() {
             let towards = ray.direction.dot(face.normal);
             if towards > -1e-12 {
                 continue;
@@ -273,7 +285,7 @@ impl RoomFaces {
 impl From<Extents> for RoomFaces {
     /// A room that is a box.
     fn from(extents: Extents) -> Self {
-        Self { faces: Vec::new(), extents }
+        Self { faces: Arc::default(), extents }
     }
 }
 
@@ -340,8 +352,25 @@ enum At<'a> {
 impl Room {
     /// The faces of the room, ready for many questions.
     pub fn faces(&self) -> RoomFaces {
-        let faces = if self.shape.is_box() { Vec::new() } else { self.all_faces() };
+        let faces = if self.shape.is_box() { Arc::default() } else { self.known_faces() };
         RoomFaces { faces, extents: self.extents }
+    }
+
+    /// [`Room::all_faces`], kept for the rooms that this thread asked about last: placement asks thousands of times about
+    /// the same few.
+    fn known_faces(&self) -> Arc<Vec<RoomFace>> {
+        thread_local! {
+            static KNOWN: RefCell<Vec<(Extents, RoomShape, Arc<Vec<RoomFace>>)>> = const { RefCell::new(Vec::new()) };
+        }
+        KNOWN.with_borrow_mut(|known| {
+            if let Some((.., faces)) = known.iter().find(|(e, s, _)| *e == self.extents && *s == self.shape) {
+                return Arc::clone(faces);
+            }
+            let faces = Arc::new(self.all_faces());
+            known.truncate(KEPT - 1);
+            known.insert(0, (self.extents, self.shape.clone(), Arc::clone(&faces)));
+            faces
+        })
     }
 
     /// Flat, convex faces that together close the room's free space; openings are not cut out.
@@ -465,7 +494,7 @@ impl Room {
             return vec![wall.into()];
         }
         let mut out: Vec<(WallPlane, f64)> = Vec::new();
-        for face in self.all_faces() {
+        for face in self.known_faces().iter() {
             let Some(plane) = face.plane(&self.extents).filter(|p| p.wall == wall) else { continue };
             let area = area(&face.polygon);
             match out.iter_mut().find(|(p, _)| (p.inset - plane.inset).abs() < TOUCH) {
@@ -477,6 +506,30 @@ impl Room {
         out.into_iter().map(|(plane, _)| plane).collect()
     }
 
+    /// Those of [`Room::planes`] that furniture can stand against: they come down to the floor, over more than a hand's
+    /// breadth.
+    pub fn standing_planes(&self, wall: Wall) -> Vec<WallPlane> {
+        if self.shape.is_box() {
+            return vec![wall.into()];
+        }
+        let faces = self.known_faces();
+        let foot = |plane: &WallPlane| {
+            let own = faces.iter().filter(|f| {
+                let same = |p: WallPlane| p.wall == wall && (p.inset - plane.inset).abs() < TOUCH;
+                f.plane(&self.extents).is_some_and(same)
+            });
+            own.map(|f| {
+                let feet = f.polygon.iter().filter(|p| p.y < EPS).map(|p| wall.coordinates(*p).x);
+                let (low, high) = feet.fold((f64::MAX, f64::MIN), |(l, h), u| (l.min(u), h.max(u)));
+                (high - low).max(0.0)
+            })
+            .sum::<f64>()
+        };
+        let mut planes = self.planes(wall);
+        planes.retain(|p| foot(p) > SHORTEST_FOOT);
+        if planes.is_empty() { vec![wall.into()] } else { planes }
+    }
+
     /// The plane behind an object that is held by, or has its back to, a wall: of those that cover its place along the
     /// wall, the nearest to it; the box's own wall when none does.
     pub fn plane_behind(&self, wall: Wall, at: DVec3) -> WallPlane {
@@ -485,7 +538,7 @@ impl Room {
         }
         let here = wall.coordinates(at);
         let away = |p: &WallPlane| p.distance(&self.extents, at).abs();
-        self.all_faces()
+        self.known_faces()
             .iter()
             .filter_map(|face| {
                 let plane = face.plane(&self.extents).filter(|p| p.wall == wall)?;
@@ -651,6 +704,39 @@ mod tests {
         assert_eq!(at(4.0, 1.6), 1.5);
         assert_eq!(r.plane_behind(Wall::Right, DVec3::new(2.9, 1.0, 0.7)).inset, 2.0);
         assert_eq!(r.plane_behind(Wall::Right, DVec3::new(4.9, 1.0, 3.0)).inset, 0.0);
+    }
+
+    #[test]
+    fn nothing_stands_against_a_niche() {
+        let shape = RoomShape {
+            blocks: vec![block("chimney breast", [2.0, 0.0, 0.0], [3.2, 2.6, 0.4])],
+            niches: vec![niche(Wall::Back, [0.5, 0.8, -0.3], [1.2, 1.8, 0.0])],
+            slopes: vec![],
+        };
+        let r = room(shape);
+        let insets = |planes: Vec<WallPlane>| {
+            let mut out: Vec<f64> = planes.iter().map(|p| p.inset).collect();
+            out.sort_by(f64::total_cmp);
+            out
+        };
+        assert_eq!(insets(r.planes(Wall::Back)), [-0.3, 0.0, 0.4]);
+        assert_eq!(insets(r.standing_planes(Wall::Back)), [0.0, 0.4]);
+        assert_eq!(r.standing_planes(Wall::Front).len(), 1);
+        // The breast's side looks as the left wall does, and is 40 cm long.
+        assert_eq!(insets(r.standing_planes(Wall::Left)), [0.0, 3.2]);
+    }
+
+    #[test]
+    fn what_is_kept_of_a_room_is_not_told_of_another() {
+        let mut r =
+            room(RoomShape { blocks: vec![block("corner", [3.0, 0.0, 0.0], [5.0, 2.6, 1.5])], ..RoomShape::default() });
+        let insets = |r: &Room| r.planes(Wall::Back).iter().map(|p| p.inset).fold(0.0, f64::max);
+        assert_eq!(insets(&r), 1.5);
+        r.shape.blocks[0].max.z = 1.2;
+        assert_eq!(insets(&r), 1.2);
+        r.extents.depth = 6.0;
+        assert_eq!(r.planes(Wall::Front).len(), 1);
+        assert!(r.faces().all().iter().flat_map(|f| &f.polygon).any(|p| p.z == 6.0));
     }
 
     #[test]

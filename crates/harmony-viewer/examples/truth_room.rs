@@ -167,6 +167,7 @@ fn room_and_lights(v: &Value) -> Result<(Room, Lighting)> {
             u: [number(&o["u0"]), number(&o["u1"])],
             y: [number(&o["y0"]), number(&o["y1"])],
             inset: 0.0,
+            rise: 0.0,
             object: None,
         });
     }

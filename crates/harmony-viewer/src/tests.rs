@@ -33,6 +33,7 @@ fn scene(text: &str) -> Scene {
                 u: [1.0, 2.0],
                 y: [0.9, 2.1],
                 inset: 0.0,
+                rise: 0.0,
                 object: None,
             }],
             floor_texture: texture(),

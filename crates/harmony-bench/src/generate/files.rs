@@ -13,8 +13,11 @@ use image::{ExtendedColorType, ImageEncoder, RgbImage};
 use serde_json::{Value, json};
 
 use super::archive::{Entry, archive};
+use super::form::room_of;
 use super::layout::Level;
-use super::{GeneratedObject, GeneratedRoom, LightKind, RoomLight};
+use super::outline::shape;
+use super::shell::LEDGE;
+use super::{GeneratedObject, GeneratedOpening, GeneratedRoom, LightKind, RoomLight};
 
 /// A room could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -100,13 +103,13 @@ fn welded(mesh: &Mesh) -> (Vec<Vec3>, Vec<[u32; 3]>) {
 }
 
 /// Rounded for a person to read.
-fn round(v: f64, digits: i32) -> f64 {
+pub(super) fn round(v: f64, digits: i32) -> f64 {
     let k = 10_f64.powi(digits);
     // Adding zero turns -0 into 0.
     (v * k).round() / k + 0.0
 }
 
-fn list(v: DVec3, digits: i32) -> Value {
+pub(super) fn list(v: DVec3, digits: i32) -> Value {
     json!(v.to_array().map(|c| round(c, digits)))
 }
 
@@ -127,6 +130,15 @@ fn camera(c: &Camera, yaw: f64, pitch: f64) -> Value {
         "convention": "OpenCV; x_cam = R x_room + t; the centre of the top-left pixel is (0.5, 0.5)",
         "distortion": null,
     })
+}
+
+/// Name of an opening's kind.
+pub(super) fn kind_of(opening: &GeneratedOpening) -> &'static str {
+    match (opening.door, &opening.object) {
+        (true, None) => "passage",
+        (true, Some(_)) => "door",
+        (false, _) => "window",
+    }
 }
 
 /// Fewest pixels of a wall that counts as in view.
@@ -150,17 +162,24 @@ fn room_json(room: &GeneratedRoom) -> Value {
         .openings
         .iter()
         .map(|o| {
-            json!({
-                "kind": if o.door { "door" } else { "window" },
+            let mut entry = json!({
+                "kind": kind_of(o),
                 "wall": o.wall.surface().name(),
                 "u0": round(o.u[0], 6), "u1": round(o.u[1], 6), "y0": round(o.y[0], 6), "y1": round(o.y[1], 6),
-                "cut": !o.door,
+                "cut": !o.door || o.object.is_none(),
                 "object": o.object,
-            })
+            });
+            if let Some(plane) = o.plane {
+                entry["plane"] = json!(round(plane, 6));
+            }
+            if o.object.is_none() {
+                entry["rise"] = json!(round(o.rise, 6));
+            }
+            entry
         })
         .collect();
     let lights: Vec<Value> = room.lights.iter().map(|l| light(room, l)).collect();
-    json!({
+    let mut out = json!({
         "W": room.extents.width,
         "D": room.extents.depth,
         "H": room.extents.height,
@@ -177,7 +196,12 @@ fn room_json(room: &GeneratedRoom) -> Value {
             "floor": 1, "ceiling": 2, "wall_back": 3, "wall_right": 4, "wall_front": 5, "wall_left": 6,
             "skirting": 7, "outside": 8,
         },
-    })
+    });
+    if !room.shape.is_box() {
+        out["shape"] = shape(&room_of(room.extents, room.shape.clone()), &room.openings);
+        out["shell_ids"]["ledge"] = json!(LEDGE);
+    }
+    out
 }
 
 fn light(room: &GeneratedRoom, l: &RoomLight) -> Value {
@@ -205,7 +229,7 @@ fn object(o: &GeneratedObject) -> Value {
     let centre = if centred { o.position } else { o.position + DVec3::Y * o.size.y / 2.0 };
     let yaw = (o.yaw + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
     let relations: Vec<Value> = o.relations.iter().map(|(k, t)| json!({ "type": k, "target": t })).collect();
-    json!({
+    let mut out = json!({
         "id": o.id,
         "index": o.index,
         "level": o.level.name(),
@@ -228,7 +252,11 @@ fn object(o: &GeneratedObject) -> Value {
         "model": "procedural",
         "model_code": "procedural",
         "boxes_may_overlap": o.boxes_may_overlap,
-    })
+    });
+    if let Some(plane) = o.wall_plane {
+        out["wall_plane"] = json!(round(plane, 6));
+    }
+    out
 }
 
 fn credits(room: &GeneratedRoom) -> String {

@@ -4,8 +4,9 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
-use harmony_scene::Wall;
+use harmony_scene::{Wall, WallPlane};
 
+use super::form::{RECESS_MARGIN, WINDOW_RECESS};
 use super::layout::{Facing, Hole, Level};
 use super::pieces::{self, Piece};
 use super::rooms::{Decorator, RoomKind};
@@ -21,6 +22,7 @@ impl Decorator<'_> {
             let piece = self.make(|d, p| pieces::door(d, p, door.width as f32, door.height as f32));
             self.hang_door(&piece, door.wall, door.u, door.height);
         }
+        self.recessed_windows();
         let walls = fixed.map_or(IN_VIEW.to_vec(), |f| f.outside.clone());
         let windows = if kind == RoomKind::Bathroom { self.dice.int(0, 1) } else { self.dice.int(1, 2) };
         let windows = if walls.is_empty() { 0 } else { windows };
@@ -39,20 +41,24 @@ impl Decorator<'_> {
             let half = f64::from(w) / 2.0 + 0.12;
             let far = if wall == Wall::Back { length - half } else { (length * 0.8).min(length - half) };
             let u = self.dice.range(half, far.max(half + 0.01));
-            let centre = wall.point(&e, u, f64::from(sill) - opening_bottom(&piece)) + wall.normal() * depth;
-            let Some(item) = self.plan.on_wall_at(&piece, wall, centre, &[]) else { continue };
+            let plane = self.plan.plane_at(wall, u);
+            if !self.plan.may_open(plane, u) {
+                continue;
+            }
+            let centre = plane.point(&e, u, f64::from(sill) - opening_bottom(&piece)) + wall.normal() * depth;
+            let Some(item) = self.plan.on_wall_at(&piece, plane, centre, &[]) else { continue };
             let uv = [u - f64::from(w) / 2.0, u + f64::from(w) / 2.0];
             let y = [f64::from(sill), f64::from(sill + h)];
-            self.plan.holes.push(Hole { door: false, wall, u: uv, y, item });
-            let (a, b) = (wall.point(&e, uv[0], y[0]), wall.point(&e, uv[1], y[1]));
+            self.plan.holes.push(Hole { door: false, wall, inset: plane.inset, u: uv, y, item });
+            let (a, b) = (plane.point(&e, uv[0], y[0]), plane.point(&e, uv[1], y[1]));
             self.plan.reserve(a - wall.normal() * 0.1, b + wall.normal() * 0.25);
             if hanging && !tall && kind != RoomKind::Bathroom && kind != RoomKind::Kitchen {
                 let high = ((y[1] + 0.16).min(e.height - 0.05) - if self.dice.chance(0.6) { 0.06 } else { 0.5 }) as f32;
                 let cloth = self.make(|d, p| pieces::curtains(d, p, w, high));
                 let top = (y[1] + 0.16).min(e.height - 0.05);
                 let out = 0.1 + cloth.size.z / 2.0;
-                let at = wall.point(&e, u, top - cloth.size.y / 2.0) + wall.normal() * out;
-                if self.plan.on_wall_at(&cloth, wall, at, &[item]).is_some() {
+                let at = plane.point(&e, u, top - cloth.size.y / 2.0) + wall.normal() * out;
+                if self.plan.on_wall_at(&cloth, plane, at, &[item]).is_some() {
                     self.plan.reserve(a - wall.normal() * 0.1 - DVec3::Y * 0.8, b + wall.normal() * 0.25);
                 }
             } else if !tall && self.dice.chance(0.3) {
@@ -75,13 +81,41 @@ impl Decorator<'_> {
         }
     }
 
+    /// The windows of recesses: they lie in the wall of the box, behind the thick wall's face.
+    fn recessed_windows(&mut self) {
+        let e = self.plan.extents;
+        for niche in self.plan.form.shape.niches.clone() {
+            if niche.kind != WINDOW_RECESS {
+                continue;
+            }
+            let wall = niche.wall;
+            let (a, b) = (wall.coordinates(niche.min), wall.coordinates(niche.max));
+            let (uv, y) = ([a.x + RECESS_MARGIN, b.x - RECESS_MARGIN], [a.y + RECESS_MARGIN, b.y - RECESS_MARGIN]);
+            let (w, h) = ((uv[1] - uv[0]) as f32, (y[1] - y[0]) as f32);
+            let (piece, depth) = pieces::window(self.dice, self.palette, w, h);
+            let piece = Arc::new(piece);
+            let u = f64::midpoint(uv[0], uv[1]);
+            let centre = wall.point(&e, u, y[0] - opening_bottom(&piece)) + wall.normal() * depth;
+            if let Some(item) = self.plan.on_wall_at(&piece, wall.into(), centre, &[]) {
+                self.plan.holes.push(Hole { door: false, wall, inset: 0.0, u: uv, y, item });
+            }
+            let inner = WallPlane { wall, inset: wall.distance(&e, niche.min).max(wall.distance(&e, niche.max)) };
+            let (a, b) = (inner.point(&e, uv[0], y[0]), inner.point(&e, uv[1], y[1]));
+            self.plan.reserve(a, b + wall.normal() * 0.25);
+        }
+    }
+
     /// A door in a wall with free floor before it; whether there was room for it.
     fn hang_door(&mut self, door: &Arc<Piece>, wall: Wall, u: f64, height: f64) -> bool {
+        let plane = self.plan.plane_at(wall, u);
+        if !self.plan.may_open(plane, u) {
+            return false;
+        }
         let Some(item) = self.plan.on_wall(door, wall, [u, door.size.y / 2.0], 0.002) else { return false };
         let uv = [u - door.size.x / 2.0, u + door.size.x / 2.0];
-        self.plan.holes.push(Hole { door: true, wall, u: uv, y: [0.0, height], item });
+        self.plan.holes.push(Hole { door: true, wall, inset: plane.inset, u: uv, y: [0.0, height], item });
         let e = self.plan.extents;
-        let (a, b) = (wall.point(&e, uv[0], 0.0), wall.point(&e, uv[1], 2.0));
+        let (a, b) = (plane.point(&e, uv[0], 0.0), plane.point(&e, uv[1], 2.0));
         self.plan.reserve(a, b + wall.normal() * 0.75);
         true
     }

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
-use harmony_scene::{Extents, Wall};
+use harmony_scene::{Extents, Room, Wall, WallPlane};
 
 use super::dice::Dice;
+use super::form::{Form, room_of};
 use super::is_rug;
 use super::pieces::{Piece, Top};
 
@@ -54,6 +55,8 @@ pub(super) struct Item {
     pub(super) position: DVec3,
     pub(super) yaw: f64,
     pub(super) wall: Option<Wall>,
+    /// How far before that wall the plane behind it is, metres.
+    pub(super) inset: f64,
     /// What it stands on, when that is an object.
     pub(super) host: Option<usize>,
     pub(super) facing: Facing,
@@ -114,18 +117,71 @@ fn overlap(a: &[DVec2; 4], b: &[DVec2; 4]) -> bool {
 pub(super) struct Hole {
     pub(super) door: bool,
     pub(super) wall: Wall,
+    /// How far before the wall of the box its plane is, metres.
+    pub(super) inset: f64,
     pub(super) u: [f64; 2],
     pub(super) y: [f64; 2],
     pub(super) item: usize,
 }
 
+impl Hole {
+    /// The plane that it is cut into.
+    pub(super) fn plane(&self) -> WallPlane {
+        WallPlane { wall: self.wall, inset: self.inset }
+    }
+}
+
 /// Air at walls, so that nothing cuts the skirting boards, metres.
 const WALL_GAP: f64 = 0.03;
+
+/// Where a plane that looks as a wall does meets the floor.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stretch {
+    pub(super) plane: WallPlane,
+    pub(super) u: [f64; 2],
+}
+
+/// All stretches of a room, wall by wall; those of a box are its walls.
+fn stretches(room: &Room) -> Vec<Stretch> {
+    let e = &room.extents;
+    if room.shape.is_box() {
+        return Wall::ALL.map(|wall| Stretch { plane: wall.into(), u: [0.0, wall.length(e)] }).to_vec();
+    }
+    let at_floor = |face: &harmony_scene::RoomFace| {
+        let plane = face.plane(e)?;
+        let feet = face.polygon.iter().filter(|p| p.y.abs() < 1e-6).map(|p| plane.coordinates(*p).x);
+        let (low, high) = feet.fold((f64::MAX, f64::MIN), |(l, h), u| (l.min(u), h.max(u)));
+        (high > low).then_some(Stretch { plane, u: [low, high] })
+    };
+    let mut out: Vec<Stretch> = room.all_faces().iter().filter_map(at_floor).collect();
+    let place = |s: &Stretch| Wall::ALL.iter().position(|w| *w == s.plane.wall);
+    out.sort_by(|a, b| {
+        place(a).cmp(&place(b)).then(a.plane.inset.total_cmp(&b.plane.inset)).then(a.u[0].total_cmp(&b.u[0]))
+    });
+    out.dedup_by(|next, last| {
+        let one = next.plane.wall == last.plane.wall && (next.plane.inset - last.plane.inset).abs() < 1e-6;
+        let joins = one && next.u[0] <= last.u[1] + 1e-6;
+        if joins {
+            last.u[1] = last.u[1].max(next.u[1]);
+        }
+        joins
+    });
+    out
+}
+
+/// Free floor before a passage, metres.
+const PASSAGE_FREE: f64 = 0.7;
 
 /// A room while it is furnished.
 #[derive(Debug, Clone)]
 pub(super) struct Plan {
     pub(super) extents: Extents,
+    /// What makes it other than its box.
+    pub(super) form: Form,
+    /// The empty room.
+    pub(super) room: Room,
+    /// Where walls meet the floor.
+    stretches: Vec<Stretch>,
     pub(super) items: Vec<Item>,
     pub(super) holes: Vec<Hole>,
     /// Boxes where no furniture goes: before doors, before windows above the sill.
@@ -133,8 +189,77 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    pub(super) fn new(extents: Extents) -> Self {
-        Self { extents, items: Vec::new(), holes: Vec::new(), keep_out: Vec::new() }
+    pub(super) fn new(extents: Extents, form: Form) -> Self {
+        let room = room_of(extents, form.shape.clone());
+        let stretches = stretches(&room);
+        let passages = form.passages.clone();
+        let mut plan =
+            Self { extents, form, room, stretches, items: Vec::new(), holes: Vec::new(), keep_out: Vec::new() };
+        for o in passages {
+            let (a, b) = (o.wall.point(&extents, o.u[0], 0.0), o.wall.point(&extents, o.u[1], o.y[1]));
+            plan.reserve(a, b + o.wall.normal() * PASSAGE_FREE);
+        }
+        plan
+    }
+
+    /// Where walls meet the floor, wall by wall.
+    pub(super) fn stretches(&self) -> &[Stretch] {
+        &self.stretches
+    }
+
+    /// The plane of a wall that furniture at a place along it stands against: the longest stretch there.
+    pub(super) fn plane_at(&self, wall: Wall, u: f64) -> WallPlane {
+        let there = self.stretches.iter().filter(|s| s.plane.wall == wall && (s.u[0]..=s.u[1]).contains(&u));
+        there.max_by(|a, b| (a.u[1] - a.u[0]).total_cmp(&(b.u[1] - b.u[0]))).map_or(wall.into(), |s| s.plane)
+    }
+
+    /// Whether windows and doors may be cut there: behind the face of a chimney breast is its flue.
+    pub(super) fn may_open(&self, plane: WallPlane, u: f64) -> bool {
+        let behind = plane.point(&self.extents, u, 1.0) - plane.normal() * 0.01;
+        let holds = |b: &harmony_scene::Block| behind.cmpge(b.min).all() && behind.cmple(b.max).all();
+        !self.form.shape.blocks.iter().any(|b| b.kind == "chimney_breast" && holds(b))
+    }
+
+    /// Whether a point is in the room's free space with so much air on all sides.
+    pub(super) fn is_free_around(&self, p: DVec3, air: f64) -> bool {
+        let around = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|a| [p + a * air, p - a * air]);
+        around.chain([p]).all(|q| self.room.is_free(q))
+    }
+
+    /// Whether an item keeps clear of blocks and slopes, and one on a wall has wall behind all of it.
+    fn clear_of_shape(&self, item: &Item) -> bool {
+        let [low, high] = item.heights();
+        let before_passage = |o: &harmony_scene::Opening| {
+            let (u, half) = (o.wall.coordinates(item.position).x, item.piece.size.x / 2.0 + 0.03);
+            item.wall == Some(o.wall) && u + half > o.u[0] && u - half < o.u[1] && low < o.y[1]
+        };
+        if item.level == Level::Wall && self.form.passages.iter().any(before_passage) {
+            return false;
+        }
+        if self.form.shape.is_box() {
+            return true;
+        }
+        if let (Level::Wall, Some(wall)) = (item.level, item.wall) {
+            let plane = WallPlane { wall, inset: item.inset };
+            let (u, half) = (plane.coordinates(item.position).x, item.piece.size.x / 2.0);
+            let out = plane.distance(&self.extents, item.position) + item.piece.size.z / 2.0;
+            return [u - half, u, u + half].into_iter().all(|u| {
+                [low.max(0.02), f64::midpoint(low, high), high].into_iter().all(|y| {
+                    let at = |d: f64| self.room.is_free(plane.point(&self.extents, u, y) + plane.normal() * d);
+                    at(0.01) && at(out.max(0.01)) && !at(-0.01)
+                })
+            });
+        }
+        let corners = item.corners(WALL_GAP - 0.005);
+        let blocked = self.form.shape.blocks.iter().any(|b| {
+            let rect = [(b.min.x, b.min.z), (b.max.x, b.min.z), (b.max.x, b.max.z), (b.min.x, b.max.z)];
+            low < b.max.y && high > b.min.y && overlap(&corners, &rect.map(|(x, z)| DVec2::new(x, z)))
+        });
+        let under = |p: &DVec2| {
+            let top = DVec3::new(p.x, high, p.y);
+            self.form.shape.slopes.iter().all(|s| s.below(&self.extents, top) > 0.01)
+        };
+        !blocked && corners.iter().all(under)
     }
 
     /// Keeps furniture out of a box.
@@ -151,7 +276,7 @@ impl Plan {
         let inside = corners
             .iter()
             .all(|p| p.x >= margin && p.x <= e.width - margin && p.y >= margin && p.y <= e.depth - margin);
-        if !inside || low < -1e-9 || high > e.height - 0.001 {
+        if !inside || low < -1e-9 || high > e.height - 0.001 || !self.clear_of_shape(&item) {
             return None;
         }
         for (k, other) in self.items.iter().enumerate() {
@@ -179,6 +304,7 @@ impl Plan {
             position,
             yaw,
             wall: None,
+            inset: 0.0,
             host: None,
             facing: Facing::Nothing,
             group: None,
@@ -194,10 +320,12 @@ impl Plan {
 
     /// Furniture with its back to a wall, its middle at `u`.
     pub(super) fn against(&mut self, piece: &Arc<Piece>, wall: Wall, u: f64, gap: f64) -> Option<usize> {
-        let foot = wall.point(&self.extents, u, 0.0);
+        let plane = self.plane_at(wall, u);
+        let foot = plane.point(&self.extents, u, 0.0);
         let at = foot + wall.normal() * (piece.size.z / 2.0 + WALL_GAP + gap);
         let mut item = Self::item(piece, Level::Furniture, at, wall.yaw());
         item.wall = Some(wall);
+        item.inset = plane.inset;
         item.facing = Facing::Room;
         self.settle(item, 0.025, &[])
     }
@@ -243,18 +371,20 @@ impl Plan {
 
     /// Something on a wall: its centre at (u, y), its back `out` metres before the wall.
     pub(super) fn on_wall(&mut self, piece: &Arc<Piece>, wall: Wall, at: [f64; 2], out: f64) -> Option<usize> {
-        let centre = wall.point(&self.extents, at[0], at[1]) + wall.normal() * (piece.size.z / 2.0 + out);
-        self.on_wall_at(piece, wall, centre, &[])
+        let plane = self.plane_at(wall, at[0]);
+        let centre = plane.point(&self.extents, at[0], at[1]) + wall.normal() * (piece.size.z / 2.0 + out);
+        self.on_wall_at(piece, plane, centre, &[])
     }
 
     /// The same with a stated centre, closer than usual only to `ignore`.
     pub(super) fn on_wall_at(
         &mut self,
         piece: &Arc<Piece>,
-        wall: Wall,
+        plane: WallPlane,
         centre: DVec3,
         ignore: &[usize],
     ) -> Option<usize> {
+        let wall = plane.wall;
         let half = piece.size.x / 2.0 + 0.03;
         let u = wall.coordinates(centre).x;
         if u < half || u > wall.length(&self.extents) - half {
@@ -262,6 +392,7 @@ impl Plan {
         }
         let mut item = Self::item(piece, Level::Wall, centre, wall.yaw());
         item.wall = Some(wall);
+        item.inset = plane.inset;
         item.facing = Facing::Room;
         self.settle(item, 0.03, ignore)
     }

@@ -4,7 +4,7 @@
 use glam::{DVec2, DVec3, Vec3};
 use harmony_mesh::{Bvh, Mesh};
 use harmony_render::{Frame, Instance};
-use harmony_scene::{Camera, Extents, Ray, Wall};
+use harmony_scene::{Camera, Ray, RoomFaces, Wall};
 use image::RgbImage;
 use rayon::prelude::*;
 
@@ -43,10 +43,10 @@ pub enum LightKind {
 
 /// What the light needs to know about the room.
 pub(super) struct Lit<'a> {
-    pub(super) extents: Extents,
+    pub(super) room: RoomFaces,
     pub(super) lights: &'a [RoomLight],
     /// Linear colours of the shell's faces by id (1 floor to 6 left).
-    pub(super) faces: [Vec3; 7],
+    pub(super) colors: [Vec3; 7],
     /// Everything that is drawn, in room coordinates.
     pub(super) all: &'a Mesh,
     /// What throws shadows: objects without panes and lamps' shades.
@@ -156,13 +156,20 @@ fn arriving(room: &Lit, blockers: &Bvh, p: &Point, seed: u32) -> Vec3 {
             if value > 1e-4 {
                 let reach = target - from;
                 let distance = reach.length();
-                if !blockers.any_hit(from, reach / distance, distance - 0.02) {
+                let wall = || !room.room.is_box() && behind_a_wall(room, from, reach / distance, distance - 0.02);
+                if !blockers.any_hit(from, reach / distance, distance - 0.02) && !wall() {
                     sum += light.color * (value / f64::from(rays)) as f32;
                 }
             }
         }
     }
     sum + gathered(room, blockers, p, from, seed) / GATHER as f32
+}
+
+/// Whether a ray leaves a room that is no box before its end.
+fn behind_a_wall(room: &Lit, origin: DVec3, direction: DVec3, length: f64) -> bool {
+    let exit = room.room.exit(&Ray { origin, direction });
+    exit.is_some_and(|e| (e.point - origin).length() < length)
 }
 
 /// Light of one source without shadows, and where it comes from.
@@ -201,8 +208,8 @@ fn unshadowed(room: &Lit, light: &RoomLight, at: DVec3, normal: DVec3, jitter: [
                         && (q - l.position).y.abs() < l.size[1] * 0.47
                 })
             };
-            match room.extents.exit(&ray) {
-                Some((_, q)) if cosine > 0.0 && through(q) => (light.power * cosine, q),
+            match room.room.exit(&ray).map(|e| e.point) {
+                Some(q) if cosine > 0.0 && through(q) => (light.power * cosine, q),
                 _ => (0.0, at + to),
             }
         }
@@ -227,12 +234,12 @@ fn gathered(room: &Lit, blockers: &Bvh, p: &Point, from: DVec3, seed: u32) -> Ve
             continue;
         }
         let ray = Ray { origin: from, direction };
-        let Some((surface, q)) = room.extents.exit(&ray) else {
+        let Some(exit) = room.room.exit(&ray) else {
             sum += ambient(room) * 0.5;
             continue;
         };
-        let face = room.faces[usize::from(super::shell::surface_id(surface))];
-        let inner = surface.normal();
+        let (q, inner) = (exit.point, exit.normal);
+        let face = room.colors[usize::from(super::shell::surface_id(exit.surface))];
         let direct: Vec3 = room
             .lights
             .iter()
@@ -246,7 +253,7 @@ fn gathered(room: &Lit, blockers: &Bvh, p: &Point, from: DVec3, seed: u32) -> Ve
 
 /// Light that has bounced many times.
 fn ambient(room: &Lit) -> Vec3 {
-    let e = room.extents;
+    let e = room.room.extents();
     let area = 2.0 * (e.width * e.depth + e.height * (e.width + e.depth));
     let power: Vec3 = room.lights.iter().filter(|l| l.kind != LightKind::Sun).map(|l| l.color * l.power as f32).sum();
     power * (3.2 / area) as f32 + Vec3::splat(0.05)
@@ -335,7 +342,7 @@ pub(super) fn lights(dice: &mut Dice, plan: &super::layout::Plan) -> Vec<RoomLig
     let day = dice.f(0.7, 1.3);
     for hole in plan.holes.iter().filter(|h| !h.door) {
         let (w, h) = (hole.u[1] - hole.u[0], hole.y[1] - hole.y[0]);
-        let middle = hole.wall.point(&e, f64::midpoint(hole.u[0], hole.u[1]), f64::midpoint(hole.y[0], hole.y[1]));
+        let middle = hole.plane().point(&e, f64::midpoint(hole.u[0], hole.u[1]), f64::midpoint(hole.y[0], hole.y[1]));
         out.push(RoomLight {
             kind: LightKind::Area,
             position: middle + hole.wall.normal() * 0.02,

@@ -12,9 +12,11 @@ mod collide;
 mod develop;
 mod dice;
 mod files;
+mod form;
 mod furnish;
 mod layout;
 mod light;
+mod outline;
 mod paint;
 mod photos;
 mod pictures;
@@ -32,10 +34,11 @@ use glam::DVec3;
 use harmony_catalogue::Trait;
 use harmony_mesh::{Bounds, Mesh};
 use harmony_render::{RenderOptions, render};
-use harmony_scene::{Camera, Extents, ImageSize, Surface, Wall};
+use harmony_scene::{Camera, Extents, ImageSize, RoomShape, Surface, Wall, WallPlane};
 use image::RgbImage;
 
 pub use files::{GenerateError, write};
+pub use form::RoomFeature;
 pub use layout::Level;
 pub use light::{LightKind, RoomLight};
 pub use photos::{MOST_PHOTOS, RoomPhoto, photographed};
@@ -45,6 +48,7 @@ pub use views::GeneratedView;
 
 use collide::Body;
 use dice::Dice;
+use form::Form;
 use layout::{Facing, Item, Plan};
 use paint::Palette;
 use rooms::Decorator;
@@ -72,6 +76,8 @@ pub struct GeneratorSettings {
     pub views: bool,
     /// What a home around the room asks of it.
     pub fixed: Option<FixedRoom>,
+    /// Features that make rooms other than boxes, to choose from; none makes boxes, as do homes.
+    pub shapes: Vec<RoomFeature>,
 }
 
 /// A room whose size and doors are given, because it is one of a home.
@@ -111,6 +117,7 @@ impl Default for GeneratorSettings {
             jpeg_quality: 92,
             views: true,
             fixed: None,
+            shapes: Vec::new(),
         }
     }
 }
@@ -140,6 +147,8 @@ pub struct GeneratedObject {
     pub support: String,
     /// The wall that its back is to.
     pub wall: Option<Wall>,
+    /// Where the plane behind it is when that is not the wall of the box: x of a left or right wall, z of the others.
+    pub wall_plane: Option<f64>,
     /// `room` or an object's name.
     pub facing: Option<String>,
     /// The set that it belongs to.
@@ -171,19 +180,23 @@ impl GeneratedObject {
     }
 }
 
-/// A window or a door in `room.json`.
+/// A window, a door or a passage in `room.json`.
 #[derive(Debug, Clone)]
 pub struct GeneratedOpening {
-    /// A door, else a window.
+    /// A door or a passage, else a window.
     pub door: bool,
     /// In which wall.
     pub wall: Wall,
+    /// Where its plane is when that is not the wall of the box, as [`GeneratedObject::wall_plane`].
+    pub plane: Option<f64>,
     /// Along the wall.
     pub u: [f64; 2],
     /// Heights.
     pub y: [f64; 2],
-    /// The object that fills it.
-    pub object: String,
+    /// How far its top is rounded, metres.
+    pub rise: f64,
+    /// The object that fills it; a passage has none.
+    pub object: Option<String>,
 }
 
 /// A furnished room, its photo and the truth.
@@ -195,6 +208,8 @@ pub struct GeneratedRoom {
     pub kind: RoomKind,
     /// Size.
     pub extents: Extents,
+    /// What makes it other than its box.
+    pub shape: RoomShape,
     /// The photo's camera.
     pub camera: Camera,
     /// Left positive, radians.
@@ -211,7 +226,7 @@ pub struct GeneratedRoom {
     pub corners: [FloorCorner; 2],
     /// Planar depth, metres, row-major; 0 = nothing.
     pub depth: Vec<f32>,
-    /// Ids: 1 floor, 2 ceiling, 3 back, 4 right, 5 front, 6 left, 7 skirting, objects from 10 on.
+    /// Ids: 1 floor, 2 ceiling, 3 back, 4 right, 5 front, 6 left, 7 skirting, 9 ledges of niches, objects from 10 on.
     pub ids: Vec<u8>,
     /// The photo before JPEG.
     pub photo: RgbImage,
@@ -246,13 +261,15 @@ pub fn generate(seed: u64, settings: &GeneratorSettings) -> GeneratedRoom {
 fn draft(seed: u64, settings: &GeneratorSettings) -> Draft {
     let mut best: Option<(usize, Draft)> = None;
     for attempt in 0..ATTEMPTS {
-        let Some(draft) = Draft::new(&mut Dice::new(seed, attempt), settings) else { continue };
+        let Some(draft) = Draft::new(&mut Dice::new(seed, attempt), settings, [seed, attempt]) else { continue };
         let doors = settings.fixed.as_ref().map_or(0, |f| f.doors.iter().filter(|d| d.wall != Wall::Front).count());
         let enough = draft.view.seen >= settings.min_seen
             && draft.plan.items.len() >= settings.min_objects
-            && draft.view.doors >= doors;
+            && draft.view.doors >= doors
+            && draft.view.features == draft.plan.form.marks.len()
+            && (settings.shapes.is_empty() || settings.fixed.is_some() || draft.view.features > 0);
         // A door in view is worth more than any furniture.
-        let worth = draft.view.seen + if doors > 0 { 100 * draft.view.doors } else { 0 };
+        let worth = draft.view.seen + 10 * draft.view.features + if doors > 0 { 100 * draft.view.doors } else { 0 };
         if enough || best.as_ref().is_none_or(|(most, _)| worth > *most) {
             best = Some((worth, draft));
         }
@@ -275,7 +292,7 @@ struct Draft {
 }
 
 impl Draft {
-    fn new(dice: &mut Dice, settings: &GeneratorSettings) -> Option<Self> {
+    fn new(dice: &mut Dice, settings: &GeneratorSettings, [seed, attempt]: [u64; 2]) -> Option<Self> {
         let kind = if settings.kinds.is_empty() { RoomKind::LivingRoom } else { dice.pick(&settings.kinds) };
         let [low, high] = kind.sizes();
         let round = |v: f64| (v * 100.0).round() / 100.0;
@@ -291,7 +308,9 @@ impl Draft {
         let fixed = settings.fixed.as_ref();
         let extents = fixed.map_or(extents, |f| f.extents);
         let palette = Palette::new(dice);
-        let mut decorator = Decorator { dice, palette: &palette, plan: Plan::new(extents), fixed };
+        let shapes = if fixed.is_some() { &[][..] } else { &settings.shapes };
+        let plan = Plan::new(extents, form::draw(seed, attempt, shapes, &extents));
+        let mut decorator = Decorator { dice, palette: &palette, plan, fixed };
         decorator.furnish(kind);
         let mut plan = decorator.plan;
         drop_cutting(&mut plan, settings.max_objects);
@@ -307,7 +326,7 @@ impl Draft {
         let usual = Extents { width: 4.0, height: 2.6, depth: 4.5 };
         let extents = settings.fixed.as_ref().map_or(usual, |f| f.extents);
         let palette = Palette::new(dice);
-        Self::photographed(dice, settings, RoomKind::LivingRoom, palette, Plan::new(extents))
+        Self::photographed(dice, settings, RoomKind::LivingRoom, palette, Plan::new(extents, Form::default()))
             .expect("nothing is in the way of a camera in an empty room")
     }
 
@@ -333,25 +352,27 @@ impl Draft {
         let lights = light::lights(dice, plan);
         let all = light::merged(&instances, |_, _| true);
         let blockers = light::merged(&instances, |i, m| i.id >= 10 && m.emissive == [0.0; 3]);
-        let mut faces = [glam::Vec3::splat(0.6); 7];
+        let mut colors = [glam::Vec3::splat(0.6); 7];
         let linear = |c: [u8; 3]| glam::Vec3::from_array(harmony_mesh::linear_rgb(c));
-        faces[1] = mean_color(&self.shell[0].1);
+        colors[1] = mean_color(&self.shell[0].1);
         for id in [4, 5, 6] {
-            faces[id] = linear(self.palette.walls[0]);
+            colors[id] = linear(self.palette.walls[0]);
         }
-        faces[3] = linear(self.palette.walls[1]);
-        let lit = light::Lit { extents: plan.extents, lights: &lights, faces, all: &all, blockers: &blockers };
+        colors[3] = linear(self.palette.walls[1]);
+        let lit = light::Lit { room: plan.room.faces(), lights: &lights, colors, all: &all, blockers: &blockers };
         let (photo, exposure) = light::photo(dice, &camera, &frame, &lit, None);
         let views =
             if settings.views { views::shown(seed, plan, &camera, &instances, &lit, exposure) } else { Vec::new() };
         let seen = truth::seen(&camera, &instances, &frame);
-        let solids = light::merged(&instances, |i, _| i.id >= 10);
+        let is_box = plan.form.shape.is_box();
+        let solids = light::merged(&instances, |i, _| i.id >= 10 || !is_box);
         let corners = truth::corners(&camera, &plan.extents, &solids);
         let names = names(plan);
         GeneratedRoom {
             name: format!("generated_{seed:06}"),
             kind: self.kind,
             extents: plan.extents,
+            shape: plan.form.shape.clone(),
             camera,
             camera_yaw: self.view.yaw,
             camera_pitch: self.view.pitch,
@@ -441,15 +462,32 @@ fn names(plan: &Plan) -> Vec<String> {
         .collect()
 }
 
+/// Where a plane before a wall of the box is: x or z.
+fn place_of(plane: WallPlane, extents: &Extents) -> Option<f64> {
+    let at = plane.point(extents, 0.0, 0.0) * plane.normal().abs();
+    (plane.inset.abs() > 1e-6).then_some(at.x + at.z)
+}
+
 fn openings(plan: &Plan, names: &[String]) -> Vec<GeneratedOpening> {
     let one = |h: &layout::Hole| GeneratedOpening {
         door: h.door,
         wall: h.wall,
+        plane: place_of(h.plane(), &plan.extents),
         u: h.u,
         y: h.y,
-        object: names[h.item].clone(),
+        rise: 0.0,
+        object: Some(names[h.item].clone()),
     };
-    plan.holes.iter().map(one).collect()
+    let passage = |o: &harmony_scene::Opening| GeneratedOpening {
+        door: true,
+        wall: o.wall,
+        plane: None,
+        u: o.u,
+        y: o.y,
+        rise: o.rise,
+        object: None,
+    };
+    plan.holes.iter().map(one).chain(plan.form.passages.iter().map(passage)).collect()
 }
 
 fn objects(plan: &Plan, names: &[String], seen: &[truth::Seen]) -> Vec<GeneratedObject> {
@@ -484,6 +522,7 @@ fn objects(plan: &Plan, names: &[String], seen: &[truth::Seen]) -> Vec<Generated
             aabb: bodies[k].bounds(),
             support,
             wall: item.wall,
+            wall_plane: item.wall.and_then(|wall| place_of(WallPlane { wall, inset: item.inset }, &plan.extents)),
             facing: match item.facing {
                 Facing::Nothing => None,
                 Facing::Room => Some("room".to_owned()),

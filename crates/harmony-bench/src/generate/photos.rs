@@ -10,6 +10,7 @@ use harmony_mesh::Mesh;
 use harmony_scene::{QuarterTurn, Surface, Wall};
 
 use super::dice::Dice;
+use super::form::Form;
 use super::layout::Plan;
 use super::shell::surface_id;
 use super::truth::SurfacePoints;
@@ -34,9 +35,10 @@ pub struct RoomPhoto {
 
 /// The room of a seed from `count` places (1 to [`MOST_PHOTOS`]), without views for judging. Each further photo is, of
 /// those before the walls that are left, the one that shows most of what the photos before it show: whoever takes photos
-/// to be joined lets them overlap. Fewer come back when furniture leaves no place for a camera before a wall.
+/// to be joined lets them overlap. The rooms are boxes. Fewer come back when furniture leaves no place for a camera before a wall.
 pub fn photographed(seed: u64, settings: &GeneratorSettings, count: usize) -> Vec<RoomPhoto> {
-    let settings = GeneratorSettings { views: false, ..settings.clone() };
+    // A room that is no box is not turned.
+    let settings = GeneratorSettings { views: false, shapes: Vec::new(), ..settings.clone() };
     let draft = super::draft(seed, &settings);
     let mut dice = Dice::new(seed, STREAM);
     let instances = view::instances(&draft.shell, &draft.plan);
@@ -65,7 +67,7 @@ pub fn photographed(seed: u64, settings: &GeneratorSettings, count: usize) -> Ve
 /// A camera as the first photo's, in a room turned so that another wall is its back; in the frame of the draft.
 fn before_a_wall(dice: &mut Dice, draft: &Draft, turn: QuarterTurn) -> Option<view::View> {
     let extents = draft.plan.extents;
-    let mut plan = Plan::new(turn.extents(&extents));
+    let mut plan = Plan::new(turn.extents(&extents), Form::default());
     plan.items.clone_from(&draft.plan.items);
     for item in &mut plan.items {
         item.position = turn.point(&extents, item.position);

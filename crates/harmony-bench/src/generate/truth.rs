@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::collide::triangle_point;
 use super::dice::Dice;
 use super::layout::Plan;
-use super::shell::surface_id;
+use super::shell::{face_id, surface_id};
 
 /// How much of an object is in the photo.
 #[derive(Debug, Clone, Copy)]
@@ -123,6 +123,9 @@ pub(super) fn object_points(dice: &mut Dice, instances: &[Instance], seen: &[See
 
 /// `count` points over the shell without its openings.
 pub(super) fn shell_points(dice: &mut Dice, plan: &Plan, count: usize) -> SurfacePoints {
+    if !plan.form.shape.is_box() {
+        return face_points(dice, plan, count);
+    }
     let e = plan.extents;
     let total: f64 = Surface::ALL.iter().map(|s| s.size(&e).x * s.size(&e).y).sum();
     let mut out = SurfacePoints::default();
@@ -146,6 +149,42 @@ pub(super) fn shell_points(dice: &mut Dice, plan: &Plan, count: usize) -> Surfac
         });
         if !hole {
             out.push(face.point(&e, uv), u16::from(surface_id(face)));
+        }
+    }
+    out
+}
+
+/// The same over the faces of a room that is no box.
+fn face_points(dice: &mut Dice, plan: &Plan, count: usize) -> SurfacePoints {
+    let faces = plan.room.all_faces();
+    let triangles: Vec<([DVec3; 3], usize)> = faces
+        .iter()
+        .enumerate()
+        .flat_map(|(k, f)| {
+            (1..f.polygon.len().saturating_sub(1)).map(move |i| ([f.polygon[0], f.polygon[i], f.polygon[i + 1]], k))
+        })
+        .collect();
+    let mut total = 0.0;
+    let sums: Vec<f64> = triangles
+        .iter()
+        .map(|([a, b, c], _)| {
+            total += (*b - *a).cross(*c - *a).length() / 2.0;
+            total
+        })
+        .collect();
+    let mut out = SurfacePoints::default();
+    while out.xyz.len() < count {
+        let at = dice.range(0.0, total);
+        let (corners, k) = triangles[sums.partition_point(|s| *s < at).min(triangles.len() - 1)];
+        let p = triangle_point(dice, corners);
+        let plane = faces[k].plane(&plan.extents);
+        let hole = plan.holes.iter().any(|h| {
+            let uv = h.wall.coordinates(p);
+            let own = plane.is_some_and(|p| p.wall == h.wall && (p.inset - h.inset).abs() < 1e-6);
+            !h.door && own && (h.u[0]..h.u[1]).contains(&uv.x) && (h.y[0]..h.y[1]).contains(&uv.y)
+        });
+        if !hole {
+            out.push(p, u16::from(face_id(&faces[k])));
         }
     }
     out

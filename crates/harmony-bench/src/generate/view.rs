@@ -12,6 +12,12 @@ use super::layout::{Level, Plan};
 const TRIES: usize = 12;
 /// Width of the trial pictures, pixels.
 const TRIAL: u32 = 192;
+/// Air around the camera in rooms that are no boxes, metres; less than what it keeps from the walls of a box.
+const AIR: f64 = 0.1;
+/// What a feature of the room's shape is worth, in objects.
+const FEATURE: f64 = 6.0;
+/// Share of a feature's points that is enough of it.
+const FEATURE_SHARE: f64 = 0.3;
 
 /// A camera with the angles it was made from.
 #[derive(Debug, Clone, Copy)]
@@ -25,6 +31,8 @@ pub(super) struct View {
     pub(super) seen: usize,
     /// Doors with as many.
     pub(super) doors: usize,
+    /// Features of the room's shape of which it shows enough.
+    pub(super) features: usize,
 }
 
 /// The best of some cameras; `instances` are the shell and then the objects with ids from 10 on.
@@ -38,8 +46,8 @@ pub(super) fn choose(
     let mut best: Option<(f64, View)> = None;
     for _ in 0..TRIES {
         let Some(mut view) = candidate(dice, plan, size) else { continue };
-        let (score, seen, doors) = judge(&view.camera, plan, instances);
-        (view.seen, view.doors) = (seen, doors);
+        let Judged { score, seen, doors, features } = judge(&view.camera, plan, instances);
+        (view.seen, view.doors, view.features) = (seen, doors, features);
         // Whoever photographs a home sees to it that its doors are in the pictures.
         let worth = if must_show_doors { 30.0 * doors as f64 } else { 0.0 };
         let score = score + worth + dice.range(0.0, 1.5);
@@ -63,7 +71,7 @@ fn candidate(dice: &mut Dice, plan: &Plan, size: ImageSize) -> Option<View> {
         let flat = DVec3::new(i.position.x - eye.x, 0.0, i.position.z - eye.z).length();
         i.level != Level::Ceiling && low < eye.y + 0.15 && high > eye.y - 0.5 && flat < r
     };
-    if plan.items.iter().any(near) {
+    if plan.items.iter().any(near) || !plan.is_free_around(eye, AIR) {
         return None;
     }
     let wide = e.width > 1.35 * e.depth && dice.chance(0.7);
@@ -76,11 +84,19 @@ fn candidate(dice: &mut Dice, plan: &Plan, size: ImageSize) -> Option<View> {
     let pitch = dice.range(0.0, 18.0).to_radians();
     let forward = DVec3::new(-yaw.sin() * pitch.cos(), -pitch.sin(), -yaw.cos() * pitch.cos());
     let camera = Camera::looking(size, Intrinsics::from_horizontal_fov(size, hfov), eye, forward);
-    Some(View { camera, yaw, pitch, seen: 0, doors: 0 })
+    Some(View { camera, yaw, pitch, seen: 0, doors: 0, features: 0 })
 }
 
-/// Counts the objects in view; a picture filled by one thing is a poor one.
-fn judge(camera: &Camera, plan: &Plan, instances: &[Instance]) -> (f64, usize, usize) {
+/// What a camera is worth.
+struct Judged {
+    score: f64,
+    seen: usize,
+    doors: usize,
+    features: usize,
+}
+
+/// Counts the objects and features in view; a picture filled by one thing is a poor one.
+fn judge(camera: &Camera, plan: &Plan, instances: &[Instance]) -> Judged {
     let small = camera.resized(ImageSize::new(TRIAL, TRIAL * camera.size.height / camera.size.width));
     let frame = render_depth_ids(&small, instances, &RenderOptions::default());
     let mut count = [0_usize; 256];
@@ -92,7 +108,19 @@ fn judge(camera: &Camera, plan: &Plan, instances: &[Instance]) -> (f64, usize, u
     let largest = count[10..].iter().max().copied().unwrap_or(0) as f64 / pixels as f64;
     let shallow = frame.depth.iter().filter(|z| **z < 0.6).count() as f64 / pixels as f64;
     let doors = plan.holes.iter().filter(|h| h.door && count[(h.item + 10).min(255)] > enough).count();
-    (seen as f64 - 20.0 * (largest - 0.35).max(0.0) - 25.0 * shallow, seen, doors)
+    let features = plan.form.marks.iter().filter(|marks| shows(&small, &frame.depth, marks)).count();
+    let worth = seen as f64 + FEATURE * features as f64;
+    Judged { score: worth - 20.0 * (largest - 0.35).max(0.0) - 25.0 * shallow, seen, doors, features }
+}
+
+/// Whether a camera shows enough of a feature's points, with nothing before them.
+fn shows(camera: &Camera, depth: &[f32], marks: &[DVec3]) -> bool {
+    let seen = marks.iter().filter(|mark| {
+        let Some(pixel) = camera.project(**mark).filter(|p| camera.contains(*p)) else { return false };
+        let z = f64::from(depth[pixel.y as usize * camera.size.width as usize + pixel.x as usize]);
+        z > camera.depth(**mark) * 0.97 - 0.05
+    });
+    seen.count() as f64 >= FEATURE_SHARE * marks.len() as f64
 }
 
 /// Ids of the objects that a camera shows with more than about 500 pixels at full size.

@@ -47,6 +47,8 @@ const FROM_SIDE: [f64; 3] = [0.14, 0.25, 0.36];
 const SHALLOW_M: f64 = 0.6;
 /// Share of shallow pixels that is let pass.
 const SHALLOW_SHARE: f64 = 0.02;
+/// Air around a camera at least, metres: what is inside a block, or above a slope, shows nothing.
+const AIR: f64 = 0.1;
 /// Width of trial pictures, pixels.
 const TRIAL: u32 = 96;
 /// Random numbers of the views have a stream of their own, so that the rooms stay as they are.
@@ -68,7 +70,8 @@ pub(super) fn shown(
     let above = FROM_FRONT.map(|f| DVec3::new(e.width / 2.0, e.height - 0.25, e.depth - f)).to_vec();
     let aim = DVec3::new(e.width / 2.0, AIM_HEIGHT, e.depth * AIM_DEPTH);
     let mut dice = Dice::new(seed, STREAM);
-    let one = |(name, places): (&'static str, Vec<DVec3>)| {
+    let one = |(name, mut places): (&'static str, Vec<DVec3>)| {
+        places.retain(|p| plan.is_free_around(*p, AIR));
         let camera = clear(&places, aim, photo.size, instances)?;
         let frame = flat(&camera, instances);
         let (photo, _) = light::photo(&mut dice, &camera, &frame, lit, Some(exposure));

@@ -6,11 +6,11 @@ use async_trait::async_trait;
 use glam::{DVec2, DVec3};
 use harmony_prompts::{
     BackWallSide, FrontPanel, FrontsAnswer, FrontsObject, InspectAnswer, InspectQuestion, InspectedObject,
-    InspectedSize, LayoutAnswer, LayoutFeature, LayoutFeatureKind, LayoutPin, LayoutReach, ListAnswer, ListedInstance,
-    ListedItem, NamedObject, Occlusion, PinKind, Question,
+    InspectedSize, LayoutAnswer, LayoutFeature, LayoutFeatureKind, LayoutOpening, LayoutOpeningKind, LayoutPin,
+    LayoutReach, LayoutWall, ListAnswer, ListedInstance, ListedItem, NamedObject, Occlusion, PinKind, Question,
 };
 use harmony_roles::{PlayerCard, RoleError, Usage, VisionLanguage, VlmAnswer, VlmRequest};
-use harmony_scene::{DepthPosition, Level, PlacementType, Support, SurfacePosition, Wall, WallAffinity};
+use harmony_scene::{DepthPosition, Level, Opening, PlacementType, Support, SurfacePosition, Wall, WallAffinity};
 use rand::Rng;
 use serde_json::{Value, json};
 
@@ -81,10 +81,14 @@ impl Oracle {
         answer.room.ceiling_height_m = room.extents.height * height;
         answer.room.floor_width_m = room.extents.width * self.factor("width", noise.extent);
         answer.room.floor_depth_m = room.extents.depth * self.factor("depth", noise.extent);
-        answer.walls.clear();
+        answer.walls = self.walls();
         // The example's materials are another room's.
         answer.surfaces.clear();
         answer.shape = self.shape();
+        let untold = |f: &LayoutFeature| {
+            self.draws.happens(&format!("untold {} {:?}", f.what, f.wall), self.noise.features_untold)
+        };
+        answer.shape.retain(|f| !untold(f));
         answer.trims = harmony_prompts::LayoutTrims::default();
         answer.blocked_corners.clear();
         let (forward, centre) = (camera.forward(), camera.centre());
@@ -162,6 +166,42 @@ impl Oracle {
         let pixel = camera.project(at).filter(|p| camera.contains(*p))?;
         let z = self.room.depth[pixel.y as usize * camera.size.width as usize + pixel.x as usize];
         (f64::from(z) > camera.depth(at) - 0.12).then_some(pixel)
+    }
+
+    /// The walls that have passages in the picture, with these alone: nothing else of a wall is asked for its own sake.
+    fn walls(&self) -> Vec<LayoutWall> {
+        let e = &self.room.extents;
+        let passages = |wall: Wall| {
+            let own = self.room.openings.iter().enumerate().filter(|(_, o)| o.is_passage() && o.wall == wall);
+            let one = |(k, o): (usize, &Opening)| {
+                let plane = harmony_scene::WallPlane { wall, inset: o.inset };
+                let corners: Vec<DVec3> = o.outline().iter().map(|p| plane.point(e, p.x, p.y)).collect();
+                let before = plane.distance(e, self.room.camera.centre()) > 0.0;
+                let face = if before { self.outline(&format!("passage {k}"), &corners) } else { Vec::new() };
+                let size = |purpose: &str| self.factor(&format!("{purpose} of passage {k}"), self.noise.extent);
+                let opening = LayoutOpening {
+                    kind: LayoutOpeningKind::Passage,
+                    width_m: (o.u[1] - o.u[0]) * size("width"),
+                    height_m: (o.y[1] - o.y[0]) * size("height"),
+                    offset_m: o.u[0].max(0.0),
+                    arch_m: (o.rounded() > 0.0).then(|| o.rounded() * size("arch")),
+                    face,
+                };
+                (opening.face.len() > 2).then_some(opening)
+            };
+            own.filter_map(one).collect::<Vec<_>>()
+        };
+        Wall::ALL
+            .into_iter()
+            .map(|wall| LayoutWall {
+                orientation: wall,
+                length_m: wall.length(e) * self.factor(&format!("length of {wall:?}"), self.noise.extent),
+                height_m: e.height,
+                surface: String::new(),
+                openings: passages(wall),
+            })
+            .filter(|w| !w.openings.is_empty())
+            .collect()
     }
 
     /// Where the room is not a box: the faces that are in the picture.

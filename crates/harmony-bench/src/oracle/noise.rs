@@ -58,6 +58,9 @@ pub struct Noise {
     pub extent: f64,
     /// Pinned points of the layout answer, share of the image's longer side.
     pub pins: f64,
+    /// Features of the room's shape that the layout answer does not tell of, share of them.
+    #[serde(default)]
+    pub features_untold: f64,
     /// Camera hints: height relative, tilt and yaw in units of 50 degrees.
     pub hints: f64,
     /// Directions of fronts, degrees, beside wrong quarter turns.
@@ -106,6 +109,7 @@ impl NoiseLevel {
             height: 0.04,
             extent: 0.1,
             pins: 0.01,
+            features_untold: 0.0,
             hints: 0.08,
             front_deg: 10.0,
             turns: 0.05,

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use glam::{DMat3, DVec2, DVec3};
-use harmony_bench::generate::{GeneratedObject, GeneratedRoom, GeneratorSettings, Level, generate, write};
+use harmony_bench::generate::{GeneratedObject, GeneratedRoom, GeneratorSettings, Level, RoomFeature, generate, write};
+use harmony_bench::truth::TruthRoom;
 use harmony_mesh::Bvh;
 use harmony_scene::ImageSize;
 
@@ -260,4 +261,117 @@ fn views_show_the_same_room_at_the_photos_exposure() {
     }
     let mean = shares.iter().sum::<f64>() / shares.len() as f64;
     assert!((0.3..0.9).contains(&mean), "{shares:?}");
+}
+
+/// Rooms that are no boxes, two of each feature and two of mixed ones.
+fn shaped() -> &'static [GeneratedRoom] {
+    static ROOMS: OnceLock<Vec<GeneratedRoom>> = OnceLock::new();
+    ROOMS.get_or_init(|| {
+        let choices = RoomFeature::ALL.map(|f| vec![f]).into_iter().chain([RoomFeature::ALL.to_vec()]);
+        let rooms = choices.enumerate().flat_map(|(k, shapes)| {
+            let settings = GeneratorSettings { shapes, ..small() };
+            [0, 1].map(|i| generate(500 + 2 * k as u64 + i, &settings))
+        });
+        rooms.collect()
+    })
+}
+
+#[test]
+fn rooms_that_are_no_boxes_are_read_back_as_they_were_made() {
+    for room in shaped() {
+        assert!(!room.shape.is_box(), "{}", room.name);
+        let folder = tempfile::tempdir().unwrap();
+        write(room, folder.path()).unwrap();
+        let truth = TruthRoom::load(folder.path()).unwrap();
+        // Linings become the walls that one sees; what is free is the same.
+        let made = harmony_scene::Room { extents: room.extents, shape: room.shape.clone(), ..truth.room() };
+        let read = truth.room();
+        for k in 0..20 * 12 * 20 {
+            let share = DVec3::new(f64::from(k % 20), f64::from(k / 20 % 12), f64::from(k / 240)) + 0.41;
+            let p = share / DVec3::new(20.0, 12.0, 20.0) * room.extents.as_vec();
+            assert_eq!(made.is_free(p), read.is_free(p - truth.origin), "{} {p}", room.name);
+        }
+        // Each opening lies in a plane of the room that was read, and in none that was not.
+        for opening in &truth.openings {
+            let plane = read.planes(opening.wall).into_iter().find(|p| (p.inset - opening.inset).abs() < 1e-3);
+            assert!(plane.is_some(), "{} {opening:?}", room.name);
+        }
+    }
+}
+
+#[test]
+fn nothing_is_inside_a_block_or_above_a_slope() {
+    let mut at_faces = 0;
+    for room in shaped() {
+        let empty = harmony_scene::Room {
+            room_type: String::new(),
+            extents: room.extents,
+            shape: room.shape.clone(),
+            seen: vec![],
+            openings: vec![],
+            floor_texture: None,
+            wall_texture: None,
+        };
+        assert!(empty.is_free(room.camera.centre()), "{}: the camera", room.name);
+        for view in &room.views {
+            assert!(empty.is_free(view.camera.centre()), "{}: view {}", room.name, view.name);
+        }
+        for o in &room.objects {
+            at_faces += usize::from(o.wall_plane.is_some());
+            for p in &o.mesh.positions {
+                let p = o.to_room(p.as_dvec3());
+                // What is on a wall touches it, and panes lie behind it.
+                let out = o.wall.filter(|_| o.level == Level::Wall).map_or(DVec3::ZERO, |w| w.normal() * 0.12);
+                assert!(empty.is_free(p + out) || empty.is_free(p + DVec3::Y * 1e-6), "{} {} {p}", room.name, o.id);
+            }
+        }
+    }
+    assert!(at_faces >= 5, "{at_faces} things at the faces of blocks and linings");
+}
+
+#[test]
+fn pictures_show_the_faces_with_the_ids_of_the_walls_that_look_the_same_way() {
+    for room in shaped() {
+        let folder = tempfile::tempdir().unwrap();
+        write(room, folder.path()).unwrap();
+        let truth = TruthRoom::load(folder.path()).unwrap();
+        let faces = truth.room().faces();
+        let width = room.camera.size.width as usize;
+        let (mut right, mut all) = (0, 0);
+        for (i, id) in room.ids.iter().enumerate().filter(|(_, id)| (1..=9).contains(*id) && **id != 7) {
+            let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+            let exit = faces.exit(&truth.camera.ray(pixel)).unwrap();
+            let expected = match exit.wall() {
+                Some(wall) => [3, 6, 4, 5][harmony_scene::Wall::ALL.iter().position(|w| *w == wall).unwrap()],
+                None if exit.side_of.is_some() => 9,
+                None if exit.normal.y > 0.0 => 1,
+                None => 2,
+            };
+            let off = (truth.camera.depth(exit.point) - f64::from(room.depth[i])).abs();
+            all += 1;
+            right += i32::from(off < 0.03 && expected == *id);
+        }
+        // Reveals of windows apart.
+        assert!(f64::from(right) > 0.97 * f64::from(all), "{}: {right} of {all}", room.name);
+    }
+}
+
+#[test]
+fn photos_show_what_makes_a_room_no_box() {
+    // Of a block or a slope its faces, of a niche its bottom.
+    let shown = shaped().iter().filter(|room| {
+        let folder = tempfile::tempdir().unwrap();
+        write(room, folder.path()).unwrap();
+        let truth = TruthRoom::load(folder.path()).unwrap();
+        let (faces, e) = (truth.room().faces(), truth.extents);
+        let width = room.camera.size.width as usize;
+        let off_the_box = (0..room.ids.len()).filter(|i| room.ids[*i] < 10).filter(|i| {
+            let ray = truth.camera.ray(DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5));
+            let (with, without) = (faces.exit(&ray).unwrap().point, e.exit(&ray).unwrap().1);
+            with.distance(without) > 0.05
+        });
+        off_the_box.count() > room.ids.len() / 200
+    });
+    let shown = shown.count();
+    assert!(shown >= 10, "{shown} of 12");
 }

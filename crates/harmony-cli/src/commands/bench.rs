@@ -7,8 +7,8 @@ use anyhow::{Context, Result};
 use harmony_bench::ablate::{self, AblationError, ablate};
 use harmony_bench::compare::{compare, text as comparison};
 use harmony_bench::fit;
-use harmony_bench::generate::{GeneratorSettings, generate, write as write_room};
-use harmony_bench::oracle::{Meshes, NoiseLevel};
+use harmony_bench::generate::{GeneratorSettings, RoomFeature, generate, write as write_room};
+use harmony_bench::oracle::{Meshes, Noise, NoiseLevel};
 use harmony_bench::overrides::{OverrideError, with_change, with_changes};
 use harmony_bench::photos::{self, PhotosRequest};
 use harmony_bench::protocols::{self, Protocol, ProtocolOptions, RunSurfaces, pair_runs, pieces, score_run, truths_in};
@@ -43,7 +43,10 @@ enum Command {
     #[command(after_help = "Example:\n  harmony bench run rooms --out bench --noise real --seeds 1,2")]
     Run(RunArgs),
     /// Make furnished rooms with known truth.
-    #[command(after_help = "Example:\n  harmony bench generate rooms --count 5")]
+    #[command(after_help = "\
+Examples:
+  harmony bench generate rooms --count 5
+  harmony bench generate attics --count 5 --shapes slope,recess")]
     Generate(GenerateArgs),
     /// Judge runs that are there: one run folder, or a folder of runs named <room>_<seed>.
     #[command(after_help = "Example:\n  harmony bench score bench/runs rooms --out scores")]
@@ -109,6 +112,9 @@ struct RunArgs {
     /// photo), degraded (as a generator leaves them at its worse), grey.
     #[arg(long, default_value = "truth")]
     meshes: Meshes,
+    /// The layout answer tells nothing of the room's shape: what measurement finds by itself.
+    #[arg(long)]
+    untold: bool,
     /// Go on through materials and light, and judge lit pictures, too, from the photo's place and from the room's
     /// other views; needs Blender.
     #[arg(long)]
@@ -126,6 +132,20 @@ struct GenerateArgs {
     /// Number of rooms.
     #[arg(long, default_value_t = 1)]
     count: u64,
+    /// What makes rooms other than boxes: box (nothing), mixed (one or two of all), or some of lshape, chimney, niche,
+    /// recess, slope, separated by commas.
+    #[arg(long, default_value = "box", value_parser = Shapes::parse)]
+    shapes: Shapes,
+}
+
+/// Features that rooms may have.
+#[derive(Debug, Clone)]
+struct Shapes(Vec<RoomFeature>);
+
+impl Shapes {
+    fn parse(text: &str) -> Result<Self, String> {
+        RoomFeature::list(text).map(Self)
+    }
 }
 
 /// Arguments of `bench score`.
@@ -312,11 +332,11 @@ fn request(args: &RunArgs) -> Result<BenchRequest> {
         rooms: truths(&args.rooms, args.only.as_deref())?,
         out: args.out.clone(),
         level: args.noise,
-        noise: args.noise.noise(),
+        noise: Noise { features_untold: if args.untold { 1.0 } else { 0.0 }, ..args.noise.noise() },
         seeds: args.seeds.clone(),
         exact_height: args.exact_height,
         settings: with_changes(&settings, &args.changes).map_err(|e| refused(&e))?,
-        changes: args.changes.clone(),
+        changes: args.changes.iter().cloned().chain(args.untold.then(|| "shape untold".to_owned())).collect(),
         points: args.points,
         jobs: args.jobs.into(),
         keep: args.keep,
@@ -337,7 +357,7 @@ fn rooms(args: &RunArgs) -> Result<u8> {
 }
 
 fn make(args: &GenerateArgs) -> Result<u8> {
-    let settings = GeneratorSettings::default();
+    let settings = GeneratorSettings { shapes: args.shapes.0.clone(), ..GeneratorSettings::default() };
     let last = args.first_seed.checked_add(args.count).context("seeds end at 2^64")?;
     for seed in args.first_seed..last {
         let begun = Instant::now();

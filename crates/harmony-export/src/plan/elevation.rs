@@ -127,7 +127,9 @@ fn elevation(drawing: &mut Drawing, world: &World, rows: &[Row], wall: Wall, ori
             std::mem::swap(&mut a, &mut b);
         }
         let [low, high] = opening.y;
-        drawing.closed(Layer::Openings, &[at(a, low), at(b, low), at(b, high), at(a, high)]);
+        let outline = opening.outline();
+        let outline: Vec<DVec2> = outline.iter().map(|p| at(across(wall, length, p.x), p.y)).collect();
+        drawing.closed(Layer::Openings, &outline);
         if opening.kind == OpeningKind::Door && opening.object.is_some() && !super::floor::slides(world, opening) {
             let m = f64::midpoint(a, b);
             let leaves = if b - a > DOUBLE_M {

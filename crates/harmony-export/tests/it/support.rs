@@ -83,6 +83,7 @@ pub fn scene() -> Scene {
                 u: [1.8, 3.0],
                 y: [0.9, 2.1],
                 inset: 0.0,
+                rise: 0.0,
                 object: Some(ObjectId::new("window_01").unwrap()),
             },
             Opening {
@@ -91,6 +92,7 @@ pub fn scene() -> Scene {
                 u: [2.15, 3.05],
                 y: [0.0, 2.05],
                 inset: 0.0,
+                rise: 0.0,
                 object: Some(ObjectId::new("door_01").unwrap()),
             },
         ],

@@ -100,7 +100,15 @@ pub(super) fn fitted(home: &Home, index: usize, merged_openings: &BTreeSet<(usiz
             let u = [ends[0].1.min(ends[1].1), ends[0].1.max(ends[1].1)];
             let wall = ends[0].0;
             let inset = inset(&shape, &extents, wall, f64::midpoint(u[0], u[1]));
-            openings.push(Opening { kind: OpeningKind::Door, wall, u, y: [0.0, door.top], inset, object: None });
+            openings.push(Opening {
+                kind: OpeningKind::Door,
+                wall,
+                u,
+                y: [0.0, door.top],
+                inset,
+                rise: 0.0,
+                object: None,
+            });
             from.push(OpeningFrom::Door(d));
         }
     }

@@ -177,7 +177,7 @@ fn whole(
                     _ => continue,
                 },
             };
-            openings.push(Opening { kind: opening.kind, wall: side, u, y, inset, object });
+            openings.push(Opening { kind: opening.kind, wall: side, u, y, inset, rise: opening.rise, object });
         }
     }
     let first = fitted.first().map(|f| &f.room);

@@ -29,6 +29,7 @@ fn room() -> World {
         u: [0.5, 1.5],
         y: [0.9, 2.1],
         inset: 0.0,
+        rise: 0.0,
         object: Some(ObjectId::new("window_01").unwrap()),
     };
     let left = std::f64::consts::FRAC_PI_2;

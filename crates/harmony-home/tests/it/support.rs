@@ -158,6 +158,7 @@ pub fn run(layout: &HomeLayout, room: usize, turn: QuarterTurn, off: Off) -> Roo
             u: [u - width / 2.0, u + width / 2.0],
             y: [0.0, top],
             inset: 0.0,
+            rise: 0.0,
             object: Some(ObjectId::new(&id).unwrap()),
         });
     }

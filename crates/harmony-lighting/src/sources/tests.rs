@@ -68,8 +68,15 @@ fn a_window_shines_into_the_room_from_just_inside_its_pane() {
     for (wall, into) in
         [(Wall::Back, DVec3::Z), (Wall::Left, DVec3::X), (Wall::Right, DVec3::NEG_X), (Wall::Front, DVec3::NEG_Z)]
     {
-        let opening =
-            Opening { kind: OpeningKind::Window, wall, u: [1.0, 2.0], y: [0.9, 2.1], inset: 0.0, object: None };
+        let opening = Opening {
+            kind: OpeningKind::Window,
+            wall,
+            u: [1.0, 2.0],
+            y: [0.9, 2.1],
+            inset: 0.0,
+            rise: 0.0,
+            object: None,
+        };
         let door = Opening { kind: OpeningKind::Door, ..opening.clone() };
         let room = room(vec![door, opening]);
         let lighting = lights_from_scene(&room, &[], |_| None);
@@ -96,6 +103,7 @@ fn a_window_objects_frame_does_not_stand_before_its_light() {
         u: [1.0, 2.0],
         y: [0.9, 2.1],
         inset: 0.0,
+        rise: 0.0,
         object: Some(id.clone()),
     };
     // Its back touches the wall and it is 8 cm thick.

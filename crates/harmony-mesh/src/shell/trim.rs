@@ -215,6 +215,7 @@ mod tests {
             u: [3.0, 3.9],
             y: [0.0, 2.0],
             inset: 0.0,
+            rise: 0.0,
             object: None,
         };
         let window = Opening {
@@ -223,6 +224,7 @@ mod tests {
             u: [1.0, 2.0],
             y: [0.9, 2.0],
             inset: 0.0,
+            rise: 0.0,
             object: None,
         };
         Room {

@@ -5,20 +5,20 @@ use std::sync::Arc;
 
 use harmony_geometry::{
     Calibration, CalibrationSettings, CameraHints, FocalPrior, GrayImage, LayoutPins, LayoutPrior, MapInRoom,
-    PinnedEdge, RoomBox, RoomEdge, RoomPosterior, ShapeHint, ShapeKind, WallSide, calibrate_with_photo,
-    estimate_room_box, estimate_view, measure_shape, room_unknowns,
+    PassageHint, PinnedEdge, RoomBox, RoomEdge, RoomPosterior, ShapeHint, ShapeKind, WallSide, calibrate_with_photo,
+    estimate_room_box, estimate_view, measure_passages, measure_shape, room_unknowns,
 };
 use harmony_imaging::border::Border;
 use harmony_imaging::sheet::grid_overlay;
 use harmony_io::Photo;
 use harmony_placement::{PartialScene, RoomPoints};
 use harmony_prompts::{
-    BackWallSide, KnownDepth, LayoutAnswer, LayoutFeature, LayoutFeatureKind, LayoutQuestion, LayoutReach, PinKind,
-    UnaidedRoom,
+    BackWallSide, KnownDepth, LayoutAnswer, LayoutFeature, LayoutFeatureKind, LayoutOpening, LayoutOpeningKind,
+    LayoutQuestion, LayoutReach, LayoutWall, PinKind, UnaidedRoom,
 };
 use harmony_roles::{GeometryAnswer, GeometryRequest, Picture};
 use harmony_scene::{
-    Camera, Extents, ImageSize, PointMap, Room, RoomShape, Similarity, Surface, SurfaceTexture, WarningKind,
+    Camera, Extents, ImageSize, Opening, PointMap, Room, RoomShape, Similarity, Surface, SurfaceTexture, WarningKind,
 };
 use image::RgbImage;
 use serde_json::{Value, json};
@@ -76,7 +76,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     };
     let (found, shape) = shaped(ctx, found, &answer, size);
     let Found { camera, extents, seen, anchor, points, posterior, evidence, method, confidence, because } = found;
-    let room = Room {
+    let mut room = Room {
         room_type: tidy(&answer.room.room_type),
         extents,
         shape,
@@ -95,6 +95,11 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
             tile_size_m: answer.wall_texture.tile_size_m.clamp(0.05, 5.0),
         }),
     };
+    let (passages, notes) = passages(&answer, &camera, &room);
+    for note in notes {
+        ctx.warn(WarningKind::Fallback, None, format!("the room's openings: {note}"));
+    }
+    room.openings = passages;
     let room_points = points.as_ref().map(|(map, similarity)| RoomPoints::new(map, similarity));
     if let Some((map, _)) = &points {
         harmony_io::save_point_map(&ctx.file("points.npz")?, map)?;
@@ -102,13 +107,14 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     let mut partial = PartialScene::new(room, camera, room_points, Some(anchor));
     partial.posterior = posterior;
     let layout = Layout { answer, evidence, method, confidence, because };
-    let state = SceneState {
+    let mut state = SceneState {
         photo_frame: Arc::new(Border::of(&working).mask(camera.size)),
         photo: working,
         layout,
         partial,
         objects: BTreeMap::new(),
         surfaces: BTreeMap::new(),
+        beyond: Vec::new(),
         trims: harmony_mesh::Trims::default(),
         rejected: Vec::new(),
         left: Vec::new(),
@@ -117,6 +123,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         next_index: 10,
         drawn: Gallery::default(),
     };
+    state.beyond = crate::steps::surfaces::beyond(&state);
     write_files(ctx, &state)?;
     Ok(state)
 }
@@ -250,6 +257,23 @@ fn shape_hints(answer: &LayoutAnswer, size: ImageSize) -> Vec<ShapeHint> {
         low: f.low_m.unwrap_or_default(),
     };
     answer.shape.iter().map(hint).collect()
+}
+
+/// The passages of a layout answer in a room, and what was not believed of them.
+pub(crate) fn passages(answer: &LayoutAnswer, camera: &Camera, room: &Room) -> (Vec<Opening>, Vec<String>) {
+    let size = camera.size;
+    let of_wall = |w: &LayoutWall| {
+        let passages = w.openings.iter().filter(|o| o.kind == LayoutOpeningKind::Passage);
+        let wall = w.orientation;
+        let hint = move |o: &LayoutOpening| PassageHint {
+            wall,
+            face: o.face.iter().map(|p| pixel_of(p, size)).collect(),
+            rise: o.arch_m.unwrap_or_default(),
+        };
+        passages.map(hint).collect::<Vec<_>>()
+    };
+    let hints: Vec<PassageHint> = answer.walls.iter().flat_map(of_wall).collect();
+    measure_passages(&hints, camera, room)
 }
 
 /// A place in thousandths as a pixel of an image of this size.

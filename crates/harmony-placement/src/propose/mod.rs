@@ -151,7 +151,7 @@ impl<'a> Proposer<'a, '_> {
             return out;
         }
         if let Some(wall) = wall {
-            for plane in self.scene.room.planes(wall) {
+            for plane in self.scene.room.standing_planes(wall) {
                 let constraint = self.constraint(Attachment::AgainstWall(plane), YawRule::Fixed(wall.yaw()));
                 for position in self.wall_positions(&constraint, plane) {
                     out.push(self.settled(constraint, position, price));
@@ -210,7 +210,7 @@ impl<'a> Proposer<'a, '_> {
     fn elsewhere(&self, said: Wall, price: f64) -> Vec<Hypothesis<'a>> {
         let mut out = Vec::new();
         let others = Wall::ALL.into_iter().filter(|w| *w != said && !self.scene.is_loose(*w));
-        for wall in others.flat_map(|w| self.scene.room.planes(w)) {
+        for wall in others.flat_map(|w| self.scene.room.standing_planes(w)) {
             let constraint = self.constraint(Attachment::AgainstWall(wall), YawRule::Fixed(wall.yaw()));
             // The wall that the given front speaks for costs no more than standing free.
             let agrees = matches!(self.item.yaw, YawHint::About(yaw) if angle_between(yaw, wall.yaw()).abs() < AGREES);

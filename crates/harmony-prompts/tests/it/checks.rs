@@ -83,7 +83,8 @@ fn masses_and_frictions_are_those_of_the_labels_and_within_reason() {
 #[test]
 fn a_layout_has_plausible_numbers() {
     type Spoil = fn(&mut LayoutAnswer);
-    let spoils: [(Spoil, &str); 7] = [
+    let spoils: [(Spoil, &str); 8] = [
+        (|a| a.walls[0].openings[1].face.truncate(2), "outline of a passage"),
         (|a| a.room.floor_width_m = 0.1, "floor_width_m"),
         (|a| a.room.floor_depth_m = f64::NAN, "floor_depth_m"),
         (|a| a.room.ceiling_height_m = 30.0, "ceiling_height_m"),

@@ -307,8 +307,15 @@ mod tests {
     const ROOM: Extents = Extents { width: 3.0, height: 2.5, depth: 4.0 };
 
     fn room(windows: &[Wall]) -> Room {
-        let window =
-            |wall| Opening { kind: OpeningKind::Window, wall, u: [1.0, 2.0], y: [0.9, 2.0], inset: 0.0, object: None };
+        let window = |wall| Opening {
+            kind: OpeningKind::Window,
+            wall,
+            u: [1.0, 2.0],
+            y: [0.9, 2.0],
+            inset: 0.0,
+            rise: 0.0,
+            object: None,
+        };
         Room {
             room_type: "bedroom".into(),
             extents: ROOM,

@@ -1,0 +1,199 @@
+//! What the photo shows through a passage: a pane where the reveal ends, with the photo's pixels on it.
+//!
+//! The room behind is not reconstructed; from the photo's place the pane shows what is there, from elsewhere it is a
+//! picture in a doorway. What stands before a passage is not on its pane: those pixels take their row's nearest ones.
+
+use std::sync::Arc;
+
+use harmony_mesh::{Group, Material, Mesh};
+use harmony_scene::{Camera, Extents, Mask, Opening, Room, Vec2, Vec3, WallPlane};
+use image::{Rgba, RgbaImage};
+
+use crate::state::SceneState;
+
+/// How far behind the wall's face a pane is, metres: where [`harmony_mesh::ShellOptions::reveal`] ends.
+const BEHIND: f64 = 0.1;
+/// Around an opening's edge its pixels are mixed ones, metres.
+const EDGE: f64 = 0.02;
+/// Texels a metre.
+const PX_PER_M: f64 = 220.0;
+/// Sides of a texture, texels.
+const SIDE_PX: (f64, f64) = (8.0, 1024.0);
+
+/// A passage with what is seen through it.
+#[derive(Debug, Clone)]
+pub struct Beyond {
+    /// The passage.
+    pub opening: Opening,
+    /// From its low-u lower end: columns along u, the first row on top.
+    pub picture: Arc<RgbaImage>,
+}
+
+/// The panes of all passages of a scene of which the photo shows something.
+pub fn beyond(state: &SceneState) -> Vec<Beyond> {
+    let room = &state.partial.room;
+    let passages = room.openings.iter().filter(|o| o.is_passage());
+    passages.filter_map(|o| Some(Beyond { opening: o.clone(), picture: Arc::new(seen_through(state, o)?) })).collect()
+}
+
+/// Pixels that look through a passage, with what its edge mixes in.
+pub(super) fn pixels(camera: &Camera, room: &Room) -> Mask {
+    let passages: Vec<&Opening> = room.openings.iter().filter(|o| o.is_passage()).collect();
+    if passages.is_empty() {
+        return Mask::empty(camera.size);
+    }
+    let faces = room.faces();
+    Mask::from_fn(camera.size, |x, y| {
+        let ray = camera.ray(Vec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
+        let Some(exit) = faces.exit(&ray) else { return false };
+        passages.iter().any(|o| {
+            let away = o.wall.distance(&room.extents, exit.point) - o.inset;
+            let at = o.wall.coordinates(exit.point);
+            let within = |range: [f64; 2], v: f64| v > range[0] - EDGE && v < range[1] + EDGE;
+            exit.wall() == Some(o.wall) && away.abs() < EDGE && within(o.u, at.x) && within(o.y, at.y)
+        })
+    })
+}
+
+/// The plane of a pane.
+fn plane_of(opening: &Opening) -> WallPlane {
+    WallPlane { wall: opening.wall, inset: opening.inset - BEHIND }
+}
+
+fn seen_through(state: &SceneState, opening: &Opening) -> Option<RgbaImage> {
+    let (camera, e) = (&state.partial.camera, &state.partial.room.extents);
+    if plane_of(opening).distance(e, camera.centre()) <= 0.0 {
+        return None;
+    }
+    let hidden: Vec<&Mask> = state
+        .partial
+        .placed
+        .iter()
+        .filter(|p| Some(&p.item.id) != opening.object.as_ref())
+        .map(|p| &*p.item.mask)
+        .collect();
+    let length = |range: [f64; 2]| ((range[1] - range[0]) * PX_PER_M).clamp(SIDE_PX.0, SIDE_PX.1).ceil() as u32;
+    let (w, h) = (length(opening.u), length(opening.y));
+    let sample = |i: u32, j: u32| {
+        let pixel =
+            pixel_of(camera, e, opening, (f64::from(i) + 0.5) / f64::from(w), (f64::from(j) + 0.5) / f64::from(h))?;
+        let free = !hidden.iter().any(|m| m.get(pixel.x as i64, pixel.y as i64));
+        free.then(|| state.photo.get_pixel(pixel.x as u32, pixel.y as u32).0)
+    };
+    let mut picture = RgbaImage::new(w, h);
+    let mut last: Option<Vec<[u8; 3]>> = None;
+    let mut blank = Vec::new();
+    for j in 0..h {
+        let row: Vec<Option<[u8; 3]>> = (0..w).map(|i| sample(i, j)).collect();
+        let filled = along(&row).or_else(|| last.clone());
+        match &filled {
+            Some(row) => row.iter().enumerate().for_each(|(i, c)| put(&mut picture, i as u32, j, *c)),
+            None => blank.push(j),
+        }
+        last = filled;
+    }
+    // Rows above the first that shows anything take that one's colours.
+    let first = blank.iter().max().map_or(0, |j| j + 1);
+    if first >= h {
+        return None;
+    }
+    for j in blank {
+        for i in 0..w {
+            let Rgba([r, g, b, _]) = *picture.get_pixel(i, first);
+            put(&mut picture, i, j, [r, g, b]);
+        }
+    }
+    Some(picture)
+}
+
+fn put(picture: &mut RgbaImage, i: u32, j: u32, [r, g, b]: [u8; 3]) {
+    picture.put_pixel(i, j, Rgba([r, g, b, 255]));
+}
+
+/// The photo's pixel of a place on the pane, shares of its width and of its height from the top.
+fn pixel_of(camera: &Camera, e: &Extents, opening: &Opening, across: f64, down: f64) -> Option<Vec2> {
+    let u = opening.u[0] + (opening.u[1] - opening.u[0]) * across;
+    let y = opening.y[1] - (opening.y[1] - opening.y[0]) * down;
+    camera.project(plane_of(opening).point(e, u, y)).filter(|p| camera.contains(*p))
+}
+
+/// A row with its gaps filled from the nearest texels on either side; `None` when it shows nothing.
+fn along(row: &[Option<[u8; 3]>]) -> Option<Vec<[u8; 3]>> {
+    let known: Vec<usize> = (0..row.len()).filter(|i| row[*i].is_some()).collect();
+    let nearest = |i: usize| known.iter().min_by_key(|k| k.abs_diff(i)).and_then(|k| row[*k]);
+    (0..row.len()).map(nearest).collect()
+}
+
+/// The panes as one mesh in the room, a material each, their fronts into the room.
+pub fn panes(beyond: &[Beyond], e: &Extents) -> Mesh {
+    let mut mesh = Mesh::default();
+    for (k, one) in beyond.iter().enumerate() {
+        let (plane, [a, b], [low, high]) = (plane_of(&one.opening), one.opening.u, one.opening.y);
+        let first = mesh.positions.len() as u32;
+        for (u, y, uv) in [(a, low, [0.0, 1.0]), (b, low, [1.0, 1.0]), (b, high, [1.0, 0.0]), (a, high, [0.0, 0.0])] {
+            mesh.positions.push(plane.point(e, u, y).as_vec3());
+            mesh.normals.push(plane.normal().as_vec3());
+            mesh.uvs.push(glam::Vec2::from(uv));
+        }
+        let along = plane.point(e, 1.0, 0.0) - plane.point(e, 0.0, 0.0);
+        let inward = along.cross(Vec3::Y).dot(plane.normal()) > 0.0;
+        let fan = |i: u32, j: u32| if inward { [first, first + i, first + j] } else { [first, first + j, first + i] };
+        mesh.groups.push(Group { material: mesh.materials.len(), triangles: vec![fan(1, 2), fan(2, 3)] });
+        let mut material = Material::plain(&format!("beyond_{:02}", k + 1), [1.0; 3]);
+        material.texture = Some(Arc::clone(&one.picture));
+        mesh.materials.push(material);
+    }
+    mesh
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::{OpeningKind, Wall};
+    use image::Rgb;
+
+    use super::*;
+    use crate::testing::empty_room;
+    use crate::views;
+
+    /// A photo whose pixels say where they are.
+    fn state(wall: Wall, u: [f64; 2]) -> SceneState {
+        let mut state = empty_room();
+        let size = state.partial.camera.size;
+        let photo = image::RgbImage::from_fn(size.width, size.height, |x, y| Rgb([(x / 2) as u8, y as u8, 40]));
+        state.photo = Arc::new(photo);
+        let kind = OpeningKind::Door;
+        let passage = Opening { kind, wall, u, y: [0.0, 2.0], inset: 0.0, rise: 0.0, object: None };
+        state.partial.room.openings = vec![passage];
+        state.beyond = beyond(&state);
+        state
+    }
+
+    #[test]
+    fn a_passage_shows_in_the_render_what_the_photo_shows_there() {
+        for (wall, u) in [(Wall::Back, [1.2, 2.2]), (Wall::Left, [1.0, 2.0]), (Wall::Right, [1.0, 2.0])] {
+            let state = state(wall, u);
+            let drawn = views::drawn(&state).flat;
+            let plane = plane_of(&state.partial.room.openings[0]);
+            let e = state.partial.room.extents;
+            let mut seen = 0;
+            for (share, y) in [(0.4, 0.6), (0.5, 1.0), (0.6, 1.5)] {
+                let at = plane.point(&e, u[0] + (u[1] - u[0]) * share, y);
+                let Some(p) = state.partial.camera.project(at).filter(|p| state.partial.camera.contains(*p)) else {
+                    continue;
+                };
+                let (got, want) =
+                    (drawn.get_pixel(p.x as u32, p.y as u32).0, state.photo.get_pixel(p.x as u32, p.y as u32).0);
+                assert!((0..3).all(|k| got[k].abs_diff(want[k]) <= 4), "{wall:?}: {got:?} instead of {want:?}");
+                seen += 1;
+            }
+            assert!(seen > 0, "{wall:?}");
+        }
+    }
+
+    #[test]
+    fn gaps_take_the_nearest_colours_of_their_row() {
+        let [r, g] = [[9, 0, 0], [0, 9, 0]];
+        assert_eq!(along(&[None, Some(r), None, None, Some(g), None]), Some(vec![r, r, r, g, g, g]));
+        assert_eq!(along(&[None, None]), None);
+    }
+}
