@@ -102,7 +102,7 @@ fn tops(outline: &[Vec2], u: [f64; 2]) -> Vec<Vec2> {
             let crossing = |i: usize| {
                 let (a, b) = (outline[i], outline[(i + 1) % n]);
                 let share = (x - a.x) / (b.x - a.x);
-                (share.is_finite() && (0.0..=1.0).contains(&share)).then(|| a.y + (b.y - a.y) * share)
+                (share.is_finite() && (0.0..=1.0).contains(&share)).then_some(a.y + (b.y - a.y) * share)
             };
             (0..n).filter_map(crossing).max_by(f64::total_cmp).map(|y| Vec2::new(x, y))
         })

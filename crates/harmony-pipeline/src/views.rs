@@ -57,17 +57,12 @@ const FLAT: RenderOptions = RenderOptions {
 
 /// A render of the scene from any camera, unlit, 4x multisampled. What lies flat under the ceiling goes with it.
 pub fn scene_from(state: &SceneState, camera: &Camera, omit: Vec<Surface>) -> RgbImage {
-    let hidden: Vec<u32> = match omit.contains(&Surface::Ceiling) {
-        true => of_the_ceiling(state).map(|p| p.item.index).collect(),
-        false => Vec::new(),
-    };
+    let without_ceiling = omit.contains(&Surface::Ceiling);
+    let hidden: Vec<u32> = of_the_ceiling(state).filter(|_| without_ceiling).map(|placed| placed.item.index).collect();
     let shell = shell(state, omit);
-    let shown: Vec<Instance<'_>> = instances(state, &shell)
-        .into_iter()
-        .enumerate()
-        .filter(|(k, i)| *k == 0 || !hidden.contains(&i.id))
-        .map(|(_, i)| i)
-        .collect();
+    // The first is the room.
+    let shown = instances(state, &shell).into_iter().enumerate().filter(|(k, i)| *k == 0 || !hidden.contains(&i.id));
+    let shown: Vec<Instance<'_>> = shown.map(|(_, instance)| instance).collect();
     DynamicImage::ImageRgba8(render(camera, &shown, &FLAT).color).to_rgb8()
 }
 

@@ -349,6 +349,13 @@ enum At<'a> {
     Outside,
 }
 
+/// A room's faces by what they depend on.
+type Known = (Extents, RoomShape, Arc<Vec<RoomFace>>);
+
+thread_local! {
+    static KNOWN: RefCell<Vec<Known>> = const { RefCell::new(Vec::new()) };
+}
+
 impl Room {
     /// The faces of the room, ready for many questions.
     pub fn faces(&self) -> RoomFaces {
@@ -359,9 +366,6 @@ impl Room {
     /// [`Room::all_faces`], kept for the rooms that this thread asked about last: placement asks thousands of times about
     /// the same few.
     fn known_faces(&self) -> Arc<Vec<RoomFace>> {
-        thread_local! {
-            static KNOWN: RefCell<Vec<(Extents, RoomShape, Arc<Vec<RoomFace>>)>> = const { RefCell::new(Vec::new()) };
-        }
         KNOWN.with_borrow_mut(|known| {
             if let Some((.., faces)) = known.iter().find(|(e, s, _)| *e == self.extents && *s == self.shape) {
                 return Arc::clone(faces);

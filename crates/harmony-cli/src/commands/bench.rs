@@ -75,6 +75,7 @@ Example:
 
 /// Arguments of `bench run`; `bench ablate` has them, too.
 #[derive(Debug, clap::Args)]
+#[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 struct RunArgs {
     /// A folder of rooms with truth, or one such room.
     rooms: PathBuf,

@@ -137,19 +137,20 @@ fn write_track(t: &mut Text, world: &World, track: &Track) {
     let room_from_body = DAffine3::from_mat3_translation(item.rotation(), item.object.pose.position);
     let kinematic = "bool physics:kinematicEnabled = 1";
     let body = harmony_physics::matter::motion(&item.object) == harmony_physics::Motion::Dynamic;
-    t.over(&track.object, |t| match &track.part {
-        Some(part) => t.over(part, |t| {
-            t.line(kinematic);
-            let inside = |m: &DAffine3| room_from_body.inverse() * *m * room_from_body;
-            samples(t, track.moved.iter().map(|m| in_stage(&inside(m))));
-        }),
-        None => {
-            samples(t, track.moved.iter().map(|m| in_stage(&(*m * room_from_body))));
-            match (item.opens.is_empty(), body) {
-                (true, true) => t.line(kinematic),
-                (false, true) => t.over("body", |t| t.line(kinematic)),
-                _ => {}
-            }
+    t.over(&track.object, |t| {
+        if let Some(part) = &track.part {
+            t.over(part, |t| {
+                t.line(kinematic);
+                let inside = |m: &DAffine3| room_from_body.inverse() * *m * room_from_body;
+                samples(t, track.moved.iter().map(|m| in_stage(&inside(m))));
+            });
+            return;
+        }
+        samples(t, track.moved.iter().map(|m| in_stage(&(*m * room_from_body))));
+        match (item.opens.is_empty(), body) {
+            (true, true) => t.line(kinematic),
+            (false, true) => t.over("body", |t| t.line(kinematic)),
+            _ => {}
         }
     });
 }
