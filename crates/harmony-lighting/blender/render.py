@@ -223,39 +223,36 @@ def surface_socket(material):
     return output.inputs["Surface"].links[0].from_socket, output.inputs["Surface"]
 
 
-def hide_back(material):
-    """The camera sees through the side that faces away from the room."""
+def clear_for(material, share_of, colour=(1.0, 1.0, 1.0, 1.0)):
+    """Mixes transparency into a surface; `share_of` makes the socket that says how much, in the material's tree."""
     tree = material.node_tree
     shader, surface = surface_socket(material)
     if shader is None:
         return
-    path = tree.nodes.new("ShaderNodeLightPath")
-    behind = tree.nodes.new("ShaderNodeNewGeometry")
-    share = tree.nodes.new("ShaderNodeMath")
-    share.operation = "MULTIPLY"
-    tree.links.new(path.outputs["Is Camera Ray"], share.inputs[0])
-    tree.links.new(behind.outputs["Backfacing"], share.inputs[1])
-    clear = tree.nodes.new("ShaderNodeBsdfTransparent")
-    mix = tree.nodes.new("ShaderNodeMixShader")
-    tree.links.new(share.outputs[0], mix.inputs["Fac"])
-    tree.links.new(shader, mix.inputs[1])
-    tree.links.new(clear.outputs[0], mix.inputs[2])
-    tree.links.new(mix.outputs[0], surface)
-
-
-def let_shadow_rays_through(material, colour=(1.0, 1.0, 1.0, 1.0)):
-    tree = material.node_tree
-    shader, surface = surface_socket(material)
-    if shader is None:
-        return
-    path = tree.nodes.new("ShaderNodeLightPath")
     clear = tree.nodes.new("ShaderNodeBsdfTransparent")
     clear.inputs["Color"].default_value = colour
     mix = tree.nodes.new("ShaderNodeMixShader")
-    tree.links.new(path.outputs["Is Shadow Ray"], mix.inputs["Fac"])
+    tree.links.new(share_of(tree), mix.inputs["Fac"])
     tree.links.new(shader, mix.inputs[1])
     tree.links.new(clear.outputs[0], mix.inputs[2])
     tree.links.new(mix.outputs[0], surface)
+
+
+def hide_back(material):
+    """The camera sees through the side that faces away from the room."""
+
+    def seen_from_behind(tree):
+        share = tree.nodes.new("ShaderNodeMath")
+        share.operation = "MULTIPLY"
+        tree.links.new(tree.nodes.new("ShaderNodeLightPath").outputs["Is Camera Ray"], share.inputs[0])
+        tree.links.new(tree.nodes.new("ShaderNodeNewGeometry").outputs["Backfacing"], share.inputs[1])
+        return share.outputs[0]
+
+    clear_for(material, seen_from_behind)
+
+
+def let_shadow_rays_through(material, colour=(1.0, 1.0, 1.0, 1.0)):
+    clear_for(material, lambda tree: tree.nodes.new("ShaderNodeLightPath").outputs["Is Shadow Ray"], colour)
 
 
 def show_emission(material, colour, strength, image_node=None, centre=None, radius=0.0):
