@@ -243,7 +243,7 @@ impl TruthRoom {
         let list = |v: &Value| v.as_array().cloned().unwrap_or_default();
         let (shape, extents, origin) = shape::read(&r, whole);
         let camera = camera(&folder.join("camera.json"), origin)?;
-        let walls = list(&r["walls_visible"]).iter().filter_map(|w| wall_named(w.as_str()?)).collect();
+        let mut walls: Vec<Wall> = list(&r["walls_visible"]).iter().filter_map(|w| wall_named(w.as_str()?)).collect();
         let openings = list(&r["openings"]).iter().filter_map(|o| opening(o, &whole, &extents, origin)).collect();
         let path = folder.join("objects.json");
         let described = json(&path)?;
@@ -260,6 +260,10 @@ impl TruthRoom {
             objects.push(found);
         }
         let (ids, depth) = buffers(folder, camera.size)?;
+        if !shape.is_box() {
+            let shown = shape::box_walls_shown(&camera, &extents, &ids, &depth);
+            walls.retain(|wall| shown.contains(wall));
+        }
         Ok(Self {
             name: folder.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
             folder: folder.to_owned(),

@@ -4,7 +4,10 @@
 //! * a face takes only the points that face into the room from its side (`normal . inward > tau`), not `|normal . a|`;
 //! * the percentile of a noisy plane lies two sigmas outside it, so it says how far outward to look, and the plane is
 //!   then set on the outermost density peak it reaches; only without such a peak it is the percentile itself;
-//! * a face that hardly a point lies on, or that many points lie beyond, is "not seen".
+//! * a face that hardly a point lies on, or that many points lie beyond, is "not seen";
+//! * a plane that is seen only through a hole of a stronger one (the next room's wall through a passage) is not the wall.
+
+use std::collections::HashMap;
 
 use harmony_scene::{Mat3, Surface, Vec3};
 
@@ -34,6 +37,8 @@ const BEYOND_FACTOR: f64 = 2.0;
 const MOST_BEHIND: f64 = 0.35;
 /// Slack for "beyond", share of the median depth.
 const BEYOND_SLACK: f64 = 0.035;
+/// A plane of whose points this share has a nearer plane to the left, to the right and above is seen through its hole.
+const FRAMED: f64 = 0.9;
 /// Inliers of a face are at most this far off in angle.
 const INLIER_COS: f64 = 0.85;
 
@@ -153,6 +158,7 @@ fn fit_face(
     let start = match outermost {
         Some(outer) => {
             let pane = PANE_DEPTH * surfels.median_depth;
+            let outer = if index == 1 { outer } else { nearer_if_framed(outer, &peaks, &facing, (inward, bin)) };
             peaks
                 .iter()
                 .filter(|k| k.at <= outer.at && outer.at - k.at <= pane)
@@ -180,6 +186,46 @@ fn fit_face(
         behind: 0.0,
         measured,
     })
+}
+
+/// The strongest peak in front of a wall's outermost one through whose hole that one is seen, else that one.
+///
+/// Furniture before a wall leaves it open to one side or above; the wall around a passage does not.
+fn nearer_if_framed<'a>(
+    outer: &'a Peak,
+    peaks: &'a [Peak],
+    facing: &[&Surfel],
+    (inward, bin): (Vec3, f64),
+) -> &'a Peak {
+    let on = |peak: &Peak| -> Vec<&Surfel> {
+        let near = |s: &&&Surfel| {
+            s.normal.dot(inward) > INLIER_COS && (-inward.dot(s.point) - peak.at).abs() <= PEAK_BINS * bin
+        };
+        facing.iter().filter(near).copied().collect()
+    };
+    let behind = on(outer);
+    let nearer = peaks.iter().filter(|k| k.at < outer.at - PEAK_BINS * bin && k.weight > outer.weight);
+    nearer.filter(|k| framed(&behind, &on(k)) >= FRAMED).max_by(|a, b| a.weight.total_cmp(&b.weight)).unwrap_or(outer)
+}
+
+/// Share of the weight of `inside` that has some of `frame` to its left and right in its row, and above in its column.
+fn framed(inside: &[&Surfel], frame: &[&Surfel]) -> f64 {
+    // Rows and columns are those of the grid of cells: equal to the bit.
+    let mut rows: HashMap<u64, [f64; 2]> = HashMap::new();
+    let mut columns: HashMap<u64, f64> = HashMap::new();
+    for s in frame {
+        let [low, high] = rows.entry(s.row.to_bits()).or_insert([f64::INFINITY, f64::NEG_INFINITY]);
+        (*low, *high) = (low.min(s.column), high.max(s.column));
+        let top = columns.entry(s.column.to_bits()).or_insert(f64::INFINITY);
+        *top = top.min(s.row);
+    }
+    let within = |s: &&&Surfel| {
+        rows.get(&s.row.to_bits()).is_some_and(|[low, high]| *low < s.column && s.column < *high)
+            && columns.get(&s.column.to_bits()).is_some_and(|top| *top < s.row)
+    };
+    let weight = |s: &&Surfel| s.weight;
+    let all: f64 = inside.iter().map(weight).sum();
+    inside.iter().filter(within).map(weight).sum::<f64>() / all.max(f64::MIN_POSITIVE)
 }
 
 /// Weighted mean of the points near `start` under a biweight: offset, count, RMS, weight.
@@ -329,5 +375,49 @@ impl AxisBox {
     pub fn floor_corners(&self) -> [Vec3; 4] {
         let (l, h) = (self.low, self.high);
         [l, Vec3::new(h.x, l.y, l.z), Vec3::new(l.x, l.y, h.z), Vec3::new(h.x, l.y, h.z)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::{ImageSize, Intrinsics, PointMap, PointMapKind};
+
+    use super::*;
+
+    /// Where the back wall is found, metres before the camera, in a room 4 m wide whose back wall at 4 m is cut by what
+    /// `open` says, with another room's wall at 5.6 m behind it.
+    fn back_wall(open: impl Fn(f64, f64) -> bool) -> f64 {
+        let size = ImageSize::new(288, 216);
+        let intrinsics = Intrinsics { fx: 180.0, fy: 180.0, cx: 144.0, cy: 108.0 };
+        let depth: Vec<f32> = (0..size.pixels())
+            .map(|i| {
+                let pixel =
+                    glam::DVec2::new(f64::from(i as u32 % size.width) + 0.5, f64::from(i as u32 / size.width) + 0.5);
+                let ray = intrinsics.direction(pixel);
+                let floor_or_ceiling = if ray.y > 0.0 { 1.3 / ray.y } else { -1.2 / ray.y };
+                let own = (2.0 / ray.x.abs()).min(floor_or_ceiling).min(4.0);
+                let through = own == 4.0 && open(4.0 * ray.x, -4.0 * ray.y);
+                (if through { floor_or_ceiling.min(5.6) } else { own }) as f32
+            })
+            .collect();
+        let map = PointMap::from_depth(PointMapKind::Metric, size, intrinsics, &depth);
+        let axes = ManhattanAxes { width: Vec3::X, vertical: -Vec3::Y, depth: -Vec3::Z };
+        let faces = fit_faces(&crate::surfels::surfels(&map), &axes, &CalibrationSettings::default());
+        let back = faces.into_iter().flatten().find(|f| f.surface == Surface::Back).unwrap();
+        assert!(back.measured);
+        -back.offset
+    }
+
+    #[test]
+    fn the_wall_of_another_room_seen_through_a_passage_is_not_the_back_wall() {
+        let found = back_wall(|x, y| (-0.5..0.8).contains(&x) && y < 0.8);
+        assert!((found - 4.0).abs() < 0.02, "{found}");
+    }
+
+    #[test]
+    fn a_wall_beside_what_stands_before_it_is_the_back_wall() {
+        // A block or a row of cupboards up to the ceiling takes three fifths of the wall, and leaves one side open.
+        let found = back_wall(|x, _| x > 0.4);
+        assert!((found - 5.6).abs() < 0.02, "{found}");
     }
 }

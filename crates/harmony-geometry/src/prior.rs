@@ -162,6 +162,8 @@ pub struct LayoutPrior {
     pub camera: CameraHints,
     /// Room edges and corners in the photo.
     pub pins: LayoutPins,
+    /// Outlines of what the photo shows of other rooms, through openings without a leaf: no evidence for this one.
+    pub passages: Vec<Vec<Vec2>>,
 }
 
 impl LayoutPrior {
@@ -172,6 +174,7 @@ impl LayoutPrior {
             extents: Extents { width: 4.0, height: 2.5, depth: 5.0 },
             camera: CameraHints::default(),
             pins: LayoutPins::default(),
+            passages: Vec::new(),
         }
     }
 }

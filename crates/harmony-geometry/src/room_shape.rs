@@ -563,7 +563,7 @@ fn span(values: &[f64]) -> [f64; 2] {
 }
 
 /// Whether a point lies in a polygon (even-odd).
-fn inside(polygon: &[Vec2], at: Vec2) -> bool {
+pub(crate) fn inside(polygon: &[Vec2], at: Vec2) -> bool {
     let n = polygon.len();
     (0..n).fold(false, |within, i| {
         let (a, b) = (polygon[i], polygon[(i + 1) % n]);

@@ -1,13 +1,31 @@
 //! The shape of a true room that is no box: key `shape` of `room.json`.
 
 use glam::DVec3;
-use harmony_scene::{Block, Extents, Niche, RoomShape, Slope, Wall};
+use harmony_scene::{Block, Camera, Extents, Niche, RoomShape, Slope, Wall};
 use serde_json::Value;
 
 use super::{vec3, wall_named};
 
 /// A block that covers a wall as far as this is a thicker wall, metres.
 const WHOLE: f64 = 0.02;
+
+/// Fewest pixels of a wall that counts as shown.
+const FEWEST_PIXELS: usize = 500;
+/// Ids of the walls in the id image.
+const WALL_IDS: [(Wall, u8); 4] = [(Wall::Back, 3), (Wall::Right, 4), (Wall::Front, 5), (Wall::Left, 6)];
+
+/// The walls of the box that the photo shows: pixels with a wall's id may show a block that looks the same way.
+pub(super) fn box_walls_shown(camera: &Camera, extents: &Extents, ids: &[u8], depth: &[f32]) -> Vec<Wall> {
+    let width = camera.size.width as usize;
+    let shown = |(wall, id): &(Wall, u8)| {
+        let on_box = |i: &usize| {
+            let pixel = glam::DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+            wall.distance(extents, camera.unproject(pixel, f64::from(depth[*i]))).abs() < WHOLE
+        };
+        (0..ids.len().min(depth.len())).filter(|i| ids[*i] == *id).filter(on_box).count() >= FEWEST_PIXELS
+    };
+    WALL_IDS.iter().filter(|w| shown(w)).map(|(wall, _)| *wall).collect()
+}
 
 /// The shape in a frame that begins at the walls that one sees, that frame's box, and where its origin lies in the file's
 /// frame: linings (blocks that cover a whole wall) move the walls of the box, and niches in them lie behind it.

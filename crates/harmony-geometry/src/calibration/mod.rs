@@ -83,6 +83,38 @@ pub fn calibrate_with_photo(
     view: &ViewEstimate,
     settings: &CalibrationSettings,
 ) -> Result<(Calibration, PointMap), CalibrationError> {
+    if prior.passages.is_empty() {
+        return calibrate_room(points, prior, view, settings);
+    }
+    let (calibration, map) = calibrate_room(&without_other_rooms(points, prior), prior, view, settings)?;
+    // Things that stand before a passage keep their depth.
+    Ok((calibration, PointMap { confidence: points.confidence.clone(), ..map }))
+}
+
+/// The map without confidence where the photo shows another room.
+fn without_other_rooms(points: &PointMap, prior: &LayoutPrior) -> PointMap {
+    let (width, height) = (points.size.width, points.size.height);
+    let to_photo = Vec2::new(
+        f64::from(prior.photo.width) / f64::from(width.max(1)),
+        f64::from(prior.photo.height) / f64::from(height.max(1)),
+    );
+    let mut out = points.clone();
+    for (i, confidence) in out.confidence.iter_mut().enumerate() {
+        let at = Vec2::new(f64::from(i as u32 % width) + 0.5, f64::from(i as u32 / width) + 0.5) * to_photo;
+        if prior.passages.iter().any(|outline| crate::room_shape::inside(outline, at)) {
+            *confidence = 0.0;
+        }
+    }
+    out
+}
+
+/// [`calibrate_with_photo`] by a map that shows no other room.
+fn calibrate_room(
+    points: &PointMap,
+    prior: &LayoutPrior,
+    view: &ViewEstimate,
+    settings: &CalibrationSettings,
+) -> Result<(Calibration, PointMap), CalibrationError> {
     let (first, frame) = calibrate_along(points, prior, settings, None)?;
     let sure = view.confidence >= SURE_VIEW;
     let by_lines = |reason: &str| {

@@ -261,7 +261,11 @@ fn shape_hints(answer: &LayoutAnswer, size: ImageSize) -> Vec<ShapeHint> {
 
 /// The passages of a layout answer in a room, and what was not believed of them.
 pub(crate) fn passages(answer: &LayoutAnswer, camera: &Camera, room: &Room) -> (Vec<Opening>, Vec<String>) {
-    let size = camera.size;
+    measure_passages(&passage_hints(answer, camera.size), camera, room)
+}
+
+/// The passages of a layout answer in the words of the geometry, pixels of an image of this size.
+fn passage_hints(answer: &LayoutAnswer, size: ImageSize) -> Vec<PassageHint> {
     let of_wall = |w: &LayoutWall| {
         let passages = w.openings.iter().filter(|o| o.kind == LayoutOpeningKind::Passage);
         let wall = w.orientation;
@@ -272,8 +276,7 @@ pub(crate) fn passages(answer: &LayoutAnswer, camera: &Camera, room: &Room) -> (
         };
         passages.map(hint).collect::<Vec<_>>()
     };
-    let hints: Vec<PassageHint> = answer.walls.iter().flat_map(of_wall).collect();
-    measure_passages(&hints, camera, room)
+    answer.walls.iter().flat_map(of_wall).collect()
 }
 
 /// A place in thousandths as a pixel of an image of this size.
@@ -357,6 +360,7 @@ pub fn layout_prior(answer: &LayoutAnswer, size: ImageSize) -> LayoutPrior {
             floor_junction_y_frac: Some(c.floor_junction_y_frac),
         },
         pins: LayoutPins { edges, corners: Vec::new() },
+        passages: passage_hints(answer, size).into_iter().map(|hint| hint.face).collect(),
     }
 }
 
