@@ -9,7 +9,8 @@
 //! Robustness: residuals are relative to the mean of photo and render (the eye sees ratios, and neither a black chair
 //! nor a lamp in the image decides), re-weighted over some rounds (an object that is not in the scene must not bend the
 //! light), and a weak pull towards one common gain decides what the photo leaves open
-//! (two lamps that light the same wall). Known weak regime: where textures hold the photo's own light, the fit prefers
+//! (two lamps that light the same wall). A light's colour changes as its temperature does: red against blue, and hardly
+//! towards green or purple, which is what a room of one colour would make of what it does not show. Known weak regime: where textures hold the photo's own light, the fit prefers
 //! flat light, because the texture explains the shading already; see [`crate::Delight`].
 
 use harmony_scene::{ImageSize, Lighting};
@@ -30,6 +31,10 @@ pub struct FitOptions {
     pub color_ridge: f64,
     /// Relative residual at which a pixel counts a quarter (Geman-McClure weights).
     pub outlier: f64,
+    /// Most that a light's colour gets warmer or colder, log2 of half the ratio of the gains of red and blue.
+    pub warmer: f64,
+    /// Most that it gets greener or more purple, log2 of green over the mean of red and blue.
+    pub greener: f64,
     /// Rounds of re-weighting.
     pub rounds: usize,
     /// Exposure of the render in stops: the photo's light is compared before it.
@@ -38,7 +43,16 @@ pub struct FitOptions {
 
 impl Default for FitOptions {
     fn default() -> Self {
-        Self { longest_side: 80, intensity_ridge: 0.01, color_ridge: 0.2, outlier: 0.5, rounds: 12, exposure: 0.0 }
+        Self {
+            longest_side: 80,
+            intensity_ridge: 0.01,
+            color_ridge: 0.2,
+            outlier: 0.5,
+            warmer: 1.2,
+            greener: 0.3,
+            rounds: 12,
+            exposure: 0.0,
+        }
     }
 }
 
@@ -125,14 +139,9 @@ pub fn fit_lights(
     }
     let flat = vec![common_gain; n];
     let residual_before = lum.median_residual(&flat);
-    let gains = lum.solve(&flat, options.intensity_ridge, options);
     // A light with no evidence keeps the common gain through its prior; one that the photo denies has gone to 0.
-    let mut by_channel = [gains.clone(), gains.clone(), gains];
-    for (c, own) in by_channel.iter_mut().enumerate() {
-        let channel = Channel::new(&problem, |rgb| rgb[c].into());
-        *own = channel.solve(own, options.color_ridge, options);
-    }
-    let gains: Vec<[f64; 3]> = (0..n).map(|i| [0, 1, 2].map(|c| by_channel[c][i])).collect();
+    let intensities = lum.solve(&flat, &vec![options.intensity_ridge; n], options);
+    let gains = colors(&problem, &intensities, options);
     let mean: Vec<f64> = gains.iter().map(|g| 0.2126 * g[0] + 0.7152 * g[1] + 0.0722 * g[2]).collect();
     Ok(LightFit {
         lights: passes.iter().map(|p| p.light.clone()).collect(),
@@ -142,6 +151,50 @@ pub fn fit_lights(
         residual_after: lum.median_residual(&mean),
         coverage: problem.coverage,
     })
+}
+
+/// Gains by channel around the intensities. A light whose colour is none that a light has gets the nearest that is, and
+/// the others are fitted again beside it.
+fn colors(problem: &Problem, intensities: &[f64], options: &FitOptions) -> Vec<[f64; 3]> {
+    let n = intensities.len();
+    let channels = [0, 1, 2].map(|c| Channel::new(problem, |rgb| rgb[c].into()));
+    let mut prior: Vec<[f64; 3]> = intensities.iter().map(|g| [*g; 3]).collect();
+    let mut ridge: Vec<f64> = intensities.iter().map(|g| if *g > 0.0 { options.color_ridge } else { HELD }).collect();
+    loop {
+        let by_channel = [0, 1, 2].map(|c| {
+            let prior: Vec<f64> = prior.iter().map(|g| g[c]).collect();
+            channels[c].solve(&prior, &ridge, options)
+        });
+        let gains: Vec<[f64; 3]> = (0..n).map(|i| [0, 1, 2].map(|c| by_channel[c][i])).collect();
+        let mut all_are_lights = true;
+        for i in 0..n {
+            if ridge[i] >= HELD {
+                continue;
+            }
+            if let Some(color) = nearest_light(gains[i], options) {
+                (prior[i], ridge[i]) = (color.map(|c| c * intensities[i]), HELD);
+                all_are_lights = false;
+            }
+        }
+        if all_are_lights {
+            return gains;
+        }
+    }
+}
+
+/// Pull that holds a gain where it is.
+const HELD: f64 = 1e6;
+
+/// The colour (luminance 1) that these gains come nearest to within the settings' limits; `None` when they are within.
+fn nearest_light(gains: [f64; 3], options: &FitOptions) -> Option<[f64; 3]> {
+    // A channel that is said to give no light at all is some 30 times darker than the brightest.
+    let least = gains.iter().copied().fold(0.0, f64::max) / 32.0;
+    let [r, g, b] = gains.map(|v| v.max(least).max(f64::MIN_POSITIVE).log2());
+    let (warm, green) = ((r - b) / 2.0, g - f64::midpoint(r, b));
+    let kept = (warm.clamp(-options.warmer, options.warmer), green.clamp(-options.greener, options.greener));
+    let color = [kept.0, kept.1, -kept.0].map(f64::exp2);
+    let luminance = 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2];
+    (kept != (warm, green)).then(|| color.map(|c| c / luminance))
 }
 
 impl LightFit {
@@ -275,7 +328,7 @@ impl Channel {
     }
 
     /// Iteratively re-weighted, non-negative ridge regression towards `prior`.
-    fn solve(&self, prior: &[f64], ridge: f64, options: &FitOptions) -> Vec<f64> {
+    fn solve(&self, prior: &[f64], ridge: &[f64], options: &FitOptions) -> Vec<f64> {
         let n = self.lights.len();
         let mut gains = prior.to_vec();
         for _ in 0..options.rounds.max(1) {
@@ -299,7 +352,7 @@ impl Channel {
             let largest = (0..n).map(|i| h[i][i]).fold(0.0, f64::max);
             for i in 0..n {
                 // A light that hardly reaches the image is held by the prior alone.
-                let pull = ridge * h[i][i].max(largest * 1e-3);
+                let pull = ridge[i] * h[i][i].max(largest * 1e-3);
                 h[i][i] += pull;
                 b[i] += pull * prior[i];
                 let lower = h[i][..i].to_vec();
@@ -386,6 +439,22 @@ mod tests {
             assert!((0..3).all(|c| (w[c] - g[c]).abs() <= 0.1 * w[c]), "{w:?} {g:?}");
         }
         assert!(fit.residual_after < fit.residual_before * 0.3, "{fit:?}");
+    }
+
+    #[test]
+    fn no_lamp_shines_green_because_the_room_is_not_what_was_thought() {
+        // What the photo shows around the lamp is five times as green as the scene has it: a plant, say, taken for a wall.
+        let passes = passes();
+        let photo = relight(&passes, &[[1.0, 5.0, 0.0], [1.0; 3], [1.0; 3]]);
+        let free = FitOptions { greener: 9.0, warmer: 9.0, color_ridge: 1e-3, ..FitOptions::default() };
+        let [r, g, b] = fit_lights(&passes, &photo, &[], &free).unwrap().gains[0];
+        assert!(g > 3.0 * f64::midpoint(r, b), "a free fit follows it: {r} {g} {b}");
+        let fit = fit_lights(&passes, &photo, &[], &FitOptions { color_ridge: 1e-3, ..FitOptions::default() }).unwrap();
+        let [r, g, b] = fit.gains[0];
+        assert!(g <= 1.24 * (r * b).sqrt(), "{:?}", fit.gains);
+        assert!(r / b <= 2.0_f64.powf(2.41), "{:?}", fit.gains);
+        let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+        assert!((2.0..5.0).contains(&luminance), "as bright as the photo has it: {:?}", fit.gains);
     }
 
     #[test]
