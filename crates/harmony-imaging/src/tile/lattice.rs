@@ -253,6 +253,11 @@ impl Lattice {
         Some(Self { cell_from_texel, width, height, cell })
     }
 
+    /// The same pattern, its ratios to the power given.
+    pub(super) fn with_contrast(&self, times: f32) -> Self {
+        Self { cell: self.cell.iter().map(|c| c.map(|v| v.max(1e-3).powf(times))).collect(), ..self.clone() }
+    }
+
     /// The same periods, averaged anew (the light is known better now).
     pub(super) fn averaged_again(&self, ratios: &Ratios<'_>) -> Option<Self> {
         let texel_from_cell = self.cell_from_texel.inverse();

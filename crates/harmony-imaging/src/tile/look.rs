@@ -34,14 +34,20 @@ const FINE_OUTLIER: f32 = 3.5;
 const COARSE_OUTLIER: f32 = 9.0;
 /// Ratios are quilted as if they were 8-bit levels.
 const QUILT_SCALE: f32 = 128.0;
-/// Ratios outside this range are no grain.
-const GRAIN_RANGE: [f32; 2] = [0.6, 1.5];
+/// Ratios outside this range are no grain; dark joints and knots belong to a coarse one.
+const FINE_RANGE: [f32; 2] = [0.6, 1.5];
+const COARSE_RANGE: [f32; 2] = [0.3, 2.2];
 /// Colour below which a ratio says nothing, 8-bit levels.
 const DARKEST: f32 = 6.0;
 /// Standard deviation of the grain where none was seen, as a ratio.
 const USUAL_GRAIN: f32 = 0.006;
 /// An island in another colour than predicted by this much is not the surface, 8-bit levels.
 const ODD: f32 = 28.0;
+
+/// Side of the squares whose mean tones are compared, metres: finer differences are grain.
+const PIECE: f64 = 0.05;
+/// Fewest squares whose spread says something.
+const LEAST_SQUARES: usize = 30;
 
 /// What the grain of a material is like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,6 +85,15 @@ pub struct Survey {
     px_per_m: f64,
 }
 
+/// How uneven a material is under even light: robust standard deviations of the logarithm of brightness.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unevenness {
+    /// Between squares of 5 cm: boards, tiles, stains.
+    pub pieces: f32,
+    /// Within them.
+    pub grain: f32,
+}
+
 impl Look {
     /// A plain colour with the grain of paint.
     pub fn plain(color: [f32; 3], seed: u64) -> Self {
@@ -105,6 +120,18 @@ impl Look {
             Some(pattern) => Self { color: self.color, pattern: Some(pattern), tile: Tile::grain(seed) },
             None => self.clone(),
         }
+    }
+
+    /// The same material, the differences within its pattern that many times as strong (as logarithms).
+    #[must_use]
+    pub fn with_contrast(&self, times: f32) -> Self {
+        Self { pattern: self.pattern.as_ref().map(|p| p.with_contrast(times)), ..self.clone() }
+    }
+
+    /// The same material with the grain of another that was seen at the same texel size.
+    #[must_use]
+    pub fn with_grain_of(&self, other: &Self) -> Self {
+        Self { tile: other.tile.clone(), ..self.clone() }
     }
 
     /// The periods of its pattern, texels, when it has one.
@@ -233,9 +260,10 @@ impl Survey {
             field = Base::smooth(&without_pattern(&known, pattern.as_ref()), &smoothing)?;
         }
         let look = Look { color: field.median, pattern, tile: Tile { side: 1, ratios: vec![[1.0; 3]] } };
+        let [lowest, highest] = if grain == Grain::Fine { FINE_RANGE } else { COARSE_RANGE };
         let rest: Vec<Option<Color>> = kept(&known, ratios(&known, |x, y| look.times(x, y, field.at(x, y))))
             .into_iter()
-            .map(|c| c.filter(|c| c.iter().all(|v| (GRAIN_RANGE[0]..=GRAIN_RANGE[1]).contains(v))))
+            .map(|c| c.filter(|c| c.iter().all(|v| (lowest..=highest).contains(v))))
             .collect();
         let tile = Tile::quilted(&rest, sharp, width, grain, seed);
         let texture = believed(texture, &look, &field);
@@ -251,6 +279,36 @@ impl Survey {
     /// [`Survey::complete`] with another pattern under the light that was seen.
     pub fn complete_as(&self, look: &Look) -> RgbaImage {
         self.completed(|x, y, _| look.times(x, y, self.field.at(x, y)))
+    }
+
+    /// How uneven what was seen is; `None` when too little was.
+    pub fn unevenness(&self) -> Option<Unevenness> {
+        self.uneven(&self.texture)
+    }
+
+    /// How uneven the same places would be in another material.
+    pub fn unevenness_in(&self, look: &Look) -> Option<Unevenness> {
+        let mut painted = look.paint(self.texture.width(), self.texture.height());
+        painted.pixels_mut().zip(self.texture.pixels()).for_each(|(p, seen)| p.0[3] = seen.0[3]);
+        self.uneven(&painted)
+    }
+
+    fn uneven(&self, texture: &RgbaImage) -> Option<Unevenness> {
+        let field = Base::smooth(texture, &smoothing(texture, self.px_per_m))?;
+        let luma = |c: Color| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
+        let side = ((PIECE * self.px_per_m).round() as usize).max(2);
+        let columns = (texture.width() as usize).div_ceil(side);
+        let mut squares: Vec<Vec<f32>> = vec![Vec::new(); columns * (texture.height() as usize).div_ceil(side)];
+        let ratios = kept(texture, ratios(texture, |x, y| field.at(x, y)));
+        for ((x, y, _), ratio) in texture.enumerate_pixels().zip(ratios) {
+            if let Some(ratio) = ratio {
+                squares[y as usize / side * columns + x as usize / side].push(luma(ratio).max(1e-3).ln());
+            }
+        }
+        squares.retain(|s| 2 * s.len() >= side * side);
+        let means: Vec<f32> = squares.iter().map(|s| s.iter().sum::<f32>() / s.len() as f32).collect();
+        let within = squares.iter().zip(&means).flat_map(|(s, mean)| s.iter().map(move |v| v - mean)).collect();
+        Some(Unevenness { pieces: spread(means)?, grain: spread(within)? })
     }
 
     /// What was seen, its uneven light taken out; alpha 255 where it was kept.
@@ -291,6 +349,17 @@ impl Survey {
             opaque(std::array::from_fn(|c| material[c] + weight * (f32::from(photo[c]) - material[c])))
         })
     }
+}
+
+/// Robust standard deviation: 1.48 times the median distance to the median.
+fn spread(mut values: Vec<f32>) -> Option<f32> {
+    if values.len() < LEAST_SQUARES {
+        return None;
+    }
+    let middle = values.len() / 2;
+    let median = *values.select_nth_unstable_by(middle, f32::total_cmp).1;
+    values.iter_mut().for_each(|v| *v = (*v - median).abs());
+    Some(1.48 * *values.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 fn smoothstep(t: f32) -> f32 {

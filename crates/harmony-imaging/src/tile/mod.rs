@@ -22,7 +22,7 @@ use crate::resample::resize_rgba;
 use base::{Base, Color};
 
 pub use detail::Detail;
-pub use look::{Grain, Look, Survey};
+pub use look::{Grain, Look, Survey, Unevenness};
 
 /// Parameters of completion and tiles.
 #[derive(Debug, Clone, PartialEq)]

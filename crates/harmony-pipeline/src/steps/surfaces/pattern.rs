@@ -6,15 +6,38 @@ use harmony_prompts::{LayoutPattern, LayoutPatternKind as Named};
 use harmony_shape::material::{MaterialSpec, Pattern, PatternFit, PatternKind, bake_tile, fit_evidence};
 use image::RgbaImage;
 
-/// A look with the named pattern, refined by what was seen; `None` when what was seen says more than the name: it shows
-/// a repeat of its own, or the grain of something that has no pieces.
+/// A look with the named pattern, refined by what was seen: its size, its contrast (never more than was seen), and for
+/// boards the grain, where that is rougher than the pattern's own. `None` when what was seen says more than the name: it
+/// shows a repeat of its own, or the grain of something that has no pieces.
 pub fn named_look(named: &LayoutPattern, look: &Look, seen: Option<&Survey>, px_per_m: f64, seed: u64) -> Option<Look> {
     let grainy = matches!(named.kind, Named::Carpet | Named::Concrete | Named::Marble | Named::Terrazzo);
     if seen.is_some_and(|s| grainy || s.look.periods().is_some()) {
         return None;
     }
     let hint = pattern(named);
-    let pattern = seen.map_or_else(|| hint.clone(), |s| fitted(&hint, &s.delit(), px_per_m));
+    let fitted = seen.map_or_else(|| hint.clone(), |s| fitted(&hint, &s.delit(), px_per_m));
+    let printed = |pattern: Pattern| printed(look, pattern, px_per_m, seed);
+    let look = printed(fitted.clone());
+    let Some((survey, own)) = seen.and_then(|s| Some((s, s.unevenness()?))) else { return Some(look) };
+    let Some(as_named) = survey.unevenness_in(&look) else { return Some(look) };
+    let contrast = (own.pieces / as_named.pieces.max(1e-4)).min(1.0);
+    let boards = matches!(fitted.kind, PatternKind::Planks | PatternKind::Parquet);
+    if boards && own.grain > ROUGHER * as_named.grain {
+        // The seams are in the grain that was seen: boards that are laid over it differ by tone alone.
+        let tones = printed(Pattern { joint: NO_JOINT, amount: NO_WOOD, ..fitted });
+        return Some(tones.with_contrast(contrast).with_grain_of(&survey.look));
+    }
+    Some(look.with_contrast(contrast))
+}
+
+/// Grain this many times as rough as the named pattern's is what the photo shows: worn, scratched, knotty.
+const ROUGHER: f32 = 1.8;
+/// As good as nothing, where 0 is what is usual.
+const NO_JOINT: f64 = 1e-5;
+const NO_WOOD: f64 = 1e-3;
+
+/// A look with a pattern at its size.
+fn printed(look: &Look, pattern: Pattern, px_per_m: f64, seed: u64) -> Look {
     let [r, g, b] = look.color.map(|c| c.round().clamp(0.0, 255.0) as u8);
     let mut spec = MaterialSpec::plain("surface", &format!("#{r:02x}{g:02x}{b:02x}"));
     spec.map = Some(pattern);
@@ -23,7 +46,7 @@ pub fn named_look(named: &LayoutPattern, look: &Look, seen: Option<&Survey>, px_
     let [width, height] = tile.size.map(|s| f64::from(s).max(1e-6));
     let cell_from_metres =
         DMat2::from_cols(DVec2::new(cos / width, -sin / height), DVec2::new(sin / width, cos / height));
-    Some(look.printed(&tile.color, cell_from_metres * (1.0 / px_per_m), seed))
+    look.printed(&tile.color, cell_from_metres * (1.0 / px_per_m), seed)
 }
 
 /// How much more of what is seen another pattern than the named one must explain.
@@ -122,5 +145,47 @@ mod tests {
             assert_ne!(tone(x, y), tone(x + 30, y), "{x} {y}");
             assert_ne!(tone(x, y), tone(x, y + 30), "{x} {y}");
         }
+    }
+
+    /// Planks of two named tones that are 60 % apart, and what the photo shows of the floor.
+    fn planks(seen: impl Fn(u32, u32) -> f32) -> (Survey, Look) {
+        let texture = RgbaImage::from_fn(360, 300, |x, y| {
+            let v = (120.0 * seen(x, y)).round().clamp(0.0, 255.0) as u8;
+            image::Rgba([v, v, v, 255])
+        });
+        let sharp = vec![true; 360 * 300];
+        let survey = Survey::of(&texture, &sharp, 160.0, harmony_imaging::tile::Grain::Coarse, 5).unwrap();
+        let named = LayoutPattern {
+            kind: Named::Planks,
+            width_m: 0.15,
+            length_m: 2.0,
+            joint_m: 0.004,
+            turn_deg: 0.0,
+            colors: vec!["#909090".into(), "#606060".into()],
+        };
+        let look = named_look(&named, &survey.look, Some(&survey), 160.0, 5).unwrap();
+        (survey, look)
+    }
+
+    /// A hash of a place, -1 to 1.
+    fn random(x: u32, y: u32) -> f32 {
+        let h = (x.wrapping_mul(0x9E37_79B1) ^ y.wrapping_mul(0x85EB_CA77)).wrapping_mul(0xC2B2_AE3D);
+        ((h ^ h >> 15).wrapping_mul(0x2C1B_3C6D) >> 8) as f32 / f32::from(1_u16 << 15) / 256.0 - 1.0
+    }
+
+    #[test]
+    fn worn_boards_keep_the_grain_that_was_seen() {
+        let (survey, look) = planks(|x, y| 1.0 + 0.3 * random(x / 2, y / 6));
+        let (seen, made) = (survey.unevenness().unwrap(), survey.unevenness_in(&look).unwrap());
+        assert!(seen.grain > 0.1, "{seen:?}");
+        assert!((0.7..1.3).contains(&(made.grain / seen.grain)), "{made:?} against {seen:?}");
+    }
+
+    #[test]
+    fn boards_are_no_more_different_than_they_were_seen() {
+        let (survey, look) = planks(|x, y| 1.0 + 0.02 * random(x / 400, y / 24) + 0.01 * random(x, y));
+        let (seen, made) = (survey.unevenness().unwrap(), survey.unevenness_in(&look).unwrap());
+        assert!(made.pieces < 1.3 * seen.pieces + 0.005, "{made:?} against {seen:?}");
+        assert!(made.pieces > 0.3 * seen.pieces, "{made:?} against {seen:?}");
     }
 }
