@@ -386,6 +386,15 @@ def panes_of(owned):
     return panes or [m for _, m in owned if principled(m) and base_image(principled(m))]
 
 
+def bright_pane(light, response):
+    """Scene-linear colour of a pane that the photo gives no picture of: as bright as its light, at least nearly white in
+    its brightest channel and burnt out in none."""
+    colour = np.array(light["color"])
+    area = max(light["size_m"][0] * light["size_m"][1], 1e-4)
+    radiance = light["intensity"] / (math.pi * area)
+    return np.clip(colour * radiance, colour * light_of(response, 0.93), float(light_of(response, 0.97)))
+
+
 def dress_window(light, objects, response):
     """The pane shows what the photo shows in it, at the photo's brightness; light passes it."""
     panes = panes_of(own_materials(objects))
@@ -397,7 +406,8 @@ def dress_window(light, objects, response):
             spared.add(node.image.name)
             show_emission(material, (1, 1, 1), 1.0, shown_as(node, response))
         elif light["on"]:
-            show_emission(material, light["color"], float(light_of(response, 0.93)))
+            level = bright_pane(light, response)
+            show_emission(material, tuple(float(v) / max(level) for v in level), float(max(level)))
         let_shadow_rays_through(material)
     return spared
 
@@ -433,7 +443,8 @@ def dress_lamp(light, objects, response):
             tint = np.array(light["color"])
             if shader is not None and shining:
                 tint = tint * np.array(shader.inputs["Base Color"].default_value[:3])
-            tint = np.maximum(tint / max(float(tint.max()), 1e-6), 0.05)
+            # What is so bright is paler in a photo than its light is.
+            tint = np.sqrt(np.maximum(tint / max(float(tint.max()), 1e-6), 0.05))
             level = light_of(response, encode(np.minimum(tint * min(GLOW / float(tint @ LUMINANCE), 1.0 / tint.max()), 1.0)))
             top = max(float(level.max()), 1e-6)
             show_emission(material, tuple(float(v) / top for v in level), top, None, centre, radius * 1.6)
