@@ -171,10 +171,11 @@ impl Hull {
         }
         let mut hull = Self::exact(&chosen)?;
         while chosen.len() < most {
+            let planes: Vec<(DVec3, f64)> = hull.planes().collect();
             let far = self
                 .vertices
                 .iter()
-                .map(|v| (hull.outside(*v), v))
+                .map(|v| (beyond(&planes, *v), v))
                 .max_by(|a, b| a.0.total_cmp(&b.0))
                 .filter(|(d, _)| *d > 1e-5);
             let Some((_, v)) = far else { break };
@@ -194,15 +195,11 @@ impl Hull {
         if n < 4 || self.faces.len() + 4 != 2 * n {
             return false;
         }
-        let mut edges = std::collections::BTreeSet::new();
-        for f in &self.faces {
-            for (a, b) in [(f[0], f[1]), (f[1], f[2]), (f[2], f[0])] {
-                if a as usize >= n || !edges.insert((a, b)) {
-                    return false;
-                }
-            }
-        }
-        edges.iter().all(|(a, b)| edges.contains(&(*b, *a))) && self.moments().mass > 0.0
+        let sides = |f: &[u32; 3]| [(f[0], f[1]), (f[1], f[2]), (f[2], f[0])];
+        let mut edges: Vec<(u32, u32)> = self.faces.iter().flat_map(sides).collect();
+        edges.sort_unstable();
+        let once = edges.windows(2).all(|p| p[0] != p[1]) && edges.iter().all(|(a, _)| (*a as usize) < n);
+        once && edges.iter().all(|(a, b)| edges.binary_search(&(*b, *a)).is_ok()) && self.moments().mass > 0.0
     }
 
     /// Corners of a face.
@@ -288,6 +285,11 @@ impl Hull {
     }
 }
 
+/// The largest distance of a point to planes, negative behind all of them.
+fn beyond(planes: &[(DVec3, f64)], point: DVec3) -> f64 {
+    planes.iter().map(|(n, d)| n.dot(point) - d).fold(f64::NEG_INFINITY, f64::max)
+}
+
 /// Evenly spread unit vectors (a spherical spiral).
 pub(crate) fn directions(count: usize) -> impl Iterator<Item = DVec3> {
     (0..count).map(move |k| {
@@ -311,7 +313,10 @@ pub(crate) fn extreme_points(points: &[DVec3], count: usize) -> Vec<DVec3> {
     });
     let keep: std::collections::BTreeSet<usize> = directions(count)
         .chain(near_axes)
-        .filter_map(|d| (0..points.len()).max_by(|a, b| points[*a].dot(d).total_cmp(&points[*b].dot(d))))
+        .filter_map(|d| {
+            let along = points.iter().map(|p| p.dot(d)).enumerate();
+            along.reduce(|best, one| if one.1 >= best.1 { one } else { best }).map(|(k, _)| k)
+        })
         .collect();
     keep.into_iter().map(|i| points[i]).collect()
 }

@@ -1,5 +1,7 @@
 //! Postures: what a frame of a humanoid asks for, and the search for it.
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::body::{Body, Stance};
@@ -21,7 +23,7 @@ pub(super) struct Plan<'a> {
     pub(super) whole: &'a Model,
     /// As it is moved: see [`super::body::like_a_person`].
     pub(super) model: &'a Model,
-    pub(super) shapes: &'a Shapes,
+    pub(super) shapes: &'a Arc<Shapes>,
     pub(super) body: &'a Body,
     pub(super) object: usize,
     pub(super) chair: Chair,
