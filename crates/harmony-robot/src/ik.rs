@@ -270,17 +270,20 @@ impl Rows {
 
     fn step(&self, locked: &[bool], unknowns: usize) -> DVector<f64> {
         let mut change = DVector::zeros(unknowns);
-        let mut free = DMatrix::identity(unknowns, unknowns);
-        for (k, l) in locked.iter().enumerate() {
-            if *l {
-                free[(k, k)] = 0.0;
-            }
-        }
+        // Orthonormal directions that the levels above have taken.
+        let mut taken: Vec<DVector<f64>> = Vec::new();
         for (jacobian, error) in &self.levels {
             if error.is_empty() {
                 continue;
             }
-            let reduced = jacobian * &free;
+            let mut reduced = jacobian.clone();
+            for (k, _) in locked.iter().enumerate().filter(|(_, l)| **l) {
+                reduced.column_mut(k).fill(0.0);
+            }
+            for direction in &taken {
+                let along = &reduced * direction;
+                reduced.ger(-1.0, &along, direction, 1.0);
+            }
             let left = error - jacobian * &change;
             // Singular values and vectors by the eigenvectors of the small square J J^T: a level has few rows.
             let eigen = SymmetricEigen::new(&reduced * reduced.transpose());
@@ -294,14 +297,20 @@ impl Rows {
                 let v = reduced.tr_mul(&u) / s;
                 let along = u.dot(&left) * s / (s * s + damping * damping_share(s));
                 change.axpy(along, &v, 1.0);
-                free.ger(-1.0, &v, &v, 1.0);
+                taken.push(v);
             }
         }
         // What nothing else asks for goes to the easy posture: its Jacobian is the identity, and its answer in what is left
         // free is the projection.
         if let Some(wish) = &self.wish {
-            let left = (wish - &change) * EASE;
-            change += &free * left;
+            let mut left = (wish - &change) * EASE;
+            for (k, _) in locked.iter().enumerate().filter(|(_, l)| **l) {
+                left[k] = 0.0;
+            }
+            for direction in &taken {
+                left.axpy(-direction.dot(&left), direction, 1.0);
+            }
+            change += left;
         }
         change
     }
