@@ -7,7 +7,8 @@
 //! "Explicit exact formulas for the 3-D tetrahedron inertia tensor"). The hull itself is parry's quickhull; what that
 //! cannot do (points in a plane or on a line) is thickened first, see [`Hull::of_sheet`].
 
-use glam::DMat3;
+use glam::{DMat3, Vec2};
+use harmony_mesh::{Group, Material, Mesh};
 use harmony_scene::Vec3 as DVec3;
 use parry3d::math::Vector;
 use parry3d::transformation::try_convex_hull;
@@ -283,6 +284,21 @@ impl Hull {
     pub fn moved(&self, map: impl Fn(DVec3) -> DVec3) -> Self {
         Self { vertices: self.vertices.iter().map(|v| map(*v)).collect(), faces: self.faces.clone() }
     }
+}
+
+/// Hulls as a mesh of one colour.
+pub fn hull_mesh(hulls: &[Hull], color: [f32; 3]) -> Mesh {
+    let mut mesh = Mesh { materials: vec![Material::plain("body", color)], ..Mesh::default() };
+    let mut group = Group::default();
+    for hull in hulls {
+        let base = mesh.positions.len() as u32;
+        mesh.positions.extend(hull.vertices.iter().map(|v| v.as_vec3()));
+        group.triangles.extend(hull.faces.iter().map(|f| f.map(|i| i + base)));
+    }
+    mesh.groups.push(group);
+    mesh.uvs = vec![Vec2::ZERO; mesh.positions.len()];
+    mesh.recompute_normals();
+    mesh
 }
 
 /// The largest distance of a point to planes, negative behind all of them.

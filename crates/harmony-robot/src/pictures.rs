@@ -9,13 +9,14 @@ use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use harmony_export::World;
 use harmony_export::world::Select;
 use harmony_mesh::{Material, Mesh, shell_material_name};
+use harmony_physics::hull::hull_mesh;
 use harmony_render::{Instance, RenderOptions, Renderer};
 use harmony_scene::{Camera, ImageSize, Intrinsics, Level, SceneObject, Support, Surface};
 use image::{DynamicImage, RgbImage};
 
 use crate::model::{Form, Model};
 use crate::motion::Motion;
-use crate::room::{Surroundings, hull_mesh};
+use crate::room::Surroundings;
 
 /// Horizontal field of view, radians.
 const FOV: f64 = 0.9;

@@ -13,7 +13,7 @@
 //! room). Below 0 is how far the piece must move to leave the deepest triangle that it meets: a mesh is a surface, and a
 //! piece wholly inside a closed one would meet none. Robots move by small steps, so that they meet the surface first.
 
-use glam::{DAffine3, DQuat, DVec3, Vec3};
+use glam::{DAffine3, DQuat, DVec3};
 use harmony_catalogue::Trait;
 use harmony_export::World;
 use harmony_export::world::Select;
@@ -393,24 +393,10 @@ impl Thing {
     }
 }
 
-/// A hull as a mesh of one colour.
-pub fn hull_mesh(hulls: &[Hull], color: [f32; 3]) -> Mesh {
-    let mut mesh = Mesh { materials: vec![harmony_mesh::Material::plain("body", color)], ..Mesh::default() };
-    let mut group = harmony_mesh::Group::default();
-    for hull in hulls {
-        let base = mesh.positions.len() as u32;
-        mesh.positions.extend(hull.vertices.iter().map(|v| v.as_vec3()));
-        group.triangles.extend(hull.faces.iter().map(|f| f.map(|i| i + base)));
-    }
-    mesh.groups.push(group);
-    mesh.uvs = vec![glam::Vec2::ZERO; mesh.positions.len()];
-    mesh.normals = vec![Vec3::Y; mesh.positions.len()];
-    mesh.recompute_normals();
-    mesh
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
+    use harmony_physics::hull::hull_mesh;
+
     use super::*;
 
     pub(crate) fn thing(id: &str, label: &str, boxes: &[([f64; 3], [f64; 3])]) -> Thing {
