@@ -33,6 +33,7 @@ pub mod motion;
 pub mod pictures;
 pub mod replay;
 pub mod room;
+mod separation;
 pub mod shapes;
 mod solids;
 mod stage;

@@ -9,8 +9,7 @@
 //! niches and slopes. What lies flat under everything (rugs) gives way, as it does in `harmony-physics`.
 //!
 //! # Distances
-//! Between a convex piece of the robot and the triangles, by parry, in single precision (a hundredth of a millimetre in a
-//! room). Below 0 is how far the piece must move to leave the deepest triangle that it meets: a mesh is a surface, and a
+//! Between a convex piece of the robot and the triangles: what is apart by parry, what touches by separating axes. Below 0 is how far the piece must move to leave the deepest triangle that it meets: a mesh is a surface, and a
 //! piece wholly inside a closed one would meet none. Robots move by small steps, so that they meet the surface first.
 
 use glam::{DAffine3, DQuat, DVec3};
@@ -20,15 +19,19 @@ use harmony_export::world::Select;
 use harmony_mesh::{Bvh, Mesh};
 use harmony_physics::Hull;
 use harmony_scene::{Extents, Room, Support};
+use parry3d::bounding_volume::BoundingVolume as _;
 use parry3d::math::{Pose, Rotation, Vector};
 use parry3d::query;
-use parry3d::shape::{ConvexPolyhedron, TriMesh};
+use parry3d::shape::{ConvexPolyhedron, Shape as _, TriMesh};
 
 use crate::RobotError;
 use crate::model::Model;
+use crate::separation::Separable;
 use crate::shapes::pieces;
 use crate::solids::{Solid, solids};
 
+/// Farther apart than this nothing is taken for touching, metres.
+const DOUBTFUL_M: f64 = 0.01;
 /// Things this near touch, metres.
 const SAME_PLACE_M: f32 = 1e-4;
 
@@ -269,7 +272,7 @@ impl Surroundings {
                     if apart.length_squared() > far.max(0.0).powi(2) {
                         continue;
                     }
-                    if let Some(distance) = thing.distance(&piece.shape, &pose(from), far)
+                    if let Some(distance) = thing.distance(piece, from, far)
                         && distance < far
                     {
                         best = Some(Near { link, other: Other::Thing(k), distance });
@@ -361,17 +364,27 @@ impl Surroundings {
 impl Thing {
     /// Distance of a convex piece; `None` when it is no nearer than `within`.
     ///
-    /// What is apart is found from the nearest of the tree's boxes on, so that few triangles are looked at; only what meets
-    /// one is asked for its depth.
-    fn distance(&self, piece: &ConvexPolyhedron, at: &Pose, within: f64) -> Option<f64> {
-        let here = Pose::IDENTITY;
+    /// What is apart is found from the nearest of the tree's boxes on, so that few triangles are looked at. Iterations in
+    /// single precision take long thin triangles a millimetre off for touching: whatever they do not find apart is looked at
+    /// along the axes that can separate it from each triangle.
+    fn distance(&self, piece: &Piece, place: &DAffine3, within: f64) -> Option<f64> {
         if within > 0.0 {
-            let apart = query::distance(at, piece, &here, &self.mesh).ok()?.distance;
+            let apart = query::distance(&pose(place), &piece.shape, &Pose::IDENTITY, &self.mesh).ok()?.distance;
             if apart > 0.0 {
                 return (f64::from(apart) < within).then_some(apart.into());
             }
         }
-        Some(query::contact(at, piece, &here, &self.mesh, 0.0).ok()??.dist.into())
+        let near = piece.shape.compute_aabb(&pose(place)).loosened(within.clamp(0.0, DOUBTFUL_M) as f32);
+        let solid = Separable::new(&piece.hull, place);
+        let mut best = within.max(0.0);
+        let mut found = None;
+        for k in self.mesh.bvh().leaves(|node| node.aabb().intersects(&near)) {
+            let corners = self.mesh.triangle(k).vertices().map(|v| DVec3::new(v.x.into(), v.y.into(), v.z.into()));
+            if let Some(distance) = solid.separation(corners, best) {
+                (best, found) = (distance, Some(distance));
+            }
+        }
+        found
     }
 
     /// Whether its triangles meet those of another that is moved.
