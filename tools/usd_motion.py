@@ -30,8 +30,13 @@ def turned(q, v):
     return v + 2 * np.cross(u, np.cross(u, v) + w * v)
 
 
+def objects(stage):
+    """Prims by name; a lamp's light has the lamp's."""
+    return {p.GetName(): p for p in stage.Traverse() if not p.GetPath().HasPrefix("/World/lights")}
+
+
 def earthquake(stage, told, at):
-    prims = {p.GetName(): p for p in stage.Traverse()}
+    prims = objects(stage)
     worst = 0.0
     count = len(told["ground"])
     for o in told["objects"]:
@@ -46,7 +51,7 @@ def earthquake(stage, told, at):
 
 
 def robot(stage, told, at, mjcf):
-    prims = {p.GetName(): p for p in stage.Traverse()}
+    prims = objects(stage)
     links = list(stage.GetPrimAtPath("/World/robot").GetChildren())
     frames = told["frames"]
     first = np.array(at(prims[told["object"]], 0).Transform(Gf.Vec3d(*told["object_point"])))

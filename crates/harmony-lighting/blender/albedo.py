@@ -119,9 +119,12 @@ def scale_base(material, gain, mean, image=None, group=None, gloss=1.0):
     tree.links.new(vector(tree, "MINIMUM", scaled, (MAX_ALBEDO,) * 3), socket)
 
 
-def apply_albedo(gain, albedo, parts):
-    """Scales every base colour; `parts`: the mesh objects of each part that has a field, and its material ("" = all)."""
-    done = set()
+def apply_albedo(gain, albedo, parts, true):
+    """Scales every base colour; `parts`: the mesh objects of each part that has a field, and its material ("" = all).
+
+    `true`: materials that stay as they are.
+    """
+    done = set(true)
     if albedo:
         group = frame_group(albedo["camera"])
         # A part that is one material comes before what it is a part of.

@@ -604,10 +604,11 @@ def main():
         response = sample_response(scene, JOB["folder"])
         spared = add_lights(scene, response, groups)
         add_ambient(scene, "ambient" if groups is not None else "")
+        true = {m.name for n in JOB["true_colors"] for _, m in own_materials(meshes_below(n))}
         if JOB["delight"]:
-            gain = bright_gain(JOB["delight"], spared)
+            gain = bright_gain(JOB["delight"], spared, true)
         if JOB["delight"] or JOB["albedo"]:
-            apply_albedo(gain, JOB["albedo"], {n: part_of(n) for n in (JOB["albedo"] or {}).get("nodes", {})})
+            apply_albedo(gain, JOB["albedo"], {n: part_of(n) for n in (JOB["albedo"] or {}).get("nodes", {})}, true)
         clear_glass()
     loaded = time.time()
     if JOB["mode"] == "ids":

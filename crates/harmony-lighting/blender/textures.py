@@ -61,17 +61,18 @@ def material_areas():
     return areas
 
 
-def bright_gain(options, spared):
+def bright_gain(options, spared, true):
     """The one gain on all base colours that brings the scene's bright end to `bright_albedo`.
 
     Textures cut from the photo hold its light: their level says nothing about reflectance, but something in a room
-    is nearly white. `spared`: images that are pictures of light (panes, shades), which do not count.
+    is nearly white. `spared`: images that are pictures of light (panes, shades), which do not count, nor do the materials
+    `true`, whose colours come from no photo.
     """
     samples, weights, images = [], [], {}
     areas = material_areas()
     for material in bpy.data.materials:
         shader, area = principled(material), areas.get(material.name, 0.0)
-        if shader is None or area <= 0.0:
+        if shader is None or area <= 0.0 or material.name in true:
             continue
         node = base_image(shader)
         if node is not None and node.image.name in spared:

@@ -7,6 +7,7 @@
 use serde_json::{Map, Value, json};
 
 use crate::quake::Shaken;
+use crate::world::Placed;
 
 /// A file that cannot be animated.
 #[derive(Debug, thiserror::Error)]
@@ -84,10 +85,18 @@ pub fn animated_glb(glb: &[u8], shaken: &Shaken) -> Result<Vec<u8>, AnimateError
 /// # Errors
 /// [`AnimateError`].
 pub fn still_glb(glb: &[u8], shaken: &Shaken, frame: usize) -> Result<Vec<u8>, AnimateError> {
+    let places = shaken.objects.iter().filter_map(|o| Some((o.id.as_str(), o.at(frame)?)));
+    posed_glb(glb, &places.collect::<Vec<_>>())
+}
+
+/// A GLB some of whose nodes, by their names, are elsewhere; what hangs on them and how large they are stays.
+///
+/// # Errors
+/// [`AnimateError`].
+pub fn posed_glb(glb: &[u8], places: &[(&str, Placed)]) -> Result<Vec<u8>, AnimateError> {
     let (mut doc, binary) = parse(glb)?;
-    for object in &shaken.objects {
-        let Some(place) = object.at(frame) else { continue };
-        let node = find_node(&doc, &object.id).ok_or_else(|| AnimateError::NoNode { object: object.id.clone() })?;
+    for (name, place) in places {
+        let node = find_node(&doc, name).ok_or_else(|| AnimateError::NoNode { object: (*name).to_owned() })?;
         let node = &mut doc["nodes"][node];
         node["translation"] = json!(place.position.to_array());
         node["rotation"] = json!(unit(place.rotation));

@@ -7,7 +7,8 @@
 //! "Explicit exact formulas for the 3-D tetrahedron inertia tensor"). The hull itself is parry's quickhull; what that
 //! cannot do (points in a plane or on a line) is thickened first, see [`Hull::of_sheet`].
 
-use glam::DMat3;
+use glam::{DMat3, Vec2};
+use harmony_mesh::{Group, Material, Mesh};
 use harmony_scene::Vec3 as DVec3;
 use parry3d::math::Vector;
 use parry3d::transformation::try_convex_hull;
@@ -171,10 +172,11 @@ impl Hull {
         }
         let mut hull = Self::exact(&chosen)?;
         while chosen.len() < most {
+            let planes: Vec<(DVec3, f64)> = hull.planes().collect();
             let far = self
                 .vertices
                 .iter()
-                .map(|v| (hull.outside(*v), v))
+                .map(|v| (beyond(&planes, *v), v))
                 .max_by(|a, b| a.0.total_cmp(&b.0))
                 .filter(|(d, _)| *d > 1e-5);
             let Some((_, v)) = far else { break };
@@ -194,15 +196,11 @@ impl Hull {
         if n < 4 || self.faces.len() + 4 != 2 * n {
             return false;
         }
-        let mut edges = std::collections::BTreeSet::new();
-        for f in &self.faces {
-            for (a, b) in [(f[0], f[1]), (f[1], f[2]), (f[2], f[0])] {
-                if a as usize >= n || !edges.insert((a, b)) {
-                    return false;
-                }
-            }
-        }
-        edges.iter().all(|(a, b)| edges.contains(&(*b, *a))) && self.moments().mass > 0.0
+        let sides = |f: &[u32; 3]| [(f[0], f[1]), (f[1], f[2]), (f[2], f[0])];
+        let mut edges: Vec<(u32, u32)> = self.faces.iter().flat_map(sides).collect();
+        edges.sort_unstable();
+        let once = edges.windows(2).all(|p| p[0] != p[1]) && edges.iter().all(|(a, _)| (*a as usize) < n);
+        once && edges.iter().all(|(a, b)| edges.binary_search(&(*b, *a)).is_ok()) && self.moments().mass > 0.0
     }
 
     /// Corners of a face.
@@ -288,6 +286,26 @@ impl Hull {
     }
 }
 
+/// Hulls as a mesh of one colour.
+pub fn hull_mesh(hulls: &[Hull], color: [f32; 3]) -> Mesh {
+    let mut mesh = Mesh { materials: vec![Material::plain("body", color)], ..Mesh::default() };
+    let mut group = Group::default();
+    for hull in hulls {
+        let base = mesh.positions.len() as u32;
+        mesh.positions.extend(hull.vertices.iter().map(|v| v.as_vec3()));
+        group.triangles.extend(hull.faces.iter().map(|f| f.map(|i| i + base)));
+    }
+    mesh.groups.push(group);
+    mesh.uvs = vec![Vec2::ZERO; mesh.positions.len()];
+    mesh.recompute_normals();
+    mesh
+}
+
+/// The largest distance of a point to planes, negative behind all of them.
+fn beyond(planes: &[(DVec3, f64)], point: DVec3) -> f64 {
+    planes.iter().map(|(n, d)| n.dot(point) - d).fold(f64::NEG_INFINITY, f64::max)
+}
+
 /// Evenly spread unit vectors (a spherical spiral).
 pub(crate) fn directions(count: usize) -> impl Iterator<Item = DVec3> {
     (0..count).map(move |k| {
@@ -311,7 +329,10 @@ pub(crate) fn extreme_points(points: &[DVec3], count: usize) -> Vec<DVec3> {
     });
     let keep: std::collections::BTreeSet<usize> = directions(count)
         .chain(near_axes)
-        .filter_map(|d| (0..points.len()).max_by(|a, b| points[*a].dot(d).total_cmp(&points[*b].dot(d))))
+        .filter_map(|d| {
+            let along = points.iter().map(|p| p.dot(d)).enumerate();
+            along.reduce(|best, one| if one.1 >= best.1 { one } else { best }).map(|(k, _)| k)
+        })
         .collect();
     keep.into_iter().map(|i| points[i]).collect()
 }

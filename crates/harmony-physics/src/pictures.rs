@@ -27,6 +27,8 @@ pub const FILM_STEP: usize = 2;
 const GAP_PX: u32 = 6;
 /// Farther than this an object has left what the photo says of its colour, metres.
 const SAME_PLACE_M: f64 = 0.02;
+/// And turned by more than this, radians.
+const SAME_TURN_RAD: f64 = 0.03;
 /// Colours of the palette; the last index is "as before".
 const COLORS: usize = 255;
 
@@ -51,6 +53,9 @@ pub enum PictureError {
     /// Path tracing.
     #[error(transparent)]
     Lit(#[from] LitError),
+    /// Path tracing ended without one.
+    #[error("Blender made no picture")]
+    None,
     /// Files.
     #[error("could not {what}")]
     Io {
@@ -246,50 +251,96 @@ pub fn mp4_bytes(frames: &[RgbImage], frames_per_second: f64) -> Result<Option<V
     std::fs::read(&path).map(Some).map_err(io("read the film of ffmpeg"))
 }
 
-/// Path-traces one frame with the scene's own light.
-///
-/// `glb` is the scene's file, `albedo` what the run found of its reflectances: an object that has moved takes its mean, for the
-/// photo no longer says where which colour is. A lamp that moves takes its light along.
-///
-/// # Errors
-/// [`PictureError`].
-#[expect(clippy::too_many_arguments, reason = "each is one thing, used once")]
-pub fn lit_frame(
-    renderer: &CyclesRenderer,
-    scene: &Scene,
-    glb: &[u8],
-    shaken: &Shaken,
-    frame: usize,
-    camera: Camera,
-    albedo: Option<&AlbedoField>,
-    samples: u32,
-) -> Result<Option<RgbImage>, PictureError> {
-    let io = |what: &'static str| move |source| PictureError::Io { what, source };
-    let folder = tempfile::tempdir().map_err(io("make a temporary folder for the render"))?;
-    let path = folder.path().join("scene.glb");
-    harmony_io::write_atomic(&path, &still_glb(glb, shaken, frame)?)
-        .map_err(|e| PictureError::Io { what: "write the scene of the frame", source: std::io::Error::other(e) })?;
-    let mut lighting = scene.lighting.clone();
-    let mut albedo = albedo.cloned();
-    for object in &shaken.objects {
-        let (Some(first), Some(now)) = (object.at(0), object.at(frame)) else { continue };
-        if first.position.distance(now.position) < SAME_PLACE_M && (now.tilt() - first.tilt()).abs() < 0.03 {
-            continue;
+/// What path-traced pictures of a scene in which things have moved share.
+pub struct Lit<'a> {
+    /// Blender.
+    pub renderer: &'a CyclesRenderer,
+    /// The scene as it was.
+    pub scene: &'a Scene,
+    /// What the run found of its reflectances.
+    pub albedo: Option<AlbedoField>,
+    /// Samples a pixel.
+    pub samples: u32,
+}
+
+/// From where a path-traced picture is taken.
+#[derive(Debug, Clone)]
+pub struct LitView {
+    /// The camera.
+    pub camera: Camera,
+    /// Nodes that it does not see, though they bounce light.
+    pub hidden: Vec<String>,
+    /// Nodes whose base colours are reflectances: they come from no photo.
+    pub true_colors: Vec<String>,
+}
+
+/// An object that is elsewhere than in the scene.
+#[derive(Debug, Clone, Copy)]
+pub struct Moved<'a> {
+    /// Its node.
+    pub id: &'a str,
+    /// Where the scene has it.
+    pub first: Placed,
+    /// Where it is.
+    pub now: Placed,
+}
+
+impl Lit<'_> {
+    /// Path-traces a GLB file of the scene, in the room's frame, with the scene's own light.
+    ///
+    /// An object that has moved takes the mean of its reflectances, for the photo no longer says where which colour is. A
+    /// lamp that moves takes its light along.
+    ///
+    /// # Errors
+    /// [`PictureError`].
+    pub fn picture(&self, glb: &[u8], moved: &[Moved<'_>], view: &LitView) -> Result<RgbImage, PictureError> {
+        let io = |what: &'static str| move |source| PictureError::Io { what, source };
+        let folder = tempfile::tempdir().map_err(io("make a temporary folder for the render"))?;
+        let path = folder.path().join("scene.glb");
+        harmony_io::write_atomic(&path, glb)
+            .map_err(|e| PictureError::Io { what: "write the scene of the frame", source: std::io::Error::other(e) })?;
+        let mut lighting = self.scene.lighting.clone();
+        let mut albedo = self.albedo.clone();
+        for Moved { id, first, now } in moved {
+            if first.position.distance(now.position) < SAME_PLACE_M && turned(first, now) < SAME_TURN_RAD {
+                continue;
+            }
+            for (name, cells) in albedo.iter_mut().flat_map(|a| &mut a.nodes) {
+                if name.split('/').next() == Some(*id) {
+                    cells.factors.clear();
+                }
+            }
+            let turn = rotation(now) * rotation(first).transpose();
+            let on = |o: &harmony_scene::ObjectId| o.as_str() == *id;
+            for light in lighting.lights.iter_mut().filter(|l| l.object.as_ref().is_some_and(on)) {
+                let at = Vec3::from_array(light.position) - first.position;
+                light.position = (now.position + turn * at).to_array();
+            }
         }
-        if let Some(cells) = albedo.as_mut().and_then(|a| a.nodes.get_mut(&object.id)) {
-            cells.factors.clear();
-        }
-        let turn = rotation(&now) * rotation(&first).transpose();
-        for light in lighting.lights.iter_mut().filter(|l| l.object.as_ref().is_some_and(|o| o.as_str() == object.id)) {
-            let at = Vec3::from_array(light.position) - first.position;
-            light.position = (now.position + turn * at).to_array();
-        }
+        let mut job = CyclesJob::lit(path, view.camera, lighting);
+        job.room = Some(self.scene.room.extents);
+        job.samples = self.samples;
+        job.albedo = albedo.map(std::sync::Arc::new);
+        job.hidden_nodes.clone_from(&view.hidden);
+        job.true_colors.clone_from(&view.true_colors);
+        self.renderer.render(&job)?.image.ok_or(PictureError::None)
     }
-    let mut job = CyclesJob::lit(path, camera, lighting);
-    job.room = Some(scene.room.extents);
-    job.samples = samples;
-    job.albedo = albedo.map(std::sync::Arc::new);
-    Ok(renderer.render(&job)?.image)
+
+    /// One frame of an earthquake; `glb` is the scene's file.
+    ///
+    /// # Errors
+    /// [`PictureError`].
+    pub fn frame(&self, glb: &[u8], shaken: &Shaken, frame: usize, camera: Camera) -> Result<RgbImage, PictureError> {
+        let moved = shaken.objects.iter().filter_map(|o| Some(Moved { id: &o.id, first: o.at(0)?, now: o.at(frame)? }));
+        let view = LitView { camera, hidden: vec![], true_colors: vec![] };
+        self.picture(&still_glb(glb, shaken, frame)?, &moved.collect::<Vec<_>>(), &view)
+    }
+}
+
+/// Angle between two places' turns, radians.
+fn turned(first: &Placed, now: &Placed) -> f64 {
+    let dot: f64 = first.rotation.iter().zip(now.rotation).map(|(a, b)| a * b).sum();
+    2.0 * dot.abs().min(1.0).acos()
 }
 
 /// Reads what a run found of its reflectances, if it did.

@@ -17,10 +17,11 @@ use harmony_mesh::Mesh;
 use harmony_scene::Support;
 
 use crate::RobotError;
-use crate::arm::{Carried, Done, Hold, Way, carry};
+use crate::arm::{Carried, Hold, Way, carry};
 use crate::jaw::Jaw;
 use crate::measure::{JawSize, Window, grasp};
 use crate::model::Model;
+use crate::motion::Done;
 use crate::room::{Surroundings, Thing};
 
 /// Finger tips stay this far before the front, metres.
@@ -87,9 +88,7 @@ fn open_part(room: &Surroundings, model: &Model, jaw: &Jaw, item: &Item, part: &
     let mut meets = None;
     for k in 1..=SWEEP {
         let share = k as f64 / SWEEP as f64;
-        if let Some((other, distance)) = room.nearest_of_thing(object, way(limit).at(share))
-            && distance <= 0.0
-        {
+        if let Some(other) = room.met_by(object, way(limit).at(share)) {
             meets = Some(room.name(other));
             break;
         }

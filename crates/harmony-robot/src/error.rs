@@ -72,6 +72,12 @@ pub enum RobotError {
     /// A picture cannot be written.
     #[error(transparent)]
     Picture(#[from] harmony_io::picture::PictureError),
+    /// The scene with the robot in it cannot be written for the renderer.
+    #[error(transparent)]
+    Glb(#[from] harmony_io::GlbError),
+    /// A picture cannot be path-traced.
+    #[error(transparent)]
+    Lit(#[from] harmony_physics::pictures::PictureError),
 }
 
 impl RobotError {
@@ -86,7 +92,7 @@ impl RobotError {
             Self::NoLimits { .. } => "give the joint a range in the model file",
             Self::NotThisRobot { .. } => "--robot names the robot of the file that --model gives",
             Self::Nothing { .. } => "harmony robot RUN --report tells what the room has",
-            Self::Forbidden { .. } => return None,
+            Self::Forbidden { .. } | Self::Glb(_) | Self::Lit(_) => return None,
             Self::Export(e) => return e.hint(),
             Self::File(e) => return e.hint().map(Into::into),
             Self::Picture(e) => return e.hint().map(Into::into),

@@ -135,9 +135,10 @@ pub fn solve(model: &Model, start: &Posture, tasks: &[Task], settings: &Settings
         *value = joint.clamped(*value);
     }
     let levels = tasks.iter().map(|t| t.level).max().map_or(0, |l| l + 1);
+    let chains = Chains::of(model);
     let mut best = Found { error: f64::INFINITY, posture: posture.clone(), steps: 0 };
     for step in 0..=settings.steps {
-        let rows = Rows::new(model, &posture, tasks, levels);
+        let rows = Rows::new(model, &chains, &posture, tasks, levels);
         let error = rows.worst(settings.must);
         if error < best.error || error <= settings.tolerance {
             best = Found { posture: posture.clone(), error, steps: step };
@@ -178,6 +179,26 @@ fn first_joint(model: &Model) -> usize {
     if model.floating { 6 } else { 0 }
 }
 
+/// What hangs on what, looked up once for all steps of a search.
+struct Chains {
+    /// By link: the joints that move it.
+    joints: Vec<Vec<usize>>,
+    /// Kilograms of all links.
+    mass: f64,
+}
+
+impl Chains {
+    fn of(model: &Model) -> Self {
+        let mut joints: Vec<Vec<usize>> = Vec::with_capacity(model.links.len());
+        for link in &model.links {
+            let mut own = link.parent.map_or_else(Vec::new, |p| joints[p].clone());
+            own.extend(link.joint);
+            joints.push(own);
+        }
+        Self { joints, mass: model.mass().max(1e-9) }
+    }
+}
+
 /// Jacobian and error of every level.
 struct Rows {
     levels: Vec<(DMatrix<f64>, DVector<f64>)>,
@@ -186,7 +207,7 @@ struct Rows {
 }
 
 impl Rows {
-    fn new(model: &Model, posture: &Posture, tasks: &[Task], levels: usize) -> Self {
+    fn new(model: &Model, chains: &Chains, posture: &Posture, tasks: &[Task], levels: usize) -> Self {
         let places = model.places(posture);
         let unknowns = first_joint(model) + model.joints.len();
         let levels = (0..levels)
@@ -194,7 +215,7 @@ impl Rows {
                 let mut jacobian: Vec<f64> = Vec::new();
                 let mut error: Vec<f64> = Vec::new();
                 for task in tasks.iter().filter(|t| t.level == level) {
-                    rows(model, posture, &places, task, &mut jacobian, &mut error);
+                    rows(model, chains, posture, &places, task, &mut jacobian, &mut error);
                 }
                 let n = error.len();
                 (DMatrix::from_row_iterator(n, unknowns, jacobian), DVector::from_vec(error))
@@ -249,17 +270,20 @@ impl Rows {
 
     fn step(&self, locked: &[bool], unknowns: usize) -> DVector<f64> {
         let mut change = DVector::zeros(unknowns);
-        let mut free = DMatrix::identity(unknowns, unknowns);
-        for (k, l) in locked.iter().enumerate() {
-            if *l {
-                free[(k, k)] = 0.0;
-            }
-        }
+        // Orthonormal directions that the levels above have taken.
+        let mut taken: Vec<DVector<f64>> = Vec::new();
         for (jacobian, error) in &self.levels {
             if error.is_empty() {
                 continue;
             }
-            let reduced = jacobian * &free;
+            let mut reduced = jacobian.clone();
+            for (k, _) in locked.iter().enumerate().filter(|(_, l)| **l) {
+                reduced.column_mut(k).fill(0.0);
+            }
+            for direction in &taken {
+                let along = &reduced * direction;
+                reduced.ger(-1.0, &along, direction, 1.0);
+            }
             let left = error - jacobian * &change;
             // Singular values and vectors by the eigenvectors of the small square J J^T: a level has few rows.
             let eigen = SymmetricEigen::new(&reduced * reduced.transpose());
@@ -273,14 +297,20 @@ impl Rows {
                 let v = reduced.tr_mul(&u) / s;
                 let along = u.dot(&left) * s / (s * s + damping * damping_share(s));
                 change.axpy(along, &v, 1.0);
-                free.ger(-1.0, &v, &v, 1.0);
+                taken.push(v);
             }
         }
         // What nothing else asks for goes to the easy posture: its Jacobian is the identity, and its answer in what is left
         // free is the projection.
         if let Some(wish) = &self.wish {
-            let left = (wish - &change) * EASE;
-            change += &free * left;
+            let mut left = (wish - &change) * EASE;
+            for (k, _) in locked.iter().enumerate().filter(|(_, l)| **l) {
+                left[k] = 0.0;
+            }
+            for direction in &taken {
+                left.axpy(-direction.dot(&left), direction, 1.0);
+            }
+            change += left;
         }
         change
     }
@@ -294,6 +324,7 @@ fn damping_share(singular: f64) -> f64 {
 /// Rows of one task.
 fn rows(
     model: &Model,
+    chains: &Chains,
     posture: &Posture,
     places: &[DAffine3],
     task: &Task,
@@ -312,11 +343,11 @@ fn rows(
     match &task.goal {
         Goal::Point { link, point, target } => {
             let at = places[*link].transform_point3(*point);
-            take(*target - at, &linear(model, posture, places, *link, at));
+            take(*target - at, &linear(model, &chains.joints[*link], posture, places, at));
         }
         Goal::Turn { link, target } => {
             let miss = rotation_vector(*target * places[*link].matrix3.transpose());
-            take(miss, &angular(model, posture, places, *link));
+            take(miss, &angular(model, &chains.joints[*link], places));
         }
         Goal::Along { link, axis, target } => {
             let now = places[*link].transform_vector3(*axis);
@@ -325,20 +356,15 @@ fn rows(
             // Opposite directions: any turn out of there.
             let way = cross.try_normalize().unwrap_or_else(|| now.any_orthonormal_vector());
             // Only the part across the direction counts.
-            let columns: Vec<DVec3> =
-                angular(model, posture, places, *link).iter().map(|w| *w - now * w.dot(now)).collect();
+            let mut columns = angular(model, &chains.joints[*link], places);
+            for w in &mut columns {
+                *w -= now * w.dot(now);
+            }
             take(way * angle, &columns);
         }
         Goal::CentreOfMass { target } => {
-            let mass = model.mass().max(1e-9);
-            let mut columns = vec![DVec3::ZERO; first_joint(model) + model.joints.len()];
-            for (k, link) in model.links.iter().enumerate().filter(|(_, l)| l.mass > 0.0) {
-                let at = places[k].transform_point3(link.centre);
-                for (sum, c) in columns.iter_mut().zip(linear(model, posture, places, k, at)) {
-                    *sum += c * (link.mass / mass);
-                }
-            }
             let miss = *target - model.centre_of_mass(places);
+            let columns = centre_of_mass(model, chains, posture, places);
             for axis in [0, 2] {
                 error.push(task.weight[axis] * miss[axis]);
                 jacobian.extend(columns.iter().map(|c| task.weight[axis] * c[axis]));
@@ -349,41 +375,71 @@ fn rows(
     }
 }
 
-/// How a point of a link moves with each unknown.
-fn linear(model: &Model, posture: &Posture, places: &[DAffine3], link: usize, at: DVec3) -> Vec<DVec3> {
+/// How a point at a place moves with a joint.
+fn moved(model: &Model, joint: usize, places: &[DAffine3], at: DVec3) -> DVec3 {
+    let joint = &model.joints[joint];
+    let place = places[joint.link];
+    let axis = place.transform_vector3(joint.axis);
+    match joint.kind {
+        JointKind::Slide => axis,
+        JointKind::Hinge => axis.cross(at - place.transform_point3(joint.anchor)),
+    }
+}
+
+/// How what hangs on a floating root moves with it: nothing for one that stands.
+fn with_root(model: &Model, posture: &Posture, at: DVec3) -> Vec<DVec3> {
     let mut out = Vec::with_capacity(6 + model.joints.len());
     if model.floating {
         out.extend([DVec3::X, DVec3::Y, DVec3::Z]);
         out.extend([DVec3::X, DVec3::Y, DVec3::Z].map(|a| a.cross(at - posture.root.translation)));
     }
-    out.extend(model.joints.iter().enumerate().map(|(k, joint)| {
-        if !model.moves(k, link) {
-            return DVec3::ZERO;
+    out
+}
+
+/// How a point of a link that these joints move moves with each unknown.
+fn linear(model: &Model, joints: &[usize], posture: &Posture, places: &[DAffine3], at: DVec3) -> Vec<DVec3> {
+    let mut out = with_root(model, posture, at);
+    let free = out.len();
+    out.resize(free + model.joints.len(), DVec3::ZERO);
+    for k in joints {
+        out[free + k] = moved(model, *k, places, at);
+    }
+    out
+}
+
+/// How the centre of mass moves with each unknown: a joint moves that of all that hangs on it.
+fn centre_of_mass(model: &Model, chains: &Chains, posture: &Posture, places: &[DAffine3]) -> Vec<DVec3> {
+    // By joint: mass, and mass times place, of what it moves.
+    let mut hanging = vec![(0.0, DVec3::ZERO); model.joints.len()];
+    let mut all = DVec3::ZERO;
+    for (k, link) in model.links.iter().enumerate().filter(|(_, l)| l.mass > 0.0) {
+        let moment = places[k].transform_point3(link.centre) * link.mass;
+        all += moment;
+        for joint in &chains.joints[k] {
+            hanging[*joint].0 += link.mass;
+            hanging[*joint].1 += moment;
         }
-        let place = places[joint.link];
-        let axis = place.transform_vector3(joint.axis);
-        match joint.kind {
-            JointKind::Slide => axis,
-            JointKind::Hinge => axis.cross(at - place.transform_point3(joint.anchor)),
-        }
+    }
+    let mut out = with_root(model, posture, all / chains.mass);
+    out.extend(hanging.iter().enumerate().map(|(k, (mass, moment))| {
+        if *mass > 0.0 { moved(model, k, places, *moment / *mass) * (*mass / chains.mass) } else { DVec3::ZERO }
     }));
     out
 }
 
-/// How a link turns with each unknown.
-fn angular(model: &Model, _posture: &Posture, places: &[DAffine3], link: usize) -> Vec<DVec3> {
+/// How a link that these joints move turns with each unknown.
+fn angular(model: &Model, joints: &[usize], places: &[DAffine3]) -> Vec<DVec3> {
     let mut out = Vec::with_capacity(6 + model.joints.len());
     if model.floating {
         out.extend([DVec3::ZERO; 3]);
         out.extend([DVec3::X, DVec3::Y, DVec3::Z]);
     }
-    out.extend(model.joints.iter().enumerate().map(|(k, joint)| {
-        if joint.kind == JointKind::Hinge && model.moves(k, link) {
-            places[joint.link].transform_vector3(joint.axis)
-        } else {
-            DVec3::ZERO
-        }
-    }));
+    let free = out.len();
+    out.resize(free + model.joints.len(), DVec3::ZERO);
+    for k in joints.iter().filter(|k| model.joints[**k].kind == JointKind::Hinge) {
+        let joint = &model.joints[*k];
+        out[free + k] = places[joint.link].transform_vector3(joint.axis);
+    }
     out
 }
 
@@ -426,14 +482,14 @@ mod tests {
         ];
         for goal in goals {
             let task = [Task::new(0, goal)];
-            let base = Rows::new(&model, &posture, &task, 1);
+            let base = Rows::new(&model, &Chains::of(&model), &posture, &task, 1);
             let (jacobian, error) = &base.levels[0];
             for k in 0..8 {
                 let mut step = DVector::zeros(8);
                 step[k] = 1e-6;
                 let mut moved = posture.clone();
                 apply(&model, &mut moved, &step);
-                let after = &Rows::new(&model, &moved, &task, 1).levels[0].1;
+                let after = &Rows::new(&model, &Chains::of(&model), &moved, &task, 1).levels[0].1;
                 for r in 0..error.len() {
                     let slope = (error[r] - after[r]) / 1e-6;
                     assert!((slope - jacobian[(r, k)]).abs() < 1e-5, "{:?} {r} {k}: {slope}", task[0].goal);

@@ -8,7 +8,7 @@ use glam::{DMat3, DVec3};
 use crate::RobotError;
 use crate::measure::JawSize;
 use crate::model::{Form, JointKind, Model};
-use crate::shapes::pieces;
+use crate::shapes::pieces_of;
 
 /// A jaw of a robot.
 #[derive(Debug, Clone)]
@@ -51,9 +51,9 @@ impl Jaw {
         let place = |f: usize| model.links[f].parent_from_link;
         let approach = place(fingers[0]).translation.try_normalize().ok_or_else(|| none("way from hand to fingers"))?;
         let closing = place(fingers[0]).transform_vector3(model.joints[a].axis);
-        let shapes = pieces(model);
         let far = |link: usize| {
-            let corners = shapes[link].iter().flat_map(|h| &h.vertices);
+            let pieces = pieces_of(model, link);
+            let corners = pieces.iter().flat_map(|h| &h.vertices);
             let place = if link == hand { glam::DAffine3::IDENTITY } else { place(link) };
             corners.map(|v| place.transform_point3(*v).dot(approach)).fold(f64::NEG_INFINITY, f64::max)
         };

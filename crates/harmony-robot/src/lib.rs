@@ -15,7 +15,7 @@
 //! | [`mod@affordances`] | what can be grasped, sat on, placed on, opened |
 //! | [`motion`] | frames, and what is measured of them |
 //! | [`arm`], [`drawer`], [`human`] | tasks of an arm with a jaw, and of a humanoid |
-//! | [`task`], [`mod@replay`], `stage`, [`pictures`] | files: trajectory, MJCF with keyframes, USD time samples, frames and sheet |
+//! | [`task`], [`mod@replay`], `stage`, [`pictures`], [`lit`] | files: trajectory, MJCF with keyframes, USD time samples, frames and sheet, path-traced frames |
 
 pub mod affordances;
 pub mod arm;
@@ -24,6 +24,7 @@ mod error;
 pub mod human;
 pub mod ik;
 pub mod jaw;
+pub mod lit;
 pub mod measure;
 mod meshes;
 mod mjcf;
@@ -32,6 +33,7 @@ pub mod motion;
 pub mod pictures;
 pub mod replay;
 pub mod room;
+mod separation;
 pub mod shapes;
 mod solids;
 mod stage;

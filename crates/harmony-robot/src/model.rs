@@ -168,18 +168,6 @@ impl Model {
         out
     }
 
-    /// Whether a joint moves a link: it is the link's own or that of one it hangs on.
-    pub fn moves(&self, joint: usize, link: usize) -> bool {
-        let mut at = Some(link);
-        while let Some(k) = at {
-            if self.links[k].joint == Some(joint) {
-                return true;
-            }
-            at = self.links[k].parent;
-        }
-        false
-    }
-
     /// Centre of mass in the room.
     pub fn centre_of_mass(&self, places: &[DAffine3]) -> DVec3 {
         let sum: DVec3 = self.links.iter().zip(places).map(|(l, p)| p.transform_point3(l.centre) * l.mass).sum();
@@ -276,7 +264,6 @@ pub(crate) mod tests {
         let centre = model.centre_of_mass(&model.places(&posture));
         assert!(centre.distance(DVec3::new((0.5 + 0.5 + 1.5) / 3.0, 0.0, 0.0)) < 1e-12);
         assert!((model.margin(&[2.0, 0.0]).0 - 0.2).abs() < 1e-12);
-        assert!(model.moves(0, 2) && !model.moves(1, 1));
     }
 
     #[test]

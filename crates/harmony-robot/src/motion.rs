@@ -4,6 +4,9 @@
 //! that is held has been moved. Nothing is simulated. What holds of every frame is measured afterwards on the postures
 //! themselves ([`evidence`]), not taken from the solver.
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
 use glam::{DAffine3, DQuat};
 use serde::{Deserialize, Serialize};
 
@@ -48,6 +51,20 @@ pub struct Motion {
     pub frames: Vec<Frame>,
     /// Height of the column under the robot's base, metres; 0 when it stands on the floor.
     pub column_m: f64,
+}
+
+/// A task, done.
+pub struct Done {
+    /// Postures.
+    pub motion: Motion,
+    /// Convex pieces of the robot's links.
+    pub shapes: Arc<Shapes>,
+    /// Measured of them.
+    pub evidence: Evidence,
+    /// Measurements of the task.
+    pub measured: BTreeMap<String, f64>,
+    /// Why so.
+    pub because: Vec<String>,
 }
 
 /// A goal that is missed by more than this is missed, metres or radians.
@@ -157,7 +174,7 @@ pub struct Trajectory {
     /// What was measured.
     pub evidence: Evidence,
     /// Further measurements of the task, by name.
-    pub measured: std::collections::BTreeMap<String, f64>,
+    pub measured: BTreeMap<String, f64>,
     /// Why it is done as it is, sentence by sentence.
     pub because: Vec<String>,
     /// Frames.
@@ -198,7 +215,7 @@ impl Motion {
         &self,
         room: &Surroundings,
         evidence: Evidence,
-        measured: std::collections::BTreeMap<String, f64>,
+        measured: BTreeMap<String, f64>,
         because: Vec<String>,
     ) -> Trajectory {
         let first = |k: usize| self.frames.iter().position(|f| f.step == k);

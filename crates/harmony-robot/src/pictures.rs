@@ -9,13 +9,14 @@ use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use harmony_export::World;
 use harmony_export::world::Select;
 use harmony_mesh::{Material, Mesh, shell_material_name};
+use harmony_physics::hull::hull_mesh;
 use harmony_render::{Instance, RenderOptions, Renderer};
-use harmony_scene::{Camera, ImageSize, Intrinsics, Surface};
+use harmony_scene::{Camera, ImageSize, Intrinsics, Level, SceneObject, Support, Surface};
 use image::{DynamicImage, RgbImage};
 
 use crate::model::{Form, Model};
 use crate::motion::Motion;
-use crate::room::{Surroundings, hull_mesh};
+use crate::room::Surroundings;
 
 /// Horizontal field of view, radians.
 const FOV: f64 = 0.9;
@@ -62,6 +63,32 @@ impl<'a> Painter<'a> {
         painter
     }
 
+    /// From where it looks.
+    pub(crate) fn camera(&self) -> Camera {
+        self.camera
+    }
+
+    /// Meshes of the scene.
+    pub(crate) fn drawn(&self) -> &[Drawn] {
+        &self.drawn
+    }
+
+    /// Names of what is left out of the pictures: faces of the room between camera and robot with what hangs on them, and
+    /// what hangs under the ceiling.
+    pub(crate) fn hidden_nodes(&self) -> Vec<String> {
+        let items = self.world.items.iter().filter(|i| self.leaves_out(&i.object)).map(|i| i.name().to_owned());
+        self.hidden.iter().map(|name| (*name).to_owned()).chain(items).collect()
+    }
+
+    /// What would float before the picture.
+    fn leaves_out(&self, object: &SceneObject) -> bool {
+        match object.support {
+            Support::Ceiling => true,
+            Support::Wall { wall } => self.hidden.contains(&shell_material_name(wall.surface())),
+            _ => object.level == Level::Ceiling,
+        }
+    }
+
     fn choose(&mut self, size: ImageSize) {
         let small = size.fit_within(160);
         let e = self.room.extents;
@@ -75,36 +102,35 @@ impl<'a> Painter<'a> {
             }
         }
         let (centre, reach) = ((low + high) / 2.0, (high - low).length() / 2.0);
-        let mut best = (0, 0.0, Vec::new());
         let count = self.motion.frames.len();
-        for k in 0..12 {
-            let azimuth = std::f64::consts::TAU * f64::from(k) / 12.0;
+        let some = [0, count / 3, 2 * count / 3, count - 1].map(|frame| (frame, self.robot(frame)));
+        let from = |azimuth: f64, size: ImageSize| {
             let out = DVec3::new(azimuth.sin() * 0.94, 0.34, azimuth.cos() * 0.94);
             let eye = centre + out * (1.15 * reach / (FOV / 2.0).tan()).max(1.6);
-            let camera = Camera::looking(small, Intrinsics::from_horizontal_fov(small, FOV), eye, centre - eye);
-            let hidden: Vec<&'static str> = Surface::ALL
+            (eye, Camera::looking(size, Intrinsics::from_horizontal_fov(size, FOV), eye, centre - eye))
+        };
+        let mut best = (0, 0.0, Vec::new());
+        for k in 0..12 {
+            let azimuth = std::f64::consts::TAU * f64::from(k) / 12.0;
+            let eye;
+            (eye, self.camera) = from(azimuth, small);
+            self.hidden = Surface::ALL
                 .into_iter()
                 .filter(|s| *s == Surface::Ceiling || (eye - s.point(&e, s.size(&e) / 2.0)).dot(s.normal()) <= 0.0)
                 .map(shell_material_name)
                 .collect();
-            self.camera = camera;
-            self.hidden.clone_from(&hidden);
-            let seen: usize = [0, count / 3, 2 * count / 3, count - 1].iter().map(|f| self.seen(*f)).sum();
+            let seen: usize = some.iter().map(|(frame, robot)| self.seen(*frame, robot)).sum();
             if seen > best.0 {
-                best = (seen, azimuth, hidden);
-                best.1 = azimuth;
+                best = (seen, azimuth, self.hidden.clone());
             }
         }
-        let out = DVec3::new(best.1.sin() * 0.94, 0.34, best.1.cos() * 0.94);
-        let eye = centre + out * (1.15 * reach / (FOV / 2.0).tan()).max(1.6);
-        self.camera = Camera::looking(size, Intrinsics::from_horizontal_fov(size, FOV), eye, centre - eye);
+        self.camera = from(best.1, size).1;
         self.hidden = best.2;
     }
 
     /// Pixels that show the robot.
-    fn seen(&self, frame: usize) -> usize {
-        let robot = self.robot(frame);
-        let instances = self.instances(frame, &robot);
+    fn seen(&self, frame: usize, robot: &[Mesh]) -> usize {
+        let instances = self.instances(frame, robot);
         let drawn = self.renderer.render_depth_ids(&self.camera, &instances, &RenderOptions::default());
         drawn.ids.iter().filter(|i| **i == ROBOT).count()
     }
@@ -117,8 +143,7 @@ impl<'a> Painter<'a> {
         }
         for d in &self.drawn {
             let item = &self.world.items[d.item];
-            // Lamps under a ceiling that is not drawn would float before the picture.
-            if item.object.level == harmony_scene::Level::Ceiling {
+            if self.leaves_out(&item.object) {
                 continue;
             }
             let mut instance = Instance::posed(&d.mesh, &item.object.pose, 3);
@@ -179,22 +204,25 @@ pub(crate) struct Drawn {
     pub mesh: Arc<Mesh>,
     /// Whether the motion moves it.
     pub moves: bool,
+    /// Name of the part that opens when it is one.
+    pub part: Option<String>,
 }
 
 /// Meshes of all items; one of which a part is moved comes as that and the rest.
 pub(crate) fn drawn(world: &World, room: &Surroundings, object: usize) -> Vec<Drawn> {
     let name = &room.things[object].id;
     let of = |(number, item): (usize, &harmony_export::world::Item)| -> Vec<Drawn> {
-        let one = |mesh: Arc<Mesh>, moves| Drawn { item: number, mesh, moves };
+        let one = |mesh: Arc<Mesh>, moves, part| Drawn { item: number, mesh, moves, part };
         let Some(part) = item.opens.iter().position(|o| o.name == *name) else {
             let rides = room.things.iter().position(|t| t.id == item.name()).is_some_and(|t| room.rides(t, object));
-            return vec![one(Arc::clone(&item.mesh), rides)];
+            return vec![one(Arc::clone(&item.mesh), rides, None)];
         };
         let mut rest = item.selected(Select::Fixed);
         for other in (0..item.opens.len()).filter(|k| *k != part) {
             rest.append(&item.selected(Select::Part(other)));
         }
-        vec![one(Arc::new(rest), false), one(Arc::new(item.selected(Select::Part(part))), true)]
+        let moving = Arc::new(item.selected(Select::Part(part)));
+        vec![one(Arc::new(rest), false, None), one(moving, true, Some(name.clone()))]
     };
     world.items.iter().enumerate().flat_map(of).collect()
 }

@@ -34,7 +34,7 @@ pub struct Replay {
 ///
 /// # Errors
 /// [`RobotError::Model`] when the scene's XML is not what the export writes.
-pub fn replay(scene: &str, room: &Surroundings, motion: &Motion, pieces: &[Vec<Hull>]) -> Result<Replay, RobotError> {
+pub fn replay(scene: &str, room: &Surroundings, motion: &Motion, pieces: &[Vec<&Hull>]) -> Result<Replay, RobotError> {
     let bad = |why: String| RobotError::Model { path: "mjcf/scene.xml".into(), why };
     let document = Document::parse(scene).map_err(|e| bad(e.to_string()))?;
     let mut rest: Vec<Row> = Vec::new();
@@ -139,7 +139,7 @@ struct Writer {
 }
 
 impl Writer {
-    fn link(&mut self, model: &Model, number: usize, motion: &Motion, pieces: &[Vec<Hull>]) -> String {
+    fn link(&mut self, model: &Model, number: usize, motion: &Motion, pieces: &[Vec<&Hull>]) -> String {
         let link = &model.links[number];
         let name = format!("robot_{}", link.name);
         let place = match (link.parent, motion.frames.first()) {

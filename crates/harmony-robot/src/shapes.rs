@@ -9,6 +9,7 @@
 
 use glam::{DAffine3, DVec3};
 use harmony_physics::Hull;
+use rayon::prelude::*;
 
 use crate::model::{Form, Geom, Link, Model};
 
@@ -17,8 +18,17 @@ const SLICES: usize = 6;
 
 /// Convex pieces of every link, link frame.
 pub fn pieces(model: &Model) -> Vec<Vec<Hull>> {
-    let given = model.links.iter().flat_map(|l| &l.geoms).any(|g| !g.visual && matches!(g.form, Form::Mesh(_)));
-    model.links.iter().map(|link| if given { collision(link) } else { visual(link) }).collect()
+    (0..model.links.len()).into_par_iter().map(|link| pieces_of(model, link)).collect()
+}
+
+/// Convex pieces of one link, link frame.
+pub fn pieces_of(model: &Model, link: usize) -> Vec<Hull> {
+    let link = &model.links[link];
+    if has_collision_meshes(model) { collision(link) } else { visual(link) }
+}
+
+fn has_collision_meshes(model: &Model) -> bool {
+    model.links.iter().flat_map(|l| &l.geoms).any(|g| !g.visual && matches!(g.form, Form::Mesh(_)))
 }
 
 fn collision(link: &Link) -> Vec<Hull> {
@@ -78,17 +88,19 @@ fn sliced(geom: &Geom) -> Vec<Hull> {
     if step < 0.01 {
         return Hull::of(&points(geom)).into_iter().collect();
     }
+    // Files of bare triangles have a corner once for every triangle that it is of.
+    let mut corners = mesh.positions.clone();
+    corners.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
+    corners.dedup();
     let slice = |k: usize| {
         let low = bounds.min[axis] + step * k as f64;
         let high = low + step;
-        let mut inside: Vec<DVec3> = Vec::new();
+        let within = |p: &DVec3| p[axis] >= low && p[axis] <= high;
+        let mut inside: Vec<DVec3> = corners.iter().map(|p| p.as_dvec3()).filter(within).collect();
         for t in mesh.triangles() {
             let corners = t.map(|i| mesh.positions[i as usize].as_dvec3());
             for e in 0..3 {
                 let (a, b) = (corners[e], corners[(e + 1) % 3]);
-                if a[axis] >= low && a[axis] <= high {
-                    inside.push(a);
-                }
                 for plane in [low, high] {
                     let (da, db) = (a[axis] - plane, b[axis] - plane);
                     if (da < 0.0) != (db < 0.0) {

@@ -7,12 +7,11 @@ use harmony_io::{write_atomic, write_json};
 use harmony_scene::ImageSize;
 use image::RgbImage;
 
-use crate::arm::{self, Done};
+use crate::arm;
 use crate::model::Model;
-use crate::motion::Trajectory;
+use crate::motion::{Done, Trajectory};
 use crate::pictures::Painter;
 use crate::room::Surroundings;
-use crate::shapes::pieces;
 use crate::{RobotError, drawer, human, replay, stage};
 
 /// What a robot is to do.
@@ -79,7 +78,7 @@ pub fn write(world: &World, room: &Surroundings, done: &Done, output: &Output) -
         files.iter().find(|(name, _)| *name == "mjcf/scene.xml").map(|(_, bytes)| String::from_utf8_lossy(bytes));
     let scene =
         scene.ok_or_else(|| RobotError::Nothing { what: "mjcf/scene.xml among the exported files".to_owned() })?;
-    let made = replay::replay(&scene, room, motion, &pieces(&motion.model))?;
+    let made = replay::replay(&scene, room, motion, &done.shapes.hulls())?;
     for (name, bytes) in &made.meshes {
         write_atomic(&output.folder.join("mjcf/assets").join(name), bytes)?;
     }

@@ -1,9 +1,11 @@
-//! What tests share: where the test material is, and a skip that is told of. Only ever a dev-dependency.
+//! What tests share: where the test material is, a skip that is told of, and a run folder. Only ever a dev-dependency.
 //!
 //! A test that cannot run here (no test material, no Blender, no strace) calls [`skip`] and returns. Cargo shows it as
 //! passed all the same, so that each skip is also a line in the file that `HARMONY_SKIPS` names; `test.sh` counts and
 //! lists them at its end.
 #![expect(clippy::print_stderr, reason = "a skip is said where the test's other words are")]
+
+pub mod run;
 
 use std::fmt::Display;
 use std::fs::OpenOptions;

@@ -6,13 +6,17 @@ use std::time::Instant;
 use anyhow::{Result, bail};
 use harmony_export::World;
 use harmony_io::write_json;
+use harmony_physics::pictures::{self, Lit};
 use harmony_robot::jaw::Jaw;
+use harmony_robot::lit::LitMotion;
 use harmony_robot::measure::JawSize;
 use harmony_robot::motion::Trajectory;
+use harmony_robot::pictures::Painter;
 use harmony_robot::{Affordances, Job, Model, Output, RobotError, Surroundings, affordances, perform, write};
 use harmony_scene::ImageSize;
 use serde::Serialize;
 
+use crate::commands::simulate::{blender, write_frames};
 use crate::display::hinted;
 use crate::{EXIT_OK, say, tell};
 
@@ -43,6 +47,7 @@ pub enum Task {
 #[command(after_help = "\
 Examples:
   harmony robot run --report
+  harmony robot run --robot h1 --model h1/h1.xml --task sit --lit
   harmony robot run --robot panda --model panda/panda.xml --task pick --object mug_01")]
 pub struct Args {
     /// Run folder.
@@ -68,6 +73,12 @@ pub struct Args {
     /// Longest side of a frame's picture, pixels.
     #[arg(long, default_value_t = 640, value_parser = clap::value_parser!(u32).range(64..=1920))]
     size: u32,
+    /// Path-trace six evenly spaced frames with the scene's own light (needs Blender; about a minute a frame).
+    #[arg(long)]
+    lit: bool,
+    /// Samples a pixel with --lit.
+    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    samples: u32,
     /// Folder of the results; default `<run>/7_world/robot`, a folder a task below it.
     #[arg(long, short)]
     out: Option<PathBuf>,
@@ -96,6 +107,10 @@ pub fn run(args: &Args) -> Result<u8> {
     if !args.report && !wants {
         bail!("nothing to do: give --report, or --robot with --model and --task");
     }
+    if args.lit && !wants {
+        bail!("--lit is for the frames of a task; add --robot with --model and --task");
+    }
+    let renderer = if args.lit { Some(blender()?) } else { None };
     let model = args.model.as_deref().map(Model::read).transpose().map_err(|e| told(&e))?;
     let world = World::read(&args.run).map_err(|e| hinted(e.to_string(), e.hint()))?;
     let room = Surroundings::new(&world);
@@ -136,6 +151,18 @@ pub fn run(args: &Args) -> Result<u8> {
     };
     let written = write(&world, &room, &done, &output).map_err(|e| told(&e))?;
     print_task(&written)?;
+    if let Some(renderer) = &renderer {
+        let albedo = pictures::run_albedo(&args.run);
+        let lit = Lit { renderer, scene: &world.scene, albedo, samples: args.samples };
+        let painter = Painter::new(&world, &room, &done.motion, output.size);
+        let motion = LitMotion::new(&world, &done.motion, &painter).map_err(|e| told(&e))?;
+        let mut traced = Vec::new();
+        for (k, number) in pictures::sheet_frames(done.motion.frames.len()).into_iter().enumerate() {
+            tell!("path-tracing frame {} of {}", k + 1, pictures::SHEET_FRAMES);
+            traced.push(motion.frame(&lit, number).map_err(|e| told(&e))?);
+        }
+        write_frames(&folder, "frame_lit", "sheet_lit.jpg", &traced)?;
+    }
     say!("{}", folder.display())?;
     Ok(EXIT_OK)
 }

@@ -8,7 +8,7 @@ use harmony_export::animation::Animation;
 use harmony_export::{Format, Options, World, export};
 use harmony_io::{ReadLimits, read_bounded, read_glb, write_atomic, write_json};
 use harmony_lighting::CyclesRenderer;
-use harmony_physics::pictures::{self, FILM_STEP, Painter, gif_bytes, mp4_bytes, sheet, sheet_frames};
+use harmony_physics::pictures::{self, FILM_STEP, Lit, Painter, gif_bytes, mp4_bytes, sheet, sheet_frames};
 use harmony_physics::{
     Bodies, BodySettings, Motion, Plausibility, Quake, Repaired, RunScene, Settled, Shaken, animate, bodies, ground,
     places, plausibility, quake, repair, settle, shake,
@@ -124,7 +124,8 @@ pub fn run(args: &Args) -> Result<u8> {
     Ok(EXIT_OK)
 }
 
-fn blender() -> Result<CyclesRenderer> {
+/// Blender, for pictures with `--lit`.
+pub(super) fn blender() -> Result<CyclesRenderer> {
     let (found, why) = CyclesRenderer::find_saying_why();
     found.ok_or_else(|| {
         hinted(
@@ -267,22 +268,13 @@ fn shake_run(
     write_frames(out, "frame", "sheet.jpg", &frames)?;
     if let Some(renderer) = renderer {
         let albedo = pictures::run_albedo(&args.run);
-        let mut lit = Vec::new();
+        let lit = Lit { renderer, scene: &loaded.scene, albedo, samples: args.samples };
+        let mut traced = Vec::new();
         for (k, f) in numbers.iter().enumerate() {
             tell!("path-tracing frame {} of {}", k + 1, numbers.len());
-            let found = pictures::lit_frame(
-                renderer,
-                &loaded.scene,
-                &bytes,
-                &shaken,
-                *f,
-                camera,
-                albedo.as_ref(),
-                args.samples,
-            )?;
-            lit.push(found.context("Blender made no picture")?);
+            traced.push(lit.frame(&bytes, &shaken, *f, camera)?);
         }
-        write_frames(out, "frame_lit", "sheet_lit.jpg", &lit)?;
+        write_frames(out, "frame_lit", "sheet_lit.jpg", &traced)?;
     }
     say!("{}", out.display())
 }
@@ -311,7 +303,8 @@ fn view(args: &Args, loaded: &RunScene) -> (Camera, Vec<Surface>) {
     }
 }
 
-fn write_frames(out: &Path, name: &str, sheet_name: &str, frames: &[RgbImage]) -> Result<()> {
+/// Numbered frames and a sheet of them.
+pub(super) fn write_frames(out: &Path, name: &str, sheet_name: &str, frames: &[RgbImage]) -> Result<()> {
     for (k, frame) in frames.iter().enumerate() {
         harmony_io::picture::write_rgb_png(&out.join(format!("{name}_{}.png", k + 1)), frame)?;
     }

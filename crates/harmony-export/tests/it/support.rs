@@ -6,14 +6,14 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use harmony_export::Options;
-use harmony_io::glb::TextureEncoding;
-use harmony_io::{GlbNode, GlbScene, NodeTransform, write_glb, write_json};
+use harmony_io::{GlbNode, NodeTransform};
 use harmony_mesh::{Group, Mesh, TemplateParams, room_shell, template};
 use harmony_scene::{
     Camera, Confidence, Extents, ImageSize, Intrinsics, Level, Light, LightKind, Lighting, ObjectId, Opening,
-    OpeningKind, Physical, Pose, Relations, Room, SCENE_VERSION, Scene, SceneCamera, SceneObject, Size, Support,
-    Surface, SurfaceMaterial, ViewTransform, Wall,
+    OpeningKind, Physical, Pose, Room, Scene, SceneObject, Size, Support, Surface, SurfaceMaterial, ViewTransform,
+    Wall,
 };
+use harmony_testing::run::{object, room, scene as bare, write};
 use image::{Rgba, RgbaImage};
 use serde_json::Value;
 
@@ -30,27 +30,21 @@ fn thing(
     let number = scene.iter().filter(|o| o.label == label).count() + 1;
     let category = harmony_catalogue::material_category(label);
     let id = ObjectId::numbered(label, number);
+    let pose = Pose::new(DVec3::from_array(at), yaw, 1.0);
+    let size = Size { width: size[0], height: size[1], depth: size[2] };
     scene.push(SceneObject {
         index: 10 + scene.len() as u32,
         level,
-        label: label.to_owned(),
         description: format!("A {label}."),
-        source_phrase: label.to_owned(),
-        pose: Pose::new(DVec3::from_array(at), yaw, 1.0),
-        size: Size { width: size[0], height: size[1], depth: size[2] },
-        support,
-        relations: Relations::default(),
         material: SurfaceMaterial {
             category,
             pbr: category.defaults(),
             physical: Physical { weight_kg: 8.0, thickness_m: 0.02, elasticity: 0.1, rigid: None },
         },
         mesh: format!("{}/meshes/{id}.glb", level.folder()),
-        mask: None,
-        seen_box: None,
         mesh_source: "template".to_owned(),
         confidence: Confidence { overall: 0.6, ..Confidence::default() },
-        id,
+        ..object(id.as_str(), label, pose, size, support)
     });
 }
 
@@ -73,8 +67,6 @@ pub fn scene() -> Scene {
     "A desk with \"quotes\", <angles> & an \u{e4}.".clone_into(&mut o[3].description);
     let room = Room {
         room_type: "study_room".to_owned(),
-        extents: Extents { width: 4.2, height: 2.6, depth: 3.6 },
-        shape: harmony_scene::RoomShape::default(),
         seen: vec![Surface::Floor, Surface::Ceiling, Surface::Back, Surface::Left, Surface::Right],
         openings: vec![
             Opening {
@@ -96,8 +88,7 @@ pub fn scene() -> Scene {
                 object: Some(ObjectId::new("door_01").unwrap()),
             },
         ],
-        floor_texture: None,
-        wall_texture: None,
+        ..room(Extents { width: 4.2, height: 2.6, depth: 3.6 })
     };
     let size = ImageSize::new(960, 720);
     let lens = Intrinsics { fx: 640.0, fy: 644.0, cx: 470.0, cy: 371.0 };
@@ -112,11 +103,7 @@ pub fn scene() -> Scene {
         object: None,
     };
     Scene {
-        version: SCENE_VERSION,
         generator: "harmony test".to_owned(),
-        room,
-        camera: SceneCamera::from(&camera),
-        objects: o,
         lighting: Lighting {
             lights: vec![
                 light("table_lamp_01", LightKind::Point { radius_m: 0.04 }, [1.9, 1.1, 0.3], 15.0, true),
@@ -135,7 +122,7 @@ pub fn scene() -> Scene {
             view: ViewTransform::Agx,
         },
         summary: "A room for tests.".to_owned(),
-        warnings: Vec::new(),
+        ..bare(room, &camera, o)
     }
 }
 
@@ -184,18 +171,6 @@ pub fn run() -> tempfile::TempDir {
 
 /// Writes `scene.json` and `scene_full.glb`.
 pub fn write_run(folder: &Path, scene: &Scene) {
-    write_json(&folder.join("scene.json"), scene).unwrap();
-    let objects = scene
-        .objects
-        .iter()
-        .zip(meshes(scene))
-        .map(|(o, mesh)| GlbNode {
-            name: o.id.to_string(),
-            mesh,
-            transform: NodeTransform::from(&o.pose),
-            extras: Value::Null,
-        })
-        .collect();
     let all = room_shell(&scene.room, &|_| None);
     let shell = all
         .groups
@@ -223,16 +198,7 @@ pub fn write_run(folder: &Path, scene: &Scene) {
             }
         })
         .collect();
-    let glb = GlbScene {
-        objects,
-        shell,
-        camera: Some(Camera::from(&scene.camera)),
-        lighting: Some(&scene.lighting),
-        generator: scene.generator.clone(),
-        textures: TextureEncoding::Compact,
-        ..GlbScene::default()
-    };
-    write_glb(&glb, &folder.join("scene_full.glb")).unwrap();
+    write(folder, scene, &meshes(scene), shell);
 }
 
 /// Python with the readers of other programs, installed by `tools/setup.sh`.

@@ -67,6 +67,8 @@ pub struct CyclesJob {
     pub delight: Option<Delight>,
     /// Base colours to reflectances, by node and place.
     pub albedo: Option<Arc<AlbedoField>>,
+    /// Nodes whose base colours are reflectances already, for they come from no photo: nothing scales them.
+    pub true_colors: Vec<String>,
     /// View transforms to sample beside per-light images.
     pub views: Vec<ViewTransform>,
     /// Sampling seed.
@@ -102,6 +104,7 @@ impl CyclesJob {
             background: None,
             delight: Some(Delight::default()),
             albedo: None,
+            true_colors: Vec::new(),
             views: Vec::new(),
             seed: 0,
             threads: 0,

@@ -260,6 +260,7 @@ impl CyclesJob {
             "node_ids": self.node_ids,
             "background": self.background,
             "delight": self.delight,
+            "true_colors": self.true_colors,
             "albedo": self.albedo.as_ref().map(|field| serde_json::json!({
                 "camera": camera_json(&Camera::from(&field.camera)),
                 "columns": field.columns,

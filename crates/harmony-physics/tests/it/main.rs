@@ -5,29 +5,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
-use harmony_io::{GlbNode, GlbScene, NodeTransform, write_glb, write_json};
-use harmony_mesh::{Group, Material, Mesh};
+use harmony_io::write_json;
+use harmony_mesh::Mesh;
+use harmony_physics::hull::hull_mesh;
 use harmony_physics::{
     BodySettings, Hull, LoadError, Motion, Quake, RunScene, animate, bodies, places, repair, settle, shake,
 };
-use harmony_scene::{
-    Camera, Confidence, Extents, ImageSize, Intrinsics, Level, Lighting, MaterialCategory, ObjectId, Physical, Pose,
-    Relations, Room, SCENE_VERSION, Scene, SceneObject, Size, Support, SurfaceMaterial, Vec3, ViewTransform,
-};
-
-fn mesh(hulls: &[Hull]) -> Arc<Mesh> {
-    let mut mesh = Mesh { materials: vec![Material::plain("body", [0.5; 3])], ..Mesh::default() };
-    let mut group = Group::default();
-    for hull in hulls {
-        let base = mesh.positions.len() as u32;
-        mesh.positions.extend(hull.vertices.iter().map(|v| v.as_vec3()));
-        group.triangles.extend(hull.faces.iter().map(|f| f.map(|i| i + base)));
-    }
-    mesh.groups.push(group);
-    mesh.uvs = vec![glam::Vec2::ZERO; mesh.positions.len()];
-    mesh.recompute_normals();
-    Arc::new(mesh)
-}
+use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, ObjectId, Pose, Scene, SceneObject, Size, Support, Vec3};
+use harmony_testing::run::{object, room, scene, write};
 
 fn block(size: [f64; 3]) -> Vec<Hull> {
     let half = Vec3::new(size[0] / 2.0, 0.0, size[2] / 2.0);
@@ -52,31 +37,8 @@ fn thing(id: &str, label: &str, at: [f64; 3], yaw: f64, support: Support, hulls:
         .iter()
         .map(Hull::bounds)
         .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), (a, b)| (l.min(a), h.max(b)));
-    let level = if support == Support::Floor { Level::Furniture } else { Level::Decoration };
-    let category = MaterialCategory::Wood;
-    let object = SceneObject {
-        id: ObjectId::new(id).unwrap(),
-        index: 10,
-        level,
-        label: label.into(),
-        description: String::new(),
-        source_phrase: label.into(),
-        pose: Pose::new(Vec3::from_array(at), yaw, 1.0),
-        size: Size::from_vec(high - low),
-        support,
-        relations: Relations::default(),
-        material: SurfaceMaterial {
-            category,
-            pbr: category.defaults(),
-            physical: Physical { weight_kg: 0.0, thickness_m: 0.02, elasticity: 0.1, rigid: None },
-        },
-        mesh: String::new(),
-        mask: None,
-        seen_box: None,
-        mesh_source: "test".into(),
-        confidence: Confidence::default(),
-    };
-    (object, mesh(hulls))
+    let pose = Pose::new(Vec3::from_array(at), yaw, 1.0);
+    (object(id, label, pose, Size::from_vec(high - low), support), Arc::new(hull_mesh(hulls, [0.5; 3])))
 }
 
 /// A room with a table, things on it, a shelf and a box that is sunk into the floor.
@@ -93,39 +55,9 @@ fn write_run(folder: &Path) {
     let size = ImageSize::new(320, 240);
     let lens = Intrinsics::from_horizontal_fov(size, 1.2);
     let camera = Camera::looking(size, lens, Vec3::new(2.5, 1.6, 3.9), Vec3::new(0.0, -0.2, -1.0));
-    let scene = Scene {
-        version: SCENE_VERSION,
-        generator: "test".into(),
-        room: Room {
-            room_type: "study".into(),
-            extents: Extents { width: 5.0, height: 2.6, depth: 4.0 },
-            shape: harmony_scene::RoomShape::default(),
-            seen: vec![],
-            openings: vec![],
-            floor_texture: None,
-            wall_texture: None,
-        },
-        camera: (&camera).into(),
-        objects: things.iter().map(|(o, _)| o.clone()).collect(),
-        lighting: Lighting {
-            lights: vec![],
-            ambient_color: [1.0; 3],
-            ambient_intensity: 1.0,
-            exposure: 0.0,
-            view: ViewTransform::default(),
-        },
-        summary: String::new(),
-        warnings: vec![],
-    };
-    let node = |(o, m): &(SceneObject, Arc<Mesh>)| GlbNode {
-        name: o.id.to_string(),
-        mesh: Arc::clone(m),
-        transform: NodeTransform::from(&o.pose),
-        extras: serde_json::Value::Null,
-    };
-    let glb = GlbScene { objects: things.iter().map(node).collect(), ..GlbScene::default() };
-    write_glb(&glb, &folder.join("scene_full.glb")).unwrap();
-    write_json(&folder.join("scene.json"), &scene).unwrap();
+    let room = room(Extents { width: 5.0, height: 2.6, depth: 4.0 });
+    let (objects, meshes): (Vec<SceneObject>, Vec<Arc<Mesh>>) = things.into_iter().unzip();
+    write(folder, &scene(room, &camera, objects), &meshes, vec![]);
 }
 
 #[test]

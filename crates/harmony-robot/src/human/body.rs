@@ -5,7 +5,6 @@ use glam::{DAffine3, DVec3};
 use crate::RobotError;
 use crate::model::{Form, Model, Posture};
 use crate::room::Shapes;
-use crate::shapes::pieces;
 
 /// Longest stride, metres.
 const STRIDE_M: f64 = 0.22;
@@ -36,7 +35,7 @@ pub(super) struct Body {
 }
 
 impl Body {
-    pub(super) fn of(model: &Model) -> Result<Self, RobotError> {
+    pub(super) fn of(model: &Model, shapes: &Shapes) -> Result<Self, RobotError> {
         let part = |name: &str| {
             model.link(name).ok_or_else(|| RobotError::NotThisRobot {
                 model: model.name.clone(),
@@ -65,7 +64,6 @@ impl Body {
         let places = model.places(&rest);
         let hip = places[thighs[0]].translation;
         let leg = hip.z - places[feet[0]].translation.z;
-        let shapes = Shapes::new(&pieces(model));
         let (low, high) = shapes
             .corners(feet[0], &DAffine3::IDENTITY)
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));

@@ -1,14 +1,14 @@
 //! What holds of the frames: goals met, nothing met, balance.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use glam::DVec3;
 
 use super::body::{Body, fastest};
 use super::poses::Plan;
 use super::{DEEP_M, Desk, HANDS_M, PASS_M, STEPS};
-use crate::arm::Done;
-use crate::motion::{Evidence, FRAMES_PER_SECOND, Frame, MISSED, Motion, evidence};
+use crate::motion::{Done, Evidence, FRAMES_PER_SECOND, Frame, MISSED, Motion, evidence};
 use crate::room::Other;
 
 impl Plan<'_> {
@@ -143,7 +143,7 @@ impl Plan<'_> {
             format!("the seat is at {:.3} m, {:.2} m2 of it level", self.chair.seat.height_m, self.chair.seat.area_m2),
             "the feet slide on the floor one after the other and are as far apart as the hips: the ankles have one joint".to_owned(),
         ];
-        Ok(Done { motion, evidence: found, measured, because })
+        Ok(Done { motion, shapes: Arc::clone(self.shapes), evidence: found, measured, because })
     }
 
     /// Farthest that a sole is from the floor, and deepest that what sits is in the seat.

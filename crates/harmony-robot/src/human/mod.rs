@@ -18,14 +18,15 @@ mod checks;
 mod poses;
 mod steps;
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DVec3};
 
 use crate::RobotError;
-use crate::arm::{Done, chairs};
 use crate::measure::{self, Chair, Window};
 use crate::model::Model;
+use crate::motion::Done;
 use crate::room::{Shapes, Surroundings};
-use crate::shapes::pieces;
 use body::{Body, Stance, easy, like_a_person};
 use poses::Plan;
 
@@ -55,11 +56,11 @@ const PASS_M: f64 = 0.04;
 /// [`RobotError::Nothing`] without a chair, [`RobotError::NotThisRobot`] for a model that is no H1,
 /// [`RobotError::Forbidden`] with the measurement that forbids it.
 pub fn sit(room: &Surroundings, model: &Model, object: Option<&str>) -> Result<Done, RobotError> {
-    let body = Body::of(model)?;
-    let shapes = Shapes::new(&pieces(model));
+    let shapes = Arc::new(Shapes::of(model));
+    let body = Body::of(model, &shapes)?;
     let all = match object {
         Some(id) => vec![room.named(id)?],
-        None => chairs(room),
+        None => room.chairs(),
     };
     let mut first = None;
     for k in all {
@@ -102,7 +103,13 @@ fn desk(room: &Surroundings, chair: &Chair, object: usize) -> Result<Desk, Strin
     })
 }
 
-fn sit_on(room: &Surroundings, model: &Model, body: &Body, shapes: &Shapes, object: usize) -> Result<Done, String> {
+fn sit_on(
+    room: &Surroundings,
+    model: &Model,
+    body: &Body,
+    shapes: &Arc<Shapes>,
+    object: usize,
+) -> Result<Done, String> {
     let person = like_a_person(model);
     let thing = &room.things[object];
     let chair = measure::chair(thing)?;
@@ -114,9 +121,7 @@ fn sit_on(room: &Surroundings, model: &Model, body: &Body, shapes: &Shapes, obje
     let steps = (draw / 0.03).ceil() as usize;
     for step in 1..=steps {
         let way = draw * step as f64 / steps as f64;
-        if let Some((other, distance)) = room.nearest_of_thing(object, DAffine3::from_translation(chair.back * way))
-            && distance <= 0.0
-        {
+        if let Some(other) = room.met_by(object, DAffine3::from_translation(chair.back * way)) {
             return Err(format!(
                 "the feet need {needed:.2} m between its seat and the desk, so it must be drawn {draw:.2} m, and after \
                  {way:.2} m it meets {}",

@@ -1,5 +1,7 @@
 //! Postures: what a frame of a humanoid asks for, and the search for it.
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::body::{Body, Stance};
@@ -13,6 +15,9 @@ use crate::room::{Other, Shapes, Surroundings};
 /// Offsets of the hands from the middle of the chair and the desk that are tried, metres.
 const ASIDE_M: [f64; 4] = [0.22, 0.18, 0.27, 0.14];
 
+/// A gap above this is closed in more than one round, metres.
+const ROUND_M: f64 = 0.05;
+
 /// The room turned into the chair's: `front` is where one looks who sits on it.
 #[derive(Clone)]
 pub(super) struct Plan<'a> {
@@ -21,7 +26,7 @@ pub(super) struct Plan<'a> {
     pub(super) whole: &'a Model,
     /// As it is moved: see [`super::body::like_a_person`].
     pub(super) model: &'a Model,
-    pub(super) shapes: &'a Shapes,
+    pub(super) shapes: &'a Arc<Shapes>,
     pub(super) body: &'a Body,
     pub(super) object: usize,
     pub(super) chair: Chair,
@@ -135,11 +140,15 @@ impl Plan<'_> {
         let mut want = want.clone();
         let mut found = self.solve(start, &want);
         for _ in 0..14 {
+            // Out of reach by more than a round moves a hand.
+            if found.error > ROUND_M {
+                break;
+            }
             let gaps = self.body.hands.map(|h| self.gap(&found.posture, &[h], thing, moved) - 0.001);
             if let Some(hands) = &mut want.hands {
                 for (h, gap) in hands.iter_mut().zip(gaps) {
                     // Not all of it: what is nearest may be the forearm, which a lower hand tilts.
-                    h.y -= 0.6 * gap.clamp(-0.05, 0.05);
+                    h.y -= 0.6 * gap.clamp(-ROUND_M, ROUND_M);
                 }
             }
             if gaps.iter().all(|g| g.abs() < 5e-4) {

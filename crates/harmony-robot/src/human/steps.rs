@@ -5,10 +5,9 @@ use glam::{DAffine3, DVec3};
 use super::body::{Stance, mix, strides};
 use super::poses::{Plan, Want};
 use super::{DEEP_M, Desk, FRAMES, HANDS_M, PASS_M, STEPS};
-use crate::arm::Done;
 use crate::ik::Found;
 use crate::model::{Posture, upright};
-use crate::motion::{Frame, smooth};
+use crate::motion::{Done, Frame, smooth};
 use crate::room::Other;
 
 /// And this much higher from the side of the chair on, where knees must not reach the desk.

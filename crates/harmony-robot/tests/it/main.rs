@@ -9,6 +9,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use harmony_export::World;
+use harmony_physics::pictures::Lit;
+use harmony_robot::lit::LitMotion;
+use harmony_robot::pictures::Painter;
 use harmony_robot::{Job, Model, Output, RobotError, Surroundings, affordances, jaw::Jaw, perform, write};
 use harmony_scene::ImageSize;
 use room::{Study, study};
@@ -264,4 +267,39 @@ fn a_robot_for_another_task_and_files_that_lack_something_are_named() {
     std::fs::copy(&panda, &copy).unwrap();
     let said = Model::read(&copy).unwrap_err();
     assert!(matches!(&said, RobotError::NoMesh { path, .. } if path.starts_with(folder.path())), "{said}");
+}
+
+#[test]
+fn frames_of_a_task_are_path_traced_with_the_robot_in_its_colours() {
+    let Some(path) = robot("panda") else { return };
+    let (found, why) = harmony_lighting::CyclesRenderer::find_saying_why();
+    let Some(renderer) = found else {
+        return harmony_testing::skip(format_args!("no Blender here ({})", why.join("; ")));
+    };
+    let model = Model::read(&path).unwrap();
+    let run = study(&Study::default());
+    let world = World::read(run.path()).unwrap();
+    let room = Surroundings::new(&world);
+    let done = perform(&world, &room, &model, Job::DrawChair, None).unwrap();
+    let painter = Painter::new(&world, &room, &done.motion, ImageSize::new(160, 120));
+    let lit = Lit { renderer: &renderer, scene: &world.scene, albedo: None, samples: 8 };
+    let traced = LitMotion::new(&world, &done.motion, &painter).unwrap();
+    let last = done.motion.frames.len() - 1;
+    let frames = [0, last].map(|number| traced.frame(&lit, number).unwrap());
+    if let Some(kept) = std::env::var_os("HARMONY_TEST_OUT") {
+        for (k, frame) in frames.iter().enumerate() {
+            frame.save(Path::new(&kept).join(format!("robot_lit_{k}.png"))).unwrap();
+            painter.frame([0, last][k]).save(Path::new(&kept).join(format!("robot_even_{k}.png"))).unwrap();
+        }
+    }
+    // What differs between the frames is what moved, in both renderers.
+    let differs = |a: &image::RgbImage, b: &image::RgbImage| -> Vec<bool> {
+        a.pixels().zip(b.pixels()).map(|(p, q)| (0..3).any(|k| p[k].abs_diff(q[k]) > 12)).collect()
+    };
+    let moved = differs(&frames[0], &frames[1]);
+    let even = differs(&painter.frame(0), &painter.frame(last));
+    let both = moved.iter().zip(&even).filter(|(a, b)| **a && **b).count();
+    let one = even.iter().filter(|d| **d).count();
+    assert!(one > 300, "robot and chair move in the even pictures: {one} pixels");
+    assert!(both as f64 > 0.5 * one as f64, "{both} of {one} pixels that move do so in the path-traced pictures, too");
 }

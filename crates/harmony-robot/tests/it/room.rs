@@ -3,13 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use harmony_io::{GlbNode, GlbScene, NodeTransform, write_glb, write_json};
-use harmony_mesh::{Group, Material, Mesh, TemplateParams, template};
+use harmony_mesh::{Mesh, TemplateParams, template};
 use harmony_physics::Hull;
-use harmony_scene::{
-    Camera, Confidence, Extents, ImageSize, Intrinsics, Level, Lighting, MaterialCategory, ObjectId, Physical, Pose,
-    Relations, Room, SCENE_VERSION, Scene, SceneObject, Size, Support, SurfaceMaterial, Vec3, ViewTransform,
-};
+use harmony_physics::hull::hull_mesh;
+use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, ObjectId, Pose, SceneObject, Size, Support, Vec3};
+use harmony_testing::run::{object, room, scene, write};
 
 /// What is in it.
 pub struct Study {
@@ -29,20 +27,6 @@ impl Default for Study {
     }
 }
 
-fn mesh(hulls: &[Hull]) -> Arc<Mesh> {
-    let mut mesh = Mesh { materials: vec![Material::plain("body", [0.5, 0.45, 0.4])], ..Mesh::default() };
-    let mut group = Group::default();
-    for hull in hulls {
-        let base = mesh.positions.len() as u32;
-        mesh.positions.extend(hull.vertices.iter().map(|v| v.as_vec3()));
-        group.triangles.extend(hull.faces.iter().map(|f| f.map(|i| i + base)));
-    }
-    mesh.groups.push(group);
-    mesh.uvs = vec![glam::Vec2::ZERO; mesh.positions.len()];
-    mesh.recompute_normals();
-    Arc::new(mesh)
-}
-
 fn cuboid(low: [f64; 3], high: [f64; 3]) -> Hull {
     Hull::cuboid(low.into(), high.into())
 }
@@ -52,34 +36,8 @@ fn thing(id: &str, label: &str, at: [f64; 3], yaw: f64, support: Support, hulls:
         .iter()
         .map(Hull::bounds)
         .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), (a, b)| (l.min(a), h.max(b)));
-    (object(id, label, at, yaw, support, Size::from_vec(high - low)), mesh(hulls))
-}
-
-fn object(id: &str, label: &str, at: [f64; 3], yaw: f64, support: Support, size: Size) -> SceneObject {
-    let level = if support == Support::Floor { Level::Furniture } else { Level::Decoration };
-    let category = MaterialCategory::Wood;
-    SceneObject {
-        id: ObjectId::new(id).unwrap(),
-        index: 10,
-        level,
-        label: label.into(),
-        description: String::new(),
-        source_phrase: label.into(),
-        pose: Pose::new(Vec3::from_array(at), yaw, 1.0),
-        size,
-        support,
-        relations: Relations::default(),
-        material: SurfaceMaterial {
-            category,
-            pbr: category.defaults(),
-            physical: Physical { weight_kg: 0.0, thickness_m: 0.02, elasticity: 0.1, rigid: None },
-        },
-        mesh: String::new(),
-        mask: None,
-        seen_box: None,
-        mesh_source: "test".into(),
-        confidence: Confidence::default(),
-    }
+    let pose = Pose::new(Vec3::from_array(at), yaw, 1.0);
+    (object(id, label, pose, Size::from_vec(high - low), support), Arc::new(hull_mesh(hulls, [0.5, 0.45, 0.4])))
 }
 
 /// As part models make it: fronts and handles in slots of their own. It looks along +X.
@@ -87,8 +45,8 @@ fn dresser() -> (SceneObject, Arc<Mesh>) {
     let size = Size { width: 0.8, height: 0.9, depth: 0.45 };
     let params = TemplateParams { drawers: Some(3), ..TemplateParams::default() };
     let made = template("dresser", &params, size).build(size).unwrap().mesh;
-    let at = [0.25, 0.0, 2.6];
-    (object("dresser_01", "dresser", at, std::f64::consts::FRAC_PI_2, Support::Floor, size), Arc::new(made))
+    let pose = Pose::new(Vec3::new(0.25, 0.0, 2.6), std::f64::consts::FRAC_PI_2, 1.0);
+    (object("dresser_01", "dresser", pose, size, Support::Floor), Arc::new(made))
 }
 
 /// Front +Z: four legs, a seat at 0.45 m, a back to 0.92 m.
@@ -149,37 +107,7 @@ fn write_run(folder: &Path, things: &[(SceneObject, Arc<Mesh>)]) {
     let size = ImageSize::new(320, 240);
     let lens = Intrinsics::from_horizontal_fov(size, 1.2);
     let camera = Camera::looking(size, lens, Vec3::new(2.5, 1.6, 4.4), Vec3::new(0.0, -0.2, -1.0));
-    let scene = Scene {
-        version: SCENE_VERSION,
-        generator: "test".into(),
-        room: Room {
-            room_type: "study".into(),
-            extents: Extents { width: 5.0, height: 2.6, depth: 4.5 },
-            shape: harmony_scene::RoomShape::default(),
-            seen: vec![],
-            openings: vec![],
-            floor_texture: None,
-            wall_texture: None,
-        },
-        camera: (&camera).into(),
-        objects: things.iter().map(|(o, _)| o.clone()).collect(),
-        lighting: Lighting {
-            lights: vec![],
-            ambient_color: [1.0; 3],
-            ambient_intensity: 1.0,
-            exposure: 0.0,
-            view: ViewTransform::default(),
-        },
-        summary: String::new(),
-        warnings: vec![],
-    };
-    let node = |(o, m): &(SceneObject, Arc<Mesh>)| GlbNode {
-        name: o.id.to_string(),
-        mesh: Arc::clone(m),
-        transform: NodeTransform::from(&o.pose),
-        extras: serde_json::Value::Null,
-    };
-    let glb = GlbScene { objects: things.iter().map(node).collect(), ..GlbScene::default() };
-    write_glb(&glb, &folder.join("scene_full.glb")).unwrap();
-    write_json(&folder.join("scene.json"), &scene).unwrap();
+    let room = room(Extents { width: 5.0, height: 2.6, depth: 4.5 });
+    let (objects, meshes): (Vec<SceneObject>, Vec<Arc<Mesh>>) = things.iter().cloned().unzip();
+    write(folder, &scene(room, &camera, objects), &meshes, vec![]);
 }
