@@ -11,11 +11,11 @@ WORKDIR /harmony
 COPY . .
 # Networks on the processor: docs/decisions/0039-getting-it.md.
 ARG FEATURES=nets
-RUN cargo xtask dist --zig --target x86_64-unknown-linux-musl --features "$FEATURES" --out target/dist/harmony
+RUN cargo xtask dist --zig --target x86_64-unknown-linux-musl --features "$FEATURES"
 
 FROM scratch
 COPY --from=build /etc/ssl/certs/ca-certificates.crt /etc/ssl/certs/ca-certificates.crt
-COPY --from=build /harmony/target/dist/harmony /harmony
+COPY --from=build /harmony/target/packages/harmony /harmony
 # A place for temporary files, which the empty image has not.
 WORKDIR /tmp
 WORKDIR /work

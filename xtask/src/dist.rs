@@ -38,9 +38,32 @@ pub struct Options {
     /// Package this program instead of building one.
     #[arg(long)]
     binary: Option<PathBuf>,
+    /// Name of the package, as x86_64-unknown-linux-musl: its folder is target/packages/harmony-VERSION-NAME then, and
+    /// it is packed beside it, as .tar.gz.
+    #[arg(long, conflicts_with = "out")]
+    package: Option<String>,
     /// Folder that is written; it must not be there.
-    #[arg(long, default_value = "target/dist/harmony")]
+    // Not below target/dist, where cargo puts what it builds with the profile `dist`.
+    #[arg(long, default_value = "target/packages/harmony")]
     out: PathBuf,
+}
+
+impl Options {
+    /// The folder that is written.
+    fn folder(&self) -> PathBuf {
+        let packed = |name: &String| Path::new("target/packages").join(package(name));
+        self.package.as_ref().map_or_else(|| self.out.clone(), packed)
+    }
+}
+
+/// Folder of a package in its archive, which is called the same.
+fn package(name: &str) -> String {
+    format!("harmony-{}-{name}", env!("CARGO_PKG_VERSION"))
+}
+
+/// File name of the program.
+fn program_name(binary: &Path) -> &'static str {
+    if binary.extension().is_some_and(|ending| ending == "exe") { "harmony.exe" } else { "harmony" }
 }
 
 /// Builds and packages.
@@ -48,7 +71,7 @@ pub struct Options {
 /// # Errors
 /// A build or a tool that fails, a folder that is there already.
 pub fn run(root: &Path, options: &Options) -> Result<()> {
-    let out = root.join(&options.out);
+    let out = root.join(options.folder());
     if out.exists() {
         bail!("{} is there already; remove it or name another with --out", out.display());
     }
@@ -57,7 +80,7 @@ pub fn run(root: &Path, options: &Options) -> Result<()> {
         None => build(root, options)?,
     };
     fs::create_dir_all(&out).with_context(|| format!("making {}", out.display()))?;
-    let name = if binary.extension().is_some_and(|ending| ending == "exe") { "harmony.exe" } else { "harmony" };
+    let name = program_name(&binary);
     let program = out.join(name);
     fs::copy(&binary, &program).with_context(|| format!("copying {}", binary.display()))?;
     describe(options.describe_with.as_deref().unwrap_or(&program), &out)?;
@@ -71,7 +94,18 @@ pub fn run(root: &Path, options: &Options) -> Result<()> {
     fs::write(out.join("SHA256SUMS"), sums)?;
     let size = fs::metadata(&program)?.len();
     println!("{}: {:.1} MB, {} parts, in {}", name, size as f64 / 1e6, parts.len(), out.display());
+    if options.package.is_some() {
+        println!("{}", pack(&out)?.display());
+    }
     Ok(())
+}
+
+/// A folder as an archive beside it.
+fn pack(folder: &Path) -> Result<PathBuf> {
+    let (Some(parent), Some(name)) = (folder.parent(), folder.file_name()) else { bail!("no folder to be packed") };
+    let archive = folder.with_added_extension("tar.gz");
+    stdout(Command::new("tar").arg("-C").arg(parent).arg("-czf").arg(&archive).arg(name))?;
+    Ok(archive)
 }
 
 /// Builds the stripped program with its commit in it.
@@ -369,5 +403,126 @@ mod tests {
                         {\"target\":{\"name\":\"other\"},\"executable\":\"/t/other\"}";
         assert_eq!(executable(messages), Some(PathBuf::from("/t/harmony")));
         assert_eq!(triple("x86_64-unknown-linux-gnu.2.28"), triple("x86_64-unknown-linux-gnu"));
+    }
+
+    #[derive(clap::Parser)]
+    struct Given {
+        #[command(flatten)]
+        options: Options,
+    }
+
+    fn root() -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+    }
+
+    fn read(file: &str) -> String {
+        fs::read_to_string(root().join(file)).unwrap()
+    }
+
+    /// What is asked for in each line of a file that packages.
+    fn asked(text: &str) -> Vec<Options> {
+        let lines = text.lines().filter_map(|line| line.split_once("cargo xtask dist").map(|(_, words)| words));
+        let words = lines.filter(|words| words.trim_start().starts_with("--")).map(|words| {
+            let words = words.split(" #").next().unwrap_or_default().split_whitespace();
+            ["dist".to_owned()].into_iter().chain(words.map(|word| word.trim_matches(['"', '\'']).to_owned()))
+        });
+        words.map(|words| <Given as clap::Parser>::try_parse_from(words).unwrap().options).collect()
+    }
+
+    /// The release workflow's packages: its command with each row of its matrix.
+    fn released() -> Vec<Options> {
+        let workflow = read(".github/workflows/release.yml");
+        let rows = workflow.lines().filter_map(|line| line.trim().strip_prefix("- { ")?.strip_suffix(" }"));
+        let mut all = Vec::new();
+        for row in rows.filter(|row| row.starts_with("target: ")) {
+            let row: BTreeMap<&str, &str> = row.split(", ").filter_map(|field| field.split_once(": ")).collect();
+            let mut text =
+                workflow.replace("${{ matrix.zig && '--zig' || '' }}", if row["zig"] == "true" { "--zig" } else { "" });
+            for (field, value) in &row {
+                text = text.replace(&format!("${{{{ matrix.{field} }}}}"), value);
+            }
+            let mut options = asked(&text);
+            assert_eq!(options.len(), 1, "one command makes the package");
+            all.append(&mut options);
+        }
+        all
+    }
+
+    fn manifest() -> toml::Table {
+        toml::from_str(&read("crates/harmony-cli/Cargo.toml")).unwrap()
+    }
+
+    #[test]
+    fn what_binstall_looks_for_is_what_a_release_has() {
+        let manifest = manifest();
+        let about = &manifest["package"]["metadata"]["binstall"];
+        let released = released();
+        assert!(released.len() >= 5);
+        let made: BTreeSet<String> =
+            released.iter().map(|options| package(options.package.as_ref().unwrap())).collect();
+        assert_eq!(made.len(), released.len(), "each has a name of its own");
+        let triples = released.iter().map(|options| triple(options.target.as_ref().unwrap()).to_owned());
+        let overrides = about.get("overrides").and_then(toml::Value::as_table);
+        let overridden = overrides.into_iter().flat_map(|table| table.keys().cloned());
+        let mut found = BTreeSet::new();
+        for target in triples.chain(overridden).collect::<BTreeSet<_>>() {
+            let own = overrides.and_then(|table| table.get(&target));
+            let program = if target.contains("windows") { "harmony.exe" } else { "harmony" };
+            let said = |key: &str| {
+                let text = own.and_then(|own| own.get(key)).unwrap_or(&about[key]).as_str().unwrap();
+                text.replace("{ version }", env!("CARGO_PKG_VERSION"))
+                    .replace("{ target }", &target)
+                    .replace("{ archive-suffix }", ".tar.gz")
+                    .replace("{ bin }{ binary-ext }", program)
+            };
+            let (address, inside) = (said("pkg-url"), said("bin-dir"));
+            let tag = format!("{{ repo }}/releases/download/v{}/", env!("CARGO_PKG_VERSION"));
+            let folder = address.strip_prefix(&tag).and_then(|file| file.strip_suffix(".tar.gz")).unwrap().to_owned();
+            assert!(made.contains(&folder), "{target}: no release has {folder}: {made:?}");
+            assert_eq!(inside, format!("{folder}/{}", program_name(Path::new(program))), "{target}");
+            found.insert(folder);
+        }
+        // GPUs are for who asks for them.
+        assert!(
+            made.iter().filter(|folder| !folder.ends_with("-cuda")).all(|folder| found.contains(folder)),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn release_containers_and_page_ask_for_what_there_is_and_take_it_from_where_it_is() {
+        let manifest = manifest();
+        let features = manifest["features"].as_table().unwrap();
+        for file in ["Dockerfile", "Dockerfile.nvidia"] {
+            let text = read(file).replace("$FEATURES", "nets");
+            let options = asked(&text);
+            assert_eq!(options.len(), 1, "{file}");
+            let from = format!("COPY --from=build /harmony/{} ", options[0].folder().display());
+            assert!(text.contains(&from), "{file}: {from}");
+        }
+        let page = asked(&read("docs/install.md"));
+        assert!(page.len() >= 2);
+        let containers =
+            ["Dockerfile", "Dockerfile.nvidia"].map(|file| asked(&read(file).replace("$FEATURES", "nets")));
+        for options in released().into_iter().chain(page).chain(containers.into_iter().flatten()) {
+            assert!(!options.folder().starts_with("target/dist"), "there is cargo's own folder");
+            let wanted = options.features.split(',').filter(|feature| !feature.is_empty());
+            for feature in wanted {
+                assert!(features.contains_key(feature), "{feature}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_package_is_packed_with_its_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let package = folder.path().join(package("x86_64-unknown-linux-musl"));
+        fs::create_dir(&package).unwrap();
+        fs::write(package.join("harmony"), "abc").unwrap();
+        let archive = pack(&package).unwrap();
+        assert!(archive.to_string_lossy().ends_with("-x86_64-unknown-linux-musl.tar.gz"), "{}", archive.display());
+        let list = stdout(Command::new("tar").arg("-tzf").arg(&archive)).unwrap();
+        let inside = format!("harmony-{}-x86_64-unknown-linux-musl/harmony", env!("CARGO_PKG_VERSION"));
+        assert!(list.lines().any(|line| line == inside), "{list}");
     }
 }

@@ -95,6 +95,12 @@ impl Config {
             redistributable: true,
             note: "templates and rules of HARMONY itself; the program claims nothing of what it makes".to_owned(),
         };
+        let cycles = Maker {
+            licence: "GPL-3.0-or-later".to_owned(),
+            url: "https://www.blender.org/about/license/".to_owned(),
+            redistributable: true,
+            note: "the licence is Blender's own; what is rendered with it belongs to who rendered it".to_owned(),
+        };
         Self {
             format: FORMAT,
             name: name.to_owned(),
@@ -107,7 +113,7 @@ impl Config {
             cite_as: String::new(),
             folds: Folds::default(),
             scenes_per_shard: shard_size(),
-            makers: BTreeMap::from([("offline".to_owned(), own)]),
+            makers: BTreeMap::from([("offline".to_owned(), own), ("cycles".to_owned(), cycles)]),
         }
     }
 

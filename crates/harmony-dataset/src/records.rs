@@ -69,9 +69,17 @@ pub struct Provenance {
 impl Provenance {
     /// Everybody whose work is in the scene.
     pub fn makers(&self) -> BTreeSet<String> {
-        let players = self.cast.values().map(|[player, _]| player.clone());
-        players.chain(self.mesh_sources.keys().cloned()).filter(|m| !m.is_empty()).collect()
+        let players = self.cast.values().map(|[player, _]| player.as_str());
+        let sources = self.mesh_sources.keys().map(|source| maker_of(source));
+        players.chain(sources).filter(|maker| !maker.is_empty()).map(str::to_owned).collect()
     }
+}
+
+/// Who made a mesh, by its source. What this program builds goes by `offline`: templates, part models, and programs, whose
+/// text is the language model's, a player of its own.
+fn maker_of(source: &str) -> &str {
+    let own = source == "part model" || source.starts_with("template ") || source.starts_with("program of ");
+    if own { "offline" } else { source }
 }
 
 /// A scene as its files have it.

@@ -30,6 +30,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use harmony_bench::wall_clock::Pace;
 use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 
@@ -52,8 +53,8 @@ pub struct StudioOptions {
     pub requests: u32,
     /// That window.
     pub window: Duration,
-    /// How long every answer takes.
-    pub latency: Duration,
+    /// How long language models, image editors and hosted mesh generators take; `None`: no longer than they need here.
+    pub pace: Option<Pace>,
 }
 
 impl Default for StudioOptions {
@@ -63,7 +64,7 @@ impl Default for StudioOptions {
             faults: FaultPlan::default(),
             requests: 500,
             window: Duration::from_mins(1),
-            latency: Duration::ZERO,
+            pace: None,
         }
     }
 }

@@ -10,6 +10,7 @@ use anyhow::Context as _;
 use clap::{Parser, Subcommand};
 use harmony_bench::oracle::NoiseLevel;
 use harmony_bench::truth::TruthRoom;
+use harmony_bench::wall_clock::Pace;
 use harmony_studio::mind::Mind;
 use harmony_studio::profile::{Profile, config};
 use harmony_studio::soak::{self, SoakOptions};
@@ -50,6 +51,9 @@ struct Serve {
     /// Seed of the errors.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Answers take as long as those of real services, divided by this: 8 s a question, 12 s an edit, 45 s a mesh.
+    #[arg(long)]
+    like_real: Option<f64>,
     /// Port; 0 = any.
     #[arg(long, default_value_t = 0)]
     port: u16,
@@ -82,7 +86,9 @@ fn serve(args: &Serve) -> anyhow::Result<()> {
     runtime.block_on(async {
         let room = TruthRoom::load(&args.room)?;
         let mind = Arc::new(Mind::new(room, args.noise.noise(), args.seed, false)?);
-        let studio = Studio::start(mind, StudioOptions::default(), args.port).await?;
+        // How many at a time is the program's choice, not ours.
+        let pace = args.like_real.map(|faster| Pace::like_real(faster, 0));
+        let studio = Studio::start(mind, StudioOptions { pace, ..StudioOptions::default() }, args.port).await?;
         std::fs::write(&args.config, config(&studio, args.profile)).context("writing the configuration")?;
         let mut out = std::io::stdout();
         writeln!(out, "playing; {} leads here. Keys:", args.config.display())?;

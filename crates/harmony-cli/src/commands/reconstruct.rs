@@ -22,7 +22,7 @@ Examples:
       what this program can do alone
   harmony reconstruct room.jpg --out run --profile files
       you (or any chat window) answer the questions that appear in run/questions
-  harmony reconstruct examples/room.jpg --out run --replay examples/recording
+  harmony reconstruct examples/home_office.jpg --out run --replay examples/home_office_recording
       the bundled example, from a recording
   harmony reconstruct room.jpg --out run --profile paper
       the paper's cast; needs OPENAI_API_KEY, GEMINI_API_KEY and two servers (harmony doctor --profile paper)

@@ -188,6 +188,25 @@ fn each_error_of_a_service_says_what_to_do() {
     }
 }
 
+#[test]
+#[cfg(all(feature = "nets", target_os = "linux"))]
+fn too_little_memory_is_said_before_a_network_is_loaded() {
+    let folder = tempfile::tempdir().unwrap();
+    let weights = folder.path().join("vast.safetensors");
+    // Takes no disk: nothing is in it.
+    if std::fs::File::create(&weights).unwrap().set_len(1 << 40).is_err() {
+        harmony_testing::skip("the file system has no sparse files of a tebibyte");
+        return;
+    }
+    let section = "[players.geometry_estimator]\nplayer = \"vggt\"\ndevice = \"cpu\"\n";
+    let output = run(&format!("{section}weights = {:?}\n", weights.display().to_string()), None);
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("too little memory: it takes 1025.1 GiB"), "{said}");
+    let hint = said.lines().find_map(|line| line.strip_prefix("hint: ")).unwrap_or_default();
+    assert!(hint.contains("close other programs") && hint.contains("[players.geometry_estimator]"), "{said}");
+}
+
 /// A double of NVIDIA's driver: a version and what it says when it is started.
 #[cfg(all(feature = "cuda", target_os = "linux"))]
 fn driver(folder: &std::path::Path, version: i32, init: i32, says: &str) -> bool {

@@ -29,6 +29,16 @@ fn a_sound_data_set_has_no_fault() {
     assert!(warnings[0].scene == "medium/home_office_01" && warnings[0].what.contains("not physically lit"));
 }
 
+#[test]
+fn what_the_program_builds_is_its_own_whatever_the_source_is_called() {
+    let set = set();
+    json(&set.root().join("medium/bedroom_02/provenance.json"), |v| {
+        v["mesh_sources"] = json!({"program of 13 lines": 1, "template cup": 2, "part model": 1});
+        v["cast"]["lit_renderer"] = json!(["cycles", "5.0"]);
+    });
+    assert_eq!(faults(&set), []);
+}
+
 /// Changes one thing in a fresh data set and expects a fault of a kind with these words in this scene, alone.
 fn finds(kind: Kind, words: &str, change: impl FnOnce(&Path)) {
     let set = set();

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use harmony_dataset::add::{Origin, add, init};
-use harmony_dataset::config::{Config, Maker};
+use harmony_dataset::config::Config;
 use harmony_dataset::layout::{SceneId, Split};
 use harmony_io::{
     GlbNode, GlbScene, NodeTransform, Segment, picture, save_mask, save_segmentation, write_glb, write_json,
@@ -220,15 +220,6 @@ pub fn set() -> Set {
     config.url = "https://example.org/test-rooms".into();
     config.creators = vec!["A. Tester".into()];
     config.scenes_per_shard = 2;
-    config.makers.insert(
-        "part model".into(),
-        Maker {
-            licence: "CC0-1.0".into(),
-            url: "https://example.org".into(),
-            redistributable: true,
-            note: String::new(),
-        },
-    );
     init(&root, &config).unwrap();
     let mut scenes = Vec::new();
     for (i, (room, split)) in [

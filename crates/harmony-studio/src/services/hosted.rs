@@ -17,6 +17,7 @@ use std::time::Duration;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
+use tokio::time::Instant;
 
 use super::form::{boundary, parts};
 use super::{Call, Made, Service, looked_at, meshes};
@@ -47,6 +48,8 @@ struct Task {
     /// The file, or why there is none.
     file: Result<Arc<Vec<u8>>, String>,
     fault: Option<Fault>,
+    /// Not done before.
+    due: Instant,
     looks: usize,
     fetches: usize,
 }
@@ -200,7 +203,8 @@ async fn make(call: &Call<'_>, tasks: &Tasks, app: &str, picture: &[u8]) -> (Str
     let usable = file.is_ok();
     let mut all = tasks.tasks();
     let id = format!("{}-{}", &blake3::hash(&call.request.body).to_hex()[..20], all.len());
-    let task = Task { service: call.service, app: app.to_owned(), file, fault: call.fault, looks: 0, fetches: 0 };
+    let due = Instant::now() + call.studio.options.pace.map_or(Duration::ZERO, |pace| pace.mesh);
+    let task = Task { service: call.service, app: app.to_owned(), file, fault: call.fault, due, looks: 0, fetches: 0 };
     all.insert(id.clone(), task);
     call.studio.ledger.tasks.fetch_add(1, Ordering::Relaxed);
     (id, usable)
@@ -363,6 +367,9 @@ fn state(task: &Task) -> State {
     }
     if looks <= WAITING_LOOKS {
         return State::Waiting;
+    }
+    if Instant::now() < task.due {
+        return State::Working;
     }
     match (task.fault, &task.file) {
         (Some(Fault::TaskRefused), _) => State::Refused,

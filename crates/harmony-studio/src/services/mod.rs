@@ -14,6 +14,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
+use harmony_bench::wall_clock::Pace;
 use harmony_calls::schema_complaints;
 use image::{DynamicImage, RgbImage};
 use serde_json::{Value, json};
@@ -166,6 +167,18 @@ impl Call<'_> {
         self.fault == Some(fault)
     }
 
+    /// How long the answer to a question or an edit takes. Hosted meshes are tasks, which answer at once and take their
+    /// time then.
+    fn takes(&self, pace: Pace) -> Duration {
+        match self.service {
+            Service::OpenAi if self.path == "/v1/images/edits" => pace.edit,
+            Service::Gemini if google::wants_images(&self.json) => pace.edit,
+            Service::SdServer => pace.edit,
+            Service::OpenAi | Service::Gemini | Service::Anthropic | Service::Vllm | Service::LlamaCpp => pace.question,
+            _ => Duration::ZERO,
+        }
+    }
+
     /// The key of `Authorization: Bearer`.
     fn bearer(&self) -> Option<&str> {
         self.request.header("authorization")?.strip_prefix("Bearer ")
@@ -228,8 +241,8 @@ impl Services {
     }
 
     async fn serve(&self, call: &Call<'_>) -> Made {
-        if !self.options.latency.is_zero() && call.request.method == "POST" {
-            tokio::time::sleep(self.options.latency).await;
+        if let Some(pace) = self.options.pace.filter(|_| call.request.method == "POST") {
+            tokio::time::sleep(call.takes(pace)).await;
         }
         match call.service {
             Service::OpenAi if call.path == "/v1/images/edits" => edits::openai(call).await,
