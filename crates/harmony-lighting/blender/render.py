@@ -387,12 +387,13 @@ def panes_of(owned):
 
 
 def bright_pane(light, response):
-    """Scene-linear colour of a pane that the photo gives no picture of: as bright as its light, at least nearly white in
-    its brightest channel and burnt out in none."""
+    """Scene-linear colour of a pane that the photo gives no picture of: nearly white in its brightest channel, and in the
+    others as far as its light is bright enough."""
     colour = np.array(light["color"])
     area = max(light["size_m"][0] * light["size_m"][1], 1e-4)
     radiance = light["intensity"] / (math.pi * area)
-    return np.clip(colour * radiance, colour * light_of(response, 0.93), float(light_of(response, 0.97)))
+    most = float(light_of(response, 0.93))
+    return np.clip(colour * radiance, colour * most, most)
 
 
 def dress_window(light, objects, response):

@@ -4,7 +4,7 @@
 //! all frames, and of each frame only the rectangle that changed, so that a still background costs nothing.
 
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use color_quant::NeuQuant;
@@ -261,6 +261,8 @@ pub struct Lit<'a> {
     pub albedo: Option<AlbedoField>,
     /// Samples a pixel.
     pub samples: u32,
+    /// Where pictures are kept by their content, so that who was interrupted goes on where that was; `None` keeps none.
+    pub kept: Option<PathBuf>,
 }
 
 /// From where a path-traced picture is taken.
@@ -294,11 +296,6 @@ impl Lit<'_> {
     /// # Errors
     /// [`PictureError`].
     pub fn picture(&self, glb: &[u8], moved: &[Moved<'_>], view: &LitView) -> Result<RgbImage, PictureError> {
-        let io = |what: &'static str| move |source| PictureError::Io { what, source };
-        let folder = tempfile::tempdir().map_err(io("make a temporary folder for the render"))?;
-        let path = folder.path().join("scene.glb");
-        harmony_io::write_atomic(&path, glb)
-            .map_err(|e| PictureError::Io { what: "write the scene of the frame", source: std::io::Error::other(e) })?;
         let mut lighting = self.scene.lighting.clone();
         let mut albedo = self.albedo.clone();
         for Moved { id, first, now } in moved {
@@ -317,13 +314,31 @@ impl Lit<'_> {
                 light.position = (now.position + turn * at).to_array();
             }
         }
+        let kept = self.kept.as_ref().map(|folder| {
+            let told = serde_json::json!([lighting, albedo, view.camera, view.hidden, view.true_colors, self.samples]);
+            let mut hasher = blake3::Hasher::new();
+            hasher.update(told.to_string().as_bytes()).update(glb);
+            folder.join(format!("{}.png", hasher.finalize().to_hex()))
+        });
+        if let Some(picture) = kept.as_ref().and_then(|path| image::open(path).ok()) {
+            return Ok(picture.to_rgb8());
+        }
+        let other = |what: &'static str| move |e| PictureError::Io { what, source: std::io::Error::other(e) };
+        let folder = tempfile::tempdir()
+            .map_err(|source| PictureError::Io { what: "make a temporary folder for the render", source })?;
+        let path = folder.path().join("scene.glb");
+        harmony_io::write_atomic(&path, glb).map_err(other("write the scene of the frame"))?;
         let mut job = CyclesJob::lit(path, view.camera, lighting);
         job.room = Some(self.scene.room.extents);
         job.samples = self.samples;
         job.albedo = albedo.map(std::sync::Arc::new);
         job.hidden_nodes.clone_from(&view.hidden);
         job.true_colors.clone_from(&view.true_colors);
-        self.renderer.render(&job)?.image.ok_or(PictureError::None)
+        let picture = self.renderer.render(&job)?.image.ok_or(PictureError::None)?;
+        if let Some(path) = &kept {
+            harmony_io::picture::write_rgb_png(path, &picture).map_err(other("keep the picture of the frame"))?;
+        }
+        Ok(picture)
     }
 
     /// One frame of an earthquake; `glb` is the scene's file.

@@ -117,6 +117,7 @@ impl<'a> LitMotion<'a> {
             scene: lit.scene,
             albedo: self.albedo(lit.albedo.as_ref()),
             samples: lit.samples,
+            kept: lit.kept.clone(),
         };
         Ok(lit.picture(&glb, &moved, &self.view)?)
     }

@@ -153,7 +153,8 @@ pub fn run(args: &Args) -> Result<u8> {
     print_task(&written)?;
     if let Some(renderer) = &renderer {
         let albedo = pictures::run_albedo(&args.run);
-        let lit = Lit { renderer, scene: &world.scene, albedo, samples: args.samples };
+        let kept = Some(args.run.join("7_world/lit"));
+        let lit = Lit { renderer, scene: &world.scene, albedo, samples: args.samples, kept };
         let painter = Painter::new(&world, &room, &done.motion, output.size);
         let motion = LitMotion::new(&world, &done.motion, &painter).map_err(|e| told(&e))?;
         let mut traced = Vec::new();

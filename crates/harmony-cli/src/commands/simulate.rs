@@ -268,7 +268,8 @@ fn shake_run(
     write_frames(out, "frame", "sheet.jpg", &frames)?;
     if let Some(renderer) = renderer {
         let albedo = pictures::run_albedo(&args.run);
-        let lit = Lit { renderer, scene: &loaded.scene, albedo, samples: args.samples };
+        let kept = Some(args.run.join("7_world/lit"));
+        let lit = Lit { renderer, scene: &loaded.scene, albedo, samples: args.samples, kept };
         let mut traced = Vec::new();
         for (k, f) in numbers.iter().enumerate() {
             tell!("path-tracing frame {} of {}", k + 1, numbers.len());

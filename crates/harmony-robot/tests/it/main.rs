@@ -282,10 +282,16 @@ fn frames_of_a_task_are_path_traced_with_the_robot_in_its_colours() {
     let room = Surroundings::new(&world);
     let done = perform(&world, &room, &model, Job::DrawChair, None).unwrap();
     let painter = Painter::new(&world, &room, &done.motion, ImageSize::new(160, 120));
-    let lit = Lit { renderer: &renderer, scene: &world.scene, albedo: None, samples: 8 };
+    let kept = run.path().join("7_world/lit");
+    let lit = Lit { renderer: &renderer, scene: &world.scene, albedo: None, samples: 8, kept: Some(kept.clone()) };
     let traced = LitMotion::new(&world, &done.motion, &painter).unwrap();
     let last = done.motion.frames.len() - 1;
     let frames = [0, last].map(|number| traced.frame(&lit, number).unwrap());
+    // Who asks again gets what is kept, each frame its own: here pictures that Blender would not make.
+    let names: Vec<_> = std::fs::read_dir(&kept).unwrap().map(|e| e.unwrap().path()).collect();
+    assert_eq!(names.len(), 2);
+    names.iter().for_each(|name| image::RgbImage::from_pixel(3, 2, image::Rgb([9, 8, 7])).save(name).unwrap());
+    assert_eq!(traced.frame(&lit, last).unwrap().dimensions(), (3, 2));
     if let Some(kept) = std::env::var_os("HARMONY_TEST_OUT") {
         for (k, frame) in frames.iter().enumerate() {
             frame.save(Path::new(&kept).join(format!("robot_lit_{k}.png"))).unwrap();
