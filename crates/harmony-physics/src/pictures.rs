@@ -323,11 +323,11 @@ impl Lit<'_> {
         if let Some(picture) = kept.as_ref().and_then(|path| image::open(path).ok()) {
             return Ok(picture.to_rgb8());
         }
-        let other = |what: &'static str| move |e| PictureError::Io { what, source: std::io::Error::other(e) };
         let folder = tempfile::tempdir()
             .map_err(|source| PictureError::Io { what: "make a temporary folder for the render", source })?;
         let path = folder.path().join("scene.glb");
-        harmony_io::write_atomic(&path, glb).map_err(other("write the scene of the frame"))?;
+        harmony_io::write_atomic(&path, glb)
+            .map_err(|e| PictureError::Io { what: "write the scene of the frame", source: std::io::Error::other(e) })?;
         let mut job = CyclesJob::lit(path, view.camera, lighting);
         job.room = Some(self.scene.room.extents);
         job.samples = self.samples;
@@ -336,7 +336,10 @@ impl Lit<'_> {
         job.true_colors.clone_from(&view.true_colors);
         let picture = self.renderer.render(&job)?.image.ok_or(PictureError::None)?;
         if let Some(path) = &kept {
-            harmony_io::picture::write_rgb_png(path, &picture).map_err(other("keep the picture of the frame"))?;
+            harmony_io::picture::write_rgb_png(path, &picture).map_err(|e| PictureError::Io {
+                what: "keep the picture of the frame",
+                source: std::io::Error::other(e),
+            })?;
         }
         Ok(picture)
     }

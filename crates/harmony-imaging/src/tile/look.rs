@@ -289,7 +289,9 @@ impl Survey {
     /// How uneven the same places would be in another material.
     pub fn unevenness_in(&self, look: &Look) -> Option<Unevenness> {
         let mut painted = look.paint(self.texture.width(), self.texture.height());
-        painted.pixels_mut().zip(self.texture.pixels()).for_each(|(p, seen)| p.0[3] = seen.0[3]);
+        for (p, seen) in painted.pixels_mut().zip(self.texture.pixels()) {
+            p.0[3] = seen.0[3];
+        }
         self.uneven(&painted)
     }
 
@@ -358,7 +360,9 @@ fn spread(mut values: Vec<f32>) -> Option<f32> {
     }
     let middle = values.len() / 2;
     let median = *values.select_nth_unstable_by(middle, f32::total_cmp).1;
-    values.iter_mut().for_each(|v| *v = (*v - median).abs());
+    for v in &mut values {
+        *v = (*v - median).abs();
+    }
     Some(1.48 * *values.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 

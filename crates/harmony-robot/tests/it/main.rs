@@ -290,7 +290,9 @@ fn frames_of_a_task_are_path_traced_with_the_robot_in_its_colours() {
     // Who asks again gets what is kept, each frame its own: here pictures that Blender would not make.
     let names: Vec<_> = std::fs::read_dir(&kept).unwrap().map(|e| e.unwrap().path()).collect();
     assert_eq!(names.len(), 2);
-    names.iter().for_each(|name| image::RgbImage::from_pixel(3, 2, image::Rgb([9, 8, 7])).save(name).unwrap());
+    for name in &names {
+        image::RgbImage::from_pixel(3, 2, image::Rgb([9, 8, 7])).save(name).unwrap();
+    }
     assert_eq!(traced.frame(&lit, last).unwrap().dimensions(), (3, 2));
     if let Some(kept) = std::env::var_os("HARMONY_TEST_OUT") {
         for (k, frame) in frames.iter().enumerate() {
