@@ -68,6 +68,10 @@ def load_scene():
     for obj in list(bpy.data.objects):
         if obj.type in {"LIGHT", "CAMERA"}:
             bpy.data.objects.remove(obj, do_unlink=True)
+    for material in bpy.data.materials:
+        # What a scene's file glows by for viewers without ambient light (`ambient_glow`) is no light of the room.
+        if "ambient_glow" in material and principled(material):
+            principled(material).inputs["Emission Strength"].default_value = 0.0
     for obj in all_meshes():
         part_faces(obj)
     return bpy.context.scene
