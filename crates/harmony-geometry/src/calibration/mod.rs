@@ -533,3 +533,22 @@ fn confidence(m: &Measured, anchor: &Anchor, scale_certainty: f64) -> f64 {
 fn hint(value: Option<f64>, low: f64, high: f64) -> Option<f64> {
     value.filter(|v| (low..=high).contains(v))
 }
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::{ImageSize, Intrinsics, PointMapKind};
+
+    use super::*;
+
+    #[test]
+    fn another_room_has_no_say_where_it_is_outlined_in_pixels_of_the_photo() {
+        let size = ImageSize::new(4, 2);
+        let lens = Intrinsics { fx: 3.0, fy: 3.0, cx: 2.0, cy: 1.0 };
+        let map = PointMap::from_depth(PointMapKind::Metric, size, lens, &[2.0; 8]);
+        let outline = [(0.0, 0.0), (200.0, 0.0), (200.0, 200.0), (0.0, 200.0)].map(|(x, y)| Vec2::new(x, y));
+        let prior = LayoutPrior { passages: vec![outline.to_vec()], ..LayoutPrior::unknown(ImageSize::new(400, 200)) };
+        let left = without_other_rooms(&map, &prior);
+        assert_eq!(left.confidence, [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0]);
+        assert_eq!(left.xyz, map.xyz);
+    }
+}
