@@ -13,7 +13,7 @@
 use serde::Serialize;
 use sqlx::{Any, Transaction};
 
-use super::{Kind, Queue, SetRow};
+use super::{Kind, Queue, SetRow, UNTOLD};
 use crate::BatchError;
 
 /// Longest wait before a retry.
@@ -223,7 +223,7 @@ impl Queue {
                 ends = ends + CASE WHEN $3 IN ('done', 'failed', 'cancelled') OR cancel = 1 THEN 1 ELSE 0 END,
                 due = {now} + $4, worker = '', cancel = 0, attempts = attempts + $5,
                 stage = CASE WHEN $5 = 1 THEN $6 ELSE stage END, cause = CASE WHEN $5 = 1 THEN $7 ELSE cause END,
-                message = CASE WHEN $5 = 1 THEN $8 ELSE message END, bill_usd = COALESCE($9, bill_usd),
+                message = CASE WHEN $5 = 1 THEN $8 ELSE message END, bill_usd = CASE WHEN $9 >= 0 THEN $9 ELSE bill_usd END,
                 ended = {now}, busy_ms = busy_ms + {now} - started
              WHERE id = $1 AND token = $2 AND state = 'running' RETURNING state",
         );
@@ -236,7 +236,7 @@ impl Queue {
             .bind(failed.0)
             .bind(&failed.1)
             .bind(failed.2)
-            .bind(bill_usd)
+            .bind(bill_usd.unwrap_or(UNTOLD))
             .fetch_optional(&mut *transaction)
             .await
             .map_err(|e| self.fail(&e))?;

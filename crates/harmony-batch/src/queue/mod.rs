@@ -37,6 +37,10 @@ pub use turns::SharedPlayers;
 /// Version of the tables.
 pub const SCHEMA_VERSION: i64 = 1;
 
+/// An amount that nobody told. Never NULL: PostgreSQL plans a statement once a connection, by the type of the first value that it
+/// gets, and a NULL has none; the first amount after it was refused ("incorrect binary data format").
+const UNTOLD: f64 = -1.0;
+
 /// Longest wait for a connection, and for SQLite's one writer.
 const PATIENCE: Duration = Duration::from_secs(30);
 

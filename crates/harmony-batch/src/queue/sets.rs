@@ -3,7 +3,7 @@
 use serde::Serialize;
 use sqlx::any::AnyRow;
 
-use super::Queue;
+use super::{Queue, UNTOLD};
 use crate::BatchError;
 
 /// Whether scenes of a set are begun.
@@ -213,13 +213,14 @@ impl Queue {
     /// [`BatchError::Database`].
     pub async fn set_budget(&self, set: i64, usd: Option<f64>, calls: Option<i64>) -> Result<(), BatchError> {
         sqlx::query(
-            "UPDATE harmony_sets SET budget_usd = COALESCE($2, budget_usd), budget_calls = COALESCE($3, budget_calls),
+            "UPDATE harmony_sets SET budget_usd = CASE WHEN $2 >= 0 THEN $2 ELSE budget_usd END,
+                budget_calls = CASE WHEN $3 >= 0 THEN $3 ELSE budget_calls END,
                 state = CASE WHEN state = 'paused' AND reason LIKE 'budget:%' THEN 'running' ELSE state END
              WHERE id = $1",
         )
         .bind(set)
-        .bind(usd)
-        .bind(calls)
+        .bind(usd.unwrap_or(UNTOLD))
+        .bind(calls.unwrap_or(-1))
         .execute(&self.pool)
         .await
         .map_err(|e| self.fail(&e))?;

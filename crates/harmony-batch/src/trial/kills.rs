@@ -16,7 +16,7 @@ use crate::throughput::once_each;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    #[arg(long, default_value_t = 40)]
+    #[arg(long, default_value_t = 120)]
     scenes: usize,
     #[arg(long, default_value_t = 4)]
     workers: usize,
