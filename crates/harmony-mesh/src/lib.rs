@@ -11,6 +11,7 @@ mod part_model;
 mod rest;
 mod shell;
 mod templates;
+mod top;
 mod upright;
 
 pub use bvh::{Bvh, Hit};
@@ -27,4 +28,5 @@ pub use shell::{CORNICE, ShellOptions, Trim, Trims, room_shell, room_shell_with,
 pub use templates::{
     ArmStyle, BackStyle, LegStyle, PlantHabit, ShadeShape, SlotColor, TemplateParams, template, template_name,
 };
+pub use top::level_top;
 pub use upright::{Upright, upright};

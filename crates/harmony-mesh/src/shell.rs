@@ -91,8 +91,29 @@ pub fn room_shell_with(
         mesh.groups.push(Group { material: mesh.materials.len(), triangles });
         mesh.materials.push(Material::plain(&format!("niche_{:02}", k + 1), color));
     }
+    caps(&mut mesh, room, options.plain);
     trim::add(&mut mesh, room, &options.trims, &options.omit);
     mesh
+}
+
+/// How far below the ceiling a block's cap lies, metres: nobody in the room sees it there.
+const BELOW_CEILING: f64 = 1e-3;
+
+/// Upper sides of blocks that reach the ceiling, for views from above without it: else one looks into a hollow block.
+fn caps(mesh: &mut Mesh, room: &Room, color: [f32; 3]) {
+    let height = room.extents.height;
+    for (k, block) in room.shape.blocks.iter().enumerate().filter(|(_, b)| b.max.y > height - BELOW_CEILING) {
+        let y = height - BELOW_CEILING;
+        let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| {
+            let side = [block.min, block.max];
+            DVec3::new(side[i].x, y, side[j].z)
+        });
+        let mut sheet = Sheet::new(Surface::Floor, &room.extents, mesh);
+        sheet.polygon(&corners, DVec3::Y);
+        let triangles = sheet.triangles;
+        mesh.groups.push(Group { material: mesh.materials.len(), triangles });
+        mesh.materials.push(Material::plain(&format!("block_{:02}_top", k + 1), color));
+    }
 }
 
 /// The colour of a niche's side that has one of its own.
@@ -277,7 +298,7 @@ impl<'a> Sheet<'a> {
 mod tests {
     use super::*;
     use crate::Bvh;
-    use harmony_scene::{Opening, OpeningKind, Wall};
+    use harmony_scene::{Block, Opening, OpeningKind, Wall};
 
     fn room() -> Room {
         let opening = |kind, wall, u, y| Opening { kind, wall, u, y, inset: 0.0, rise: 0.0, object: None };
@@ -389,6 +410,28 @@ mod tests {
                     assert!(hit.normal.dot(direction) < -0.9, "{wall:?} {direction}: {}", hit.normal);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_block_under_the_ceiling_is_closed_above_and_one_below_it_has_its_own_top() {
+        let mut room = room();
+        let height = room.extents.height;
+        let block = |x: f64, top: f64| Block {
+            kind: "pier".to_owned(),
+            min: DVec3::new(x, 0.0, 2.0),
+            max: DVec3::new(x + 0.5, top, 2.4),
+        };
+        room.shape.blocks = vec![block(0.5, height), block(1.5, 1.0)];
+        let options = ShellOptions { omit: vec![Surface::Ceiling], ..ShellOptions::default() };
+        let mesh = room_shell_with(&room, &|_| None, &options);
+        assert!(mesh.materials.iter().any(|m| m.name == "block_01_top"));
+        assert!(mesh.materials.iter().all(|m| m.name != "block_02_top"));
+        let bvh = Bvh::new(&mesh);
+        let from_above = |x: f64| bvh.raycast(DVec3::new(x, height + 1.0, 2.2), DVec3::NEG_Y, 9.0).unwrap();
+        for (x, top) in [(0.75, height), (1.75, 1.0)] {
+            let hit = from_above(x);
+            assert!((height + 1.0 - hit.distance - top).abs() < 2e-3 && hit.normal.y > 0.9, "{x}: {hit:?}");
         }
     }
 

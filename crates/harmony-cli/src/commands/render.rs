@@ -9,6 +9,7 @@ use harmony_export::World;
 use harmony_export::world::Item;
 use harmony_io::{ReadLimits, load_glb, picture};
 use harmony_mesh::Mesh;
+use harmony_pipeline::views::inner_cameras;
 use harmony_render::{Instance, Lighting, RenderOptions, canonical_camera, orbit_cameras, render};
 use harmony_scene::{Camera, ImageSize, Scene, Surface};
 use image::DynamicImage;
@@ -25,6 +26,8 @@ pub enum View {
     Canonical,
     /// All around, several pictures.
     Orbit,
+    /// From two places in the room where the photo was not taken.
+    Inner,
 }
 
 /// Arguments.
@@ -32,7 +35,8 @@ pub enum View {
 #[command(after_help = "\
 Examples:
   harmony render run --camera canonical --out above.png
-  harmony render run --camera orbit --views 12")]
+  harmony render run --camera orbit --views 12
+  harmony render run --camera inner --out side.png     # side_inner_00.png, side_inner_01.png")]
 pub struct Args {
     /// Run folder.
     run: PathBuf,
@@ -51,7 +55,7 @@ pub struct Args {
     /// Open doors and drawers by a share of their ranges, 0 to 1; without a number all the way.
     #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "1", value_parser = share)]
     open: Option<f64>,
-    /// Output PNG (orbit: a number is added); default `<run>/render_<camera>.png`.
+    /// Output PNG (where there are several, a number is added); default `<run>/render_<camera>.png`.
     #[arg(long, short)]
     out: Option<PathBuf>,
     /// Also write which object each pixel shows: a 16-bit grey PNG of the `index` in scene.json, 0 for the room.
@@ -87,8 +91,9 @@ pub fn run(args: &Args) -> Result<u8> {
     let glb = load_glb(&args.run.join("scene_full.glb"), &ReadLimits::default())?;
     let opened = args.open.map(|share| opened(args, share)).transpose()?.unwrap_or_default();
     let photo = Camera::from(&scene.camera);
-    if args.ids.is_some() && args.camera == View::Orbit {
-        bail!("--ids is one picture, an orbit is many; choose --camera input or canonical");
+    let several = matches!(args.camera, View::Orbit | View::Inner);
+    if args.ids.is_some() && several {
+        bail!("--ids is one picture, this camera makes several; choose --camera input or canonical");
     }
     let size = args.size.map_or(photo.size, |longest| photo.size.fit_within(longest));
     let longest = args.size.unwrap_or(1280);
@@ -103,6 +108,11 @@ pub fn run(args: &Args) -> Result<u8> {
             .into_iter()
             .enumerate()
             .map(|(i, view)| (view.camera, view.omit, format!("orbit_{i:02}")))
+            .collect(),
+        View::Inner => inner_cameras(&scene.room, &photo, wide)
+            .into_iter()
+            .enumerate()
+            .map(|(i, camera)| (camera, Vec::new(), format!("inner_{i:02}")))
             .collect(),
     };
     for (camera, omit, name) in views {
@@ -128,8 +138,8 @@ pub fn run(args: &Args) -> Result<u8> {
         if let Some(path) = &args.ids {
             picture::write_ids_png(path, camera.size, &frame.ids)?;
         }
-        let path = match (&args.out, args.camera) {
-            (Some(out), View::Orbit) => {
+        let path = match (&args.out, several) {
+            (Some(out), true) => {
                 let stem = out.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
                 out.with_file_name(format!("{stem}_{name}.png"))
             }

@@ -270,14 +270,21 @@ fn shake_run(
         let albedo = pictures::run_albedo(&args.run);
         let kept = Some(args.run.join("7_world/lit"));
         let lit = Lit { renderer, scene: &loaded.scene, albedo, samples: args.samples, kept };
+        let scene_for_light = scene_for_light(&args.run)?.unwrap_or(bytes);
         let mut traced = Vec::new();
         for (k, f) in numbers.iter().enumerate() {
             tell!("path-tracing frame {} of {}", k + 1, numbers.len());
-            traced.push(lit.frame(&bytes, &shaken, *f, camera)?);
+            traced.push(lit.frame(&scene_for_light, &shaken, *f, camera)?);
         }
         write_frames(out, "frame_lit", "sheet_lit.jpg", &traced)?;
     }
     say!("{}", out.display())
+}
+
+/// The file that the run's own lit render was made of: the scene without the photo's light in its vertices.
+fn scene_for_light(run: &Path) -> Result<Option<Vec<u8>>> {
+    let path = run.join("6_lighting/scene_for_light.glb");
+    if path.exists() { Ok(Some(read_bounded(&path, ReadLimits::default().bytes)?)) } else { Ok(None) }
 }
 
 /// `usd/scene.usda` and over it `usd/earthquake.usda` with time samples.

@@ -56,8 +56,10 @@ pub async fn canonicalise(
     let back = harmony_catalogue::back(&c.object.said.kind);
     let on_wall = c.object.level == Level::Wall;
     let stands = matches!(c.object.level, Level::Furniture | Level::Decoration) && by_faces;
+    let has = |t: Trait| harmony_catalogue::has(&c.object.said.kind, t);
+    let carries = stands && has(Trait::Carries) && !has(Trait::Soft);
     let named = c.object.size();
-    let (mesh, turn, stand, sheet, panels, by_form, among) = ctx
+    let (mesh, turn, stand, top, sheet, panels, by_form, among) = ctx
         .computed(move || {
             let (mut mesh, _) = harmony_mesh::clean(&raw, faces);
             let turn = if by_faces {
@@ -68,6 +70,7 @@ pub async fn canonicalise(
             };
             harmony_mesh::canonicalise(&mut mesh, turn.unwrap_or(glam::DMat3::IDENTITY));
             let stand = stands.then(|| harmony_mesh::stand(&mut mesh));
+            let top = carries.then(|| harmony_mesh::level_top(&mut mesh));
             let mut pictures: Vec<(String, RgbaImage)> = vec![(format!("{labelled} photo"), (*crop).clone())];
             for (k, letter) in ["A", "B", "C", "D"].iter().enumerate() {
                 pictures.push((format!("{labelled} {letter}"), views::mesh_view(&mesh, k, VIEW)));
@@ -78,7 +81,7 @@ pub async fn canonicalise(
             let panels: Vec<RgbaImage> = pictures.into_iter().skip(1).map(|(_, view)| view).collect();
             let by_form = back.and_then(|back| front_by_form(&mesh, back));
             let among = if on_wall { broad_sides(&mesh) } else { front_by_size(&mesh, named, back) };
-            (mesh, turn, stand, sheet, panels, by_form, among)
+            (mesh, turn, stand, top, sheet, panels, by_form, among)
         })
         .await?;
     let shown = NamedObject { id: id.clone(), about: c.object.said.kind.clone() };
@@ -108,6 +111,7 @@ pub async fn canonicalise(
     let record = json!({
         "frame": format!("{upright}, {}", front.basis),
         "stand": stand.map(|s| json!({ "turned_deg": s.turned_deg, "uneven": s.uneven, "stands": s.stands })),
+        "top_levelled_by": top,
         "detilt": turn.map(|m| m.to_cols_array_2d()),
         "front_panel_answered": answered,
         "front_panel": panel,
