@@ -271,8 +271,9 @@ impl SceneFit {
     pub fn apply(&self, lighting: &mut Lighting) -> Vec<String> {
         let mut notes = Vec::new();
         let common = self.fit.common_gain.max(1e-9);
-        let exposure = (lighting.exposure + common.log2()).clamp(EXPOSURE[0], EXPOSURE[1]);
-        let common = (exposure - lighting.exposure).exp2();
+        // Lights were measured before exposure: the one that the lighting had says nothing.
+        let exposure = common.log2().clamp(EXPOSURE[0], EXPOSURE[1]);
+        let common = exposure.exp2();
         lighting.exposure = (exposure * 100.0).round() / 100.0;
         lighting.view = self.view.view;
         for (id, gain) in self.fit.lights.iter().zip(&self.fit.gains) {
@@ -406,5 +407,16 @@ mod tests {
         let window = rendered(&lighting, 1) / rendered(&before, 1);
         let wanted = found.fit.gains[1].iter().copied().fold(0.0, f64::max);
         assert!((window / wanted).log2().abs() <= 0.1, "{window} for {wanted}");
+    }
+
+    #[test]
+    fn a_scene_that_is_lit_again_has_the_exposure_of_the_photo_and_not_twice_its_own() {
+        let (measured, photo) = measured(&[[0.0; 3], [0.9; 3], [0.4; 3]], &ViewTable::standard());
+        let found = fit_scene(&measured, &photo, &[], &FitOptions::default()).unwrap();
+        let mut first = evening();
+        found.apply(&mut first);
+        let mut again = Lighting { exposure: 3.0, ..evening() };
+        found.apply(&mut again);
+        assert_eq!(again, first);
     }
 }

@@ -36,7 +36,7 @@ pub enum View {
 Examples:
   harmony render run --camera canonical --out above.png
   harmony render run --camera orbit --views 12
-  harmony render run --camera inner --out side.png     # side_inner_00.png, side_inner_01.png")]
+  harmony render run --camera inner --out side.png")]
 pub struct Args {
     /// Run folder.
     run: PathBuf,
