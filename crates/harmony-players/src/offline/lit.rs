@@ -1,6 +1,6 @@
 //! Blender Cycles, where there is a Blender.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use async_trait::async_trait;
 use harmony_lighting::{CyclesJob, CyclesOutput, CyclesRenderer, LitError, RenderMode, relight};
@@ -23,10 +23,17 @@ impl CyclesLit {
 #[derive(Debug, Clone, Copy)]
 pub struct NoLit;
 
+/// What was found, once somebody has looked.
+static FOUND: Mutex<Option<Option<CyclesLit>>> = Mutex::new(None);
+
 /// Cycles if it is here. Looking starts a program or two, so it is done once a process.
 pub fn path_tracer() -> Option<CyclesLit> {
-    static FOUND: OnceLock<Option<CyclesLit>> = OnceLock::new();
-    FOUND.get_or_init(CyclesLit::find).clone()
+    FOUND.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_with(CyclesLit::find).clone()
+}
+
+/// Looks again the next time: a Blender was installed.
+pub fn forget_path_tracer() {
+    *FOUND.lock().unwrap_or_else(PoisonError::into_inner) = None;
 }
 
 #[async_trait]
