@@ -60,6 +60,7 @@ impl Plan {
     }
 
     /// The same for people.
+    #[must_use]
     pub fn lines(&self) -> Vec<String> {
         let mut lines: Vec<String> = self.commands().iter().map(|words| words.join(" ")).collect();
         lines.push(format!("mv {} {}", self.fresh().display(), self.folder.display()));
