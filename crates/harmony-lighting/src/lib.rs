@@ -29,8 +29,8 @@ pub mod view;
 pub use albedo::{Comparison, FieldNode, neutral_field, updated_field};
 pub use assess::{Assessment, Brightness, Judgement, Tone, assess, judge, propose};
 pub use cycles::{
-    BlenderKind, CyclesJob, CyclesOutput, CyclesRenderer, CyclesTimings, Delight, LightPass, LitError, Progress,
-    RenderMode,
+    BPY_PYTHON, BPY_VERSION, BlenderKind, CyclesJob, CyclesOutput, CyclesRenderer, CyclesTimings, Delight, LightPass,
+    LitError, Progress, RenderMode, bpy_folder, python_of,
 };
 pub use delta::{AmbientDelta, DirectionalDelta, LightingDelta, LightingVerdict, PointLightDelta, WindowDelta};
 pub use fit::{FitOptions, LightFit, fit_lights, relight};

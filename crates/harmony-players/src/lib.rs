@@ -31,5 +31,5 @@ mod work;
 
 pub use files::{FilesEvent, FilesOptions, FilesPlayer};
 pub use given::{Catalogue, MaskFiles, MeshFolder, PointMapFile};
-pub use offline::{BoxesWithLists, flat_cast, offline_cast, path_tracer};
+pub use offline::{BoxesWithLists, flat_cast, forget_path_tracer, offline_cast, path_tracer};
 pub use report::{RoleStatus, casting_report};

@@ -49,10 +49,10 @@ Examples:
   harmony bench generate attics --count 5 --shapes slope,recess")]
     Generate(GenerateArgs),
     /// Judge runs that are there: one run folder, or a folder of runs named <room>_<seed>.
-    #[command(after_help = "Example:\n  harmony bench score bench/runs rooms --out scores")]
+    #[command(after_help = "Example:\n  harmony bench score bench rooms --out scores")]
     Score(ScoreArgs),
     /// Look at finished scenes from where the photo was not taken, and compare that with what is there.
-    #[command(after_help = "Example:\n  harmony bench views bench/runs --rooms rooms --out views")]
+    #[command(after_help = "Example:\n  harmony bench views bench --rooms rooms --out views")]
     Views(ViewsArgs),
     /// Run the full configuration and every part switched off in turn, as in the paper's ablation table.
     #[command(after_help = "\

@@ -14,6 +14,8 @@ use super::doctor;
 use crate::cast::{self, CastRequest};
 use crate::config::players::{Editor, Language, Meshes};
 use crate::config::{self, ConfigFile, Profile};
+use crate::display::{self, hinted};
+use crate::setup::blender::{Plan, TERMS};
 use crate::setup::file::{Written, written};
 use crate::setup::propose::{Proposal, Wish, propose};
 use crate::survey::{Survey, USUAL, survey};
@@ -33,6 +35,8 @@ Examples:
       the same with Tripo for meshes, without questions
   harmony setup --show
       only tells what is here and what it would write
+  harmony setup --blender
+      also installs Blender's Python module where no Blender is found
 Nothing is asked when it is not a terminal. Keys are never read from or written to a file. Running it again changes only
 what changed.")]
 pub struct Args {
@@ -72,6 +76,10 @@ pub struct Args {
     /// Agree to a licence; may be repeated. Without it a terminal is asked.
     #[arg(long = "accept-licence", value_name = "LICENCE")]
     accept: Vec<String>,
+    /// Install Blender's Python module where no Blender is found: 370 MB from PyPI, GPL-3.0. Without it a terminal is
+    /// asked.
+    #[arg(long)]
+    blender: bool,
     /// Print as JSON.
     #[arg(long)]
     json: bool,
@@ -131,6 +139,9 @@ pub fn run(args: &Args) -> Result<u8> {
         told(&proposal, &new, &cost)?;
     }
     if shown {
+        if args.show && args.blender {
+            with_blender(args, &found, talks, file.players.local_only)?;
+        }
         return Ok(EXIT_OK);
     }
     if new.changes.is_empty() {
@@ -147,6 +158,7 @@ pub fn run(args: &Args) -> Result<u8> {
         super::models::pull_named(&args.pull, &args.accept, Some(args.config.clone()))?;
     }
     let file = config::load(Some(&args.config))?;
+    with_blender(args, &found, talks, file.players.local_only)?;
     let mut code = EXIT_OK;
     if !args.no_try && !args.json {
         let price =
@@ -165,6 +177,43 @@ pub fn run(args: &Args) -> Result<u8> {
         say!("\nYour own photo:\n  harmony reconstruct PHOTO.jpg --out run{config}")?;
     }
     Ok(code)
+}
+
+/// Installs Blender's module where no Blender was found, when the user wants it.
+fn with_blender(args: &Args, found: &Survey, talks: bool, local_only: bool) -> Result<()> {
+    if found.no_blender.is_none() {
+        if args.blender && !args.json {
+            say!("\nBlender is here: nothing to install")?;
+        }
+        return Ok(());
+    }
+    if !args.blender && !talks {
+        return Ok(());
+    }
+    if local_only {
+        let error = "Blender's module comes from PyPI, and the configuration promises that nothing leaves this machine";
+        let hint = "take `local_only` out for the installation, or put a Blender of 4.2 or newer on PATH";
+        return if args.blender { Err(hinted(error.to_owned(), Some(hint))) } else { Ok(()) };
+    }
+    tell!("\n{TERMS}");
+    let plan = match Plan::new() {
+        // Nobody asked for it yet: what is missing is said, and setup goes on.
+        Err(error) if !args.blender => {
+            display::print_error(&error);
+            return Ok(());
+        }
+        other => other?,
+    };
+    for line in plan.lines() {
+        tell!("  {line}");
+    }
+    if args.show || (!args.blender && !yes("Install it?", false)?) {
+        return Ok(());
+    }
+    let blender = plan.run()?;
+    harmony_players::forget_path_tracer();
+    tell!("Blender {} is installed", blender.version());
+    Ok(())
 }
 
 /// Where servers are looked for: the usual places, those that the user names, those that the file names.
@@ -223,13 +272,22 @@ fn asked<P: Serialize + DeserializeOwned + Copy>(question: &str, proposed: &P) -
 /// Shows a proposal and asks whether it is to be written.
 fn agreed(config: &Path, proposal: &Proposal, new: &Written, cost: &Cost) -> Result<bool> {
     told(proposal, new, cost)?;
+    tell!("");
+    yes(&format!("Write {}?", config.display()), true)
+}
+
+/// Asks yes or no on a terminal; `usual` = the answer of Enter.
+fn yes(question: &str, usual: bool) -> Result<bool> {
     let mut err = std::io::stderr().lock();
-    write!(err, "\nWrite {}? [yes] ", config.display())?;
+    write!(err, "{question} [{}] ", if usual { "yes" } else { "no" })?;
     err.flush()?;
     drop(err);
     let mut answer = String::new();
     std::io::stdin().read_line(&mut answer)?;
-    Ok(matches!(answer.trim().to_lowercase().as_str(), "" | "y" | "yes"))
+    Ok(match answer.trim().to_lowercase().as_str() {
+        "" => usual,
+        answer => matches!(answer, "y" | "yes"),
+    })
 }
 
 fn told(proposal: &Proposal, new: &Written, cost: &Cost) -> Result<()> {

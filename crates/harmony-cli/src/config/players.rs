@@ -371,7 +371,6 @@ impl MeshConfig {
         let hosted = |address: &str, model: &str, key: &str| Self {
             key_env: text(key),
             texture: Some(true),
-            // New accounts get two at a time; what is more waits at the service.
             concurrency: Some(4),
             ..at(address, model)
         };
@@ -382,7 +381,11 @@ impl MeshConfig {
             Meshes::TrellisNim => at("http://127.0.0.1:8000", "trellis"),
             Meshes::TrellisLocalAi => at("http://127.0.0.1:8080", ""),
             // The cheapest one whose page was read, and whose weights anybody may use.
-            Meshes::Fal => hosted("https://queue.fal.run", "fal-ai/trellis", "FAL_KEY"),
+            Meshes::Fal => Self {
+                // New accounts get two at a time; what is more waits in the service's own queue.
+                concurrency: Some(8),
+                ..hosted("https://queue.fal.run", "fal-ai/trellis", "FAL_KEY")
+            },
             // A model that is not Replicate's own is named with its version.
             Meshes::Replicate => hosted(
                 "https://api.replicate.com/v1",

@@ -4,6 +4,8 @@
 mod bad_answers;
 mod bad_inputs;
 mod batch;
+#[cfg(unix)]
+mod blender;
 mod common;
 mod first_day;
 mod joined;

@@ -6,6 +6,10 @@ use std::time::{Duration, Instant};
 
 /// A python that can `import bpy`, before all other places.
 pub(crate) const ENV_PYTHON: &str = "HARMONY_BPY_PYTHON";
+/// Blender's module that `harmony setup --blender` and `tools/setup.sh` install, and the only Python that it is made for.
+pub const BPY_VERSION: &str = "5.0.1";
+/// Major and minor number.
+pub const BPY_PYTHON: &str = "3.11";
 /// Oldest version whose Principled shader and glTF importer the script knows.
 const OLDEST: (u32, u32) = (4, 2);
 /// A cold start from a slow disk takes some seconds; a program that asks questions never ends.
@@ -28,11 +32,16 @@ pub struct CyclesRenderer {
     pub(crate) version: String,
 }
 
-/// Folder of the virtual environment that HARMONY uses by default.
-pub(crate) fn cache_place() -> PathBuf {
+/// Folder of the virtual environment in which Blender's module is looked for.
+pub fn bpy_folder() -> PathBuf {
     let set = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     let cache = set("HARMONY_CACHE").or_else(|| set("HOME").map(|home| home.join(".cache").join("harmony")));
     cache.unwrap_or_else(|| PathBuf::from(".harmony")).join("bpy")
+}
+
+/// The interpreter of a virtual environment.
+pub fn python_of(venv: &Path) -> PathBuf {
+    if cfg!(windows) { venv.join("Scripts").join("python.exe") } else { venv.join("bin").join("python") }
 }
 
 impl CyclesRenderer {
@@ -49,7 +58,7 @@ impl CyclesRenderer {
         if let Some(python) = std::env::var_os(ENV_PYTHON).filter(|v| !v.is_empty()) {
             candidates.push((PathBuf::from(python), BlenderKind::Module));
         }
-        let venv = cache_place().join("bin").join("python");
+        let venv = python_of(&bpy_folder());
         if venv.exists() {
             candidates.push((venv, BlenderKind::Module));
         }

@@ -6,7 +6,7 @@ mod outputs;
 mod run;
 mod script;
 
-pub use find::{BlenderKind, CyclesRenderer};
+pub use find::{BPY_PYTHON, BPY_VERSION, BlenderKind, CyclesRenderer, bpy_folder, python_of};
 pub use job::{CyclesJob, Delight, RenderMode};
 pub use outputs::{CyclesOutput, CyclesTimings, LightPass};
 pub use run::Progress;
@@ -70,8 +70,7 @@ impl LitError {
     pub fn hint(&self) -> Option<String> {
         match self {
             Self::NotFound => Some(format!(
-                "python3.11 -m venv {0} && {0}/bin/pip install bpy==5.0.1, or set {1} to a python that can import bpy, or put blender on PATH",
-                find::cache_place().display(),
+                "`harmony setup --blender` installs Blender's Python module, or set {} to a python that can import bpy, or put blender on PATH",
                 find::ENV_PYTHON
             )),
             Self::Timeout { .. } => Some("lower the samples or the image size, or raise the time limit".to_owned()),

@@ -1,6 +1,6 @@
 //! Blender Cycles, where there is a Blender.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use async_trait::async_trait;
 use harmony_lighting::{CyclesJob, CyclesOutput, CyclesRenderer, LitError, RenderMode, relight};
@@ -23,10 +23,30 @@ impl CyclesLit {
 #[derive(Debug, Clone, Copy)]
 pub struct NoLit;
 
+/// What was found.
+enum Found {
+    NobodyLooked,
+    Nothing,
+    Here(CyclesLit),
+}
+
+static FOUND: Mutex<Found> = Mutex::new(Found::NobodyLooked);
+
 /// Cycles if it is here. Looking starts a program or two, so it is done once a process.
 pub fn path_tracer() -> Option<CyclesLit> {
-    static FOUND: OnceLock<Option<CyclesLit>> = OnceLock::new();
-    FOUND.get_or_init(CyclesLit::find).clone()
+    let mut found = FOUND.lock().unwrap_or_else(PoisonError::into_inner);
+    if matches!(*found, Found::NobodyLooked) {
+        *found = CyclesLit::find().map_or(Found::Nothing, Found::Here);
+    }
+    match &*found {
+        Found::Here(cycles) => Some(cycles.clone()),
+        Found::Nothing | Found::NobodyLooked => None,
+    }
+}
+
+/// Looks again the next time: a Blender was installed.
+pub fn forget_path_tracer() {
+    *FOUND.lock().unwrap_or_else(PoisonError::into_inner) = Found::NobodyLooked;
 }
 
 #[async_trait]

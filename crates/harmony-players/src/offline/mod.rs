@@ -28,7 +28,7 @@ pub use detector::{BoxesWithLists, RegionDetector};
 pub use editor::ExemplarEditor;
 pub use geometry::VanishingPoints;
 pub use language::Rules;
-pub use lit::{CyclesLit, NoLit, path_tracer};
+pub use lit::{CyclesLit, NoLit, forget_path_tracer, path_tracer};
 pub use mesh::PartModels;
 pub use segmenter::GraphCut;
 

@@ -39,9 +39,10 @@ const LOOK: Duration = Duration::from_secs(30);
 /// How long making a task may take, its picture on the way included.
 const SUBMIT: Duration = Duration::from_mins(2);
 
-/// Each wait between two looks is so many times the one before, until it is [`SLOWEST`] times the first.
+/// Each wait between two looks is so many times the one before, until it is [`SLOWEST`] times the first. A mesh is found
+/// that much too late, and so is every one that waits for its place.
 const SLOWER: f64 = 1.5;
-const SLOWEST: u32 = 6;
+const SLOWEST: u32 = 2;
 
 /// A task that was just made may not be known everywhere yet.
 const YOUNG: Duration = Duration::from_secs(20);
