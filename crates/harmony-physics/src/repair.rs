@@ -1,9 +1,10 @@
 //! Least changes that make a scene stand.
 //!
-//! Rounds of three steps, until all is stable or nothing more helps. (1) What is in something else leaves it by the least
+//! Rounds of four steps, until all is stable or nothing more helps. (1) What is in something else leaves it by the least
 //! move: upwards when the other is what carries it, sideways else; whatever it carries comes along; of two that move, the
-//! lighter moves. (2) What floats is lowered onto what is below it. (3) The scene settles; what came to rest near its place
-//! and upright takes the place where it came to rest. What is then still not stable is named with the reason.
+//! lighter moves. (2) What floats is lowered onto what is below it. (3) What fell because its weight is not above what it
+//! stands on moves sideways by the least way at that height that puts it there. (4) The scene settles; what came to rest
+//! near its place and upright takes the place where it came to rest. What is then still not stable is named with the reason.
 //!
 //! A repaired pose is one of `scene.json`: a place and a yaw, never a tilt. Objects fixed to the room are not moved.
 
@@ -26,6 +27,18 @@ const LET_BE_M: f64 = 5e-4;
 const NEAR_M: f64 = 0.12;
 /// ... and what tilts more does not stand, degrees.
 const UPRIGHT_DEG: f64 = 6.0;
+/// Step of the search for a place where the weight of an object is above what carries it, metres ...
+const BALANCE_STEP_M: f64 = 0.005;
+/// ... its directions ...
+const BALANCE_WAYS: usize = 16;
+/// ... and its end, metres.
+const BALANCE_FARTHEST_M: f64 = 0.15;
+/// Rows and columns of points of an object's underside.
+const FOOT_GRID: usize = 24;
+/// An underside this far above the lowest point stands too, and so does a foot this far above what is below it, metres.
+const FOOT_M: f64 = 0.005;
+/// Share of what an object's own feet reach beyond its weight that must be carried, in each direction.
+const CARRIED: f64 = 0.25;
 /// Moves below this are not told, metres and radians.
 const TOLD: f64 = 5e-4;
 /// Farthest that an object may be moved in all, metres: beyond it the photo says otherwise.
@@ -92,6 +105,7 @@ pub fn repair(scene: &Scene, bodies: &Bodies, start: &[Placed], before: &Settled
         }
         part(scene, bodies, start, &mut places, &mut reasons);
         lower(scene, bodies, start, &mut places, &mut reasons);
+        balance(scene, bodies, &now, start, &mut places, &mut reasons);
         now = settle(scene, bodies, &places);
         keep_better(&mut best, &now, &places, &reasons);
         if adopt(&now, start, &mut places, &mut reasons) {
@@ -264,6 +278,89 @@ fn lower(scene: &Scene, bodies: &Bodies, start: &[Placed], places: &mut [Placed]
     }
 }
 
+/// Points of an object's underside that are within [`FOOT_M`] of its lowest, where it stands.
+fn feet(solid: &Solid) -> Vec<Vec3> {
+    let at = |k: usize, low: f64, high: f64| low + (high - low) * (k as f64 + 0.5) / FOOT_GRID as f64;
+    let below = solid.low.y - FOOT_M;
+    (0..FOOT_GRID * FOOT_GRID)
+        .map(|k| {
+            let x = at(k % FOOT_GRID, solid.low.x, solid.high.x);
+            Vec3::new(x, below, at(k / FOOT_GRID, solid.low.z, solid.high.z))
+        })
+        .filter(|p| solid.meets(*p, Vec3::Y, 2.0 * FOOT_M))
+        .map(|p| p + Vec3::Y * FOOT_M)
+        .collect()
+}
+
+/// How far points reach beyond another in each of [`BALANCE_WAYS`] directions on the floor, metres.
+fn reach(points: impl Iterator<Item = Vec3> + Clone, beyond: Vec3) -> impl Iterator<Item = f64> {
+    ways().map(move |way| points.clone().map(|p| (p - beyond).dot(way)).fold(f64::NEG_INFINITY, f64::max))
+}
+
+fn ways() -> impl Iterator<Item = Vec3> {
+    (0..BALANCE_WAYS).map(|k| {
+        let (sin, cos) = (std::f64::consts::TAU * k as f64 / BALANCE_WAYS as f64).sin_cos();
+        Vec3::new(cos, 0.0, sin)
+    })
+}
+
+/// Moves what fell, for its weight is not above what it stands on, to the nearest place at that height where it is.
+fn balance(
+    scene: &Scene,
+    bodies: &Bodies,
+    now: &Settled,
+    start: &[Placed],
+    places: &mut [Placed],
+    reasons: &mut [Vec<String>],
+) {
+    let shell: Vec<Solid> = bodies.shell.iter().map(|(_, h)| Solid::fixed(h)).collect();
+    for k in 0..places.len() {
+        let o = &now.objects[k];
+        if o.motion != Motion::Dynamic || o.stable || o.tilt_deg <= UPRIGHT_DEG {
+            continue;
+        }
+        let group = with_carried(scene, k);
+        let body = &bodies.objects[k];
+        let others: Vec<Solid> = (0..places.len())
+            .filter(|j| !group.contains(j))
+            .map(|j| Solid::placed(&bodies.objects[j].hulls, &places[j]))
+            .chain(shell.iter().cloned())
+            .collect();
+        let solid = Solid::placed(&body.hulls, &places[k]);
+        let (feet, weight) = (feet(&solid), places[k].point(body.centre_of_mass));
+        let wanted: Vec<f64> = reach(feet.iter().copied(), weight).collect();
+        if wanted.iter().any(|w| *w <= 0.0) {
+            continue;
+        }
+        let stands = |by: Vec3| {
+            let carried: Vec<Vec3> = feet
+                .iter()
+                .map(|p| *p + by)
+                .filter(|p| others.iter().any(|s| s.meets(*p + Vec3::Y * FOOT_M, Vec3::NEG_Y, 2.0 * FOOT_M)))
+                .collect();
+            reach(carried.iter().copied(), weight + by).zip(&wanted).all(|(has, wants)| has >= CARRIED * wants)
+        };
+        if stands(Vec3::ZERO) {
+            continue;
+        }
+        let free = |by: Vec3| {
+            let there = Placed { position: places[k].position + by, ..places[k] };
+            let solid = Solid::placed(&body.hulls, &there);
+            there.position.distance(start[k].position) <= FARTHEST_M
+                && others.iter().all(|s| solid.depth(s).is_none_or(|d| d.depth <= 2.0 * LET_BE_M))
+        };
+        let steps = (BALANCE_FARTHEST_M / BALANCE_STEP_M) as usize;
+        let found = (1..=steps)
+            .flat_map(|step| ways().map(move |way| way * (step as f64 * BALANCE_STEP_M)))
+            .find(|by| stands(*by) && free(*by));
+        let Some(by) = found else { continue };
+        reasons[k].push("its weight was not above what it stands on".to_owned());
+        for g in group {
+            places[g].position += by;
+        }
+    }
+}
+
 /// Takes the places where unstable objects came to rest, if they are near and upright; whether any was taken.
 fn adopt(now: &Settled, start: &[Placed], places: &mut [Placed], reasons: &mut [Vec<String>]) -> bool {
     let mut any = false;
@@ -343,11 +440,29 @@ mod tests {
     }
 
     #[test]
+    fn what_is_over_an_edge_moves_the_least_way_that_lets_it_stand() {
+        let id = ObjectId::new("table_01").unwrap();
+        let on = || Support::Object { id: id.clone() };
+        // The table ends at x = 2.5; at the table's other end nothing is wrong.
+        let (before, found) = repaired(vec![
+            cuboid("table_01", "table", Vec3::new(1.0, 0.7, 0.6), Vec3::new(2.0, 0.0, 2.0), Support::Floor),
+            cuboid("box_01", "box", Vec3::new(0.2, 0.1, 0.1), Vec3::new(2.53, 0.7, 2.0), on()),
+            cuboid("box_02", "box", Vec3::new(0.2, 0.1, 0.1), Vec3::new(1.53, 0.7, 2.0), on()),
+        ]);
+        assert_eq!(before.stable(), (2, 3));
+        assert_eq!(found.after.stable(), (3, 3), "{:?}", found.unrepaired);
+        assert_eq!(found.repairs.len(), 1, "{:?}", found.repairs);
+        let moved = &found.repairs[0];
+        assert!(moved.id == "box_01" && (2.46..2.5).contains(&moved.position.x), "{moved:?}");
+        assert!((moved.position.z - 2.0).abs() < 1e-3 && moved.reasons[0].contains("weight"), "{moved:?}");
+    }
+
+    #[test]
     fn what_cannot_stand_is_named_and_left_in_place() {
         let id = ObjectId::new("table_01").unwrap();
         let (_, found) = repaired(vec![
             cuboid("table_01", "table", Vec3::new(1.0, 0.7, 0.6), Vec3::new(2.0, 0.0, 2.0), Support::Floor),
-            cuboid("box_01", "box", Vec3::new(0.3, 0.1, 0.1), Vec3::new(2.56, 0.7, 2.0), Support::Object { id }),
+            cuboid("box_01", "box", Vec3::new(0.4, 0.1, 0.1), Vec3::new(2.69, 0.7, 2.0), Support::Object { id }),
         ]);
         assert_eq!(found.unrepaired.len(), 1);
         assert!(

@@ -6,7 +6,7 @@
 
 use harmony_scene::Vec3;
 use parry3d::math::Pose;
-use parry3d::query::{self, ShapeCastOptions};
+use parry3d::query::{self, Ray, RayCast, ShapeCastOptions};
 use parry3d::shape::ConvexPolyhedron;
 
 use crate::hull::Hull;
@@ -56,6 +56,16 @@ impl Solid {
             .collect();
         let (low, high) = bounds(hulls.iter().flat_map(|(_, l, h)| [l, h]));
         Self { hulls, low, high }
+    }
+
+    /// Whether a ray from a point meets this within a length, metres; it does at once from within.
+    pub(crate) fn meets(&self, from: Vec3, along: Vec3, within: f64) -> bool {
+        let ray = Ray::new(vector(from), vector(along));
+        let (from_low, from_high) = (from.min(from + along * within), from.max(from + along * within));
+        self.hulls
+            .iter()
+            .filter(|(_, low, high)| overlap(*low, *high, from_low, from_high, 0.0))
+            .any(|(hull, ..)| hull.intersects_local_ray(&ray, within as f32))
     }
 
     fn near(&self, other: &Self, by: f64) -> bool {
@@ -130,6 +140,15 @@ mod tests {
 
     fn solid(low: [f64; 3], high: [f64; 3]) -> Solid {
         Solid::fixed(&[Hull::cuboid(low.into(), high.into())])
+    }
+
+    #[test]
+    fn rays_meet_what_is_near_on_their_way() {
+        let table = solid([0.0, 0.0, 0.0], [1.0, 0.7, 1.0]);
+        let from = Vec3::new(0.5, 0.705, 0.5);
+        assert!(table.meets(from, Vec3::NEG_Y, 0.01) && !table.meets(from, Vec3::NEG_Y, 0.004));
+        assert!(!table.meets(from, Vec3::Y, 1.0) && !table.meets(from + Vec3::X, Vec3::NEG_Y, 1.0));
+        assert!(table.meets(Vec3::splat(0.5), Vec3::Y, 0.01), "from within");
     }
 
     #[test]
