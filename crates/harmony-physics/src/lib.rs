@@ -20,6 +20,7 @@
 
 pub mod animate;
 pub mod bodies;
+mod contact;
 pub mod decompose;
 pub mod ground;
 pub mod hull;

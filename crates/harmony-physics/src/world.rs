@@ -10,10 +10,11 @@ use harmony_scene::{Pose, Vec3};
 use rapier3d::dynamics::FrictionModel;
 use rapier3d::math::{Matrix, Pose as RapierPose, Rotation, Vector};
 use rapier3d::prelude::{
-    ColliderBuilder, MassProperties, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle, SharedShape,
+    ColliderBuilder, MassProperties, NarrowPhase, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle, SharedShape,
 };
 
 use crate::bodies::{Bodies, Body};
+use crate::contact::WholeFaces;
 use crate::hull::Hull;
 use crate::matter::Motion;
 
@@ -117,6 +118,7 @@ impl World {
     /// Bodies at their places; `moving_room` when the ground will move.
     pub(crate) fn new(bodies: &Bodies, places: &[Placed], moving_room: bool) -> Self {
         let mut physics = PhysicsWorld::new();
+        physics.narrow_phase = NarrowPhase::with_query_dispatcher(WholeFaces);
         physics.gravity = Vector::new(0.0, -GRAVITY as f32, 0.0);
         let p = &mut physics.integration_parameters;
         p.dt = STEP as f32;
