@@ -31,6 +31,9 @@ const MOST_STEP: f32 = 1.5;
 /// Largest difference of a channel from the others within a node, against its mean, stops: light that changes its hue
 /// over a surface by more is another thing's colour.
 const MOST_HUE: f32 = 0.2;
+/// Light that lens and sensor may add anywhere in a photo, as the view takes it: what is not much brighter has no hue to
+/// be learned from. Dark wood under a bluish veil came out violet once it was lit.
+const VEIL: f32 = 0.02;
 /// Light below which ratios are noise.
 const DARK: f32 = 0.004;
 /// A node has an own factor from so many counted pixels, and from such a share of those that show it: where the photo's
@@ -116,7 +119,7 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
         let step = local_step(&ratio, &weights, middle, size);
         let before = field.nodes.get(&node.name);
         let old_mean = before.map_or(field.other, |b| b.mean).map(f32::log2);
-        let mean = [0, 1, 2].map(|c| old_mean[c] + middle[c]);
+        let mean = within_veil([0, 1, 2].map(|c| old_mean[c] + middle[c]), middle_light(seen.photo, &weights));
         let factors = (0..field.rows * field.columns)
             .map(|cell| {
                 let (x, y) = (cell % field.columns, cell / field.columns);
@@ -164,6 +167,19 @@ fn local_step(ratio: &[[f32; 3]], weights: &[f32], middle: [f32; 3], size: harmo
         }
     }
     step
+}
+
+/// Median luminance of what counts.
+fn middle_light(photo: &LinearImage, weights: &[f32]) -> f32 {
+    let own = photo.rgb.iter().zip(weights).filter(|(_, w)| **w > 0.0);
+    median(&mut own.map(|(p, _)| f64::from(luminance(*p))).collect::<Vec<_>>()) as f32
+}
+
+/// A node's mean whose hue goes no farther than its light stands out of the veil.
+fn within_veil(mean: [f32; 3], light: f32) -> [f32; 3] {
+    let level = 0.2126 * mean[0] + 0.7152 * mean[1] + 0.0722 * mean[2];
+    let most = (1.0 + light / VEIL).log2();
+    mean.map(|m| level + (m - level).clamp(-most, most))
 }
 
 /// A cell whose hue is its node's: however often a field is updated, a surface keeps one paint.
@@ -232,6 +248,24 @@ mod tests {
             let most = r.max(*g).max(*b) / r.min(*g).min(*b);
             assert!(most < 1.4, "updates do not add up to a dye: {r} {g} {b}");
         }
+    }
+
+    #[test]
+    fn a_dark_thing_is_not_dyed_by_the_photos_veil_and_a_bright_one_may_have_any_hue() {
+        // Cherry wood, drawn so; the photo has a bluish veil over it. The wall is blue where the scene has it grey.
+        let photo = image(|_, y| if y < 0.4 { [0.014, 0.0075, 0.024] } else { [0.1, 0.2, 0.6] });
+        let render = image(|_, y| if y < 0.4 { [0.045, 0.02, 0.012] } else { [0.2; 3] });
+        let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| if i / 96 < 29 { 1 } else { 2 }).collect();
+        let weights = vec![1.0; SIZE.pixels()];
+        let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
+        let mut field = neutral_field(&camera());
+        for _ in 0..3 {
+            field = updated_field(&field, &nodes()[..2], &seen);
+        }
+        let [r, g, b] = field.nodes["back"].mean;
+        assert!(b * 0.012 < r * 0.045, "still more red than blue: {r} {g} {b}");
+        let wall = updated_field(&neutral_field(&camera()), &nodes()[..2], &seen).nodes["floor"].mean;
+        assert!((wall[0] - 0.5).abs() < 0.02 && (wall[2] - 3.0).abs() < 0.1, "{wall:?}");
     }
 
     #[test]

@@ -50,6 +50,15 @@ pub struct Measured {
     pub views: Vec<ViewTable>,
 }
 
+impl Measured {
+    /// The same as if some lights were not there.
+    #[must_use]
+    pub fn without(&self, left_out: impl Fn(&str) -> bool) -> Self {
+        let stays = |pass: &&LightPass| !pass.light.as_deref().is_some_and(&left_out);
+        Self { lights: self.lights.iter().filter(stays).cloned().collect(), ..self.clone() }
+    }
+}
+
 /// The fitted light.
 #[derive(Debug, Clone)]
 pub struct SceneFit {
@@ -303,6 +312,13 @@ impl SceneFit {
             }
         }
         notes
+    }
+
+    /// How bright a light is, as a multiple of what was measured after the common gain; 0 for one that is not there.
+    pub fn level(&self, light: &str) -> f64 {
+        let at = self.fit.lights.iter().position(|id| id.as_deref() == Some(light));
+        let gain = at.map_or([0.0; 3], |at| self.fit.gains[at]);
+        (0.2126 * gain[0] + 0.7152 * gain[1] + 0.0722 * gain[2]) / self.fit.common_gain.max(1e-9)
     }
 
     /// The measured scene's light under the fit, before exposure: what a render with the applied lighting shows.

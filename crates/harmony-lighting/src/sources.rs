@@ -8,7 +8,8 @@ use glam::DVec3;
 use harmony_catalogue::{Emission, emission};
 use harmony_mesh::{Bounds, Mesh};
 use harmony_scene::{
-    Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Room, SceneObject, ViewTransform, WallPlane,
+    Camera, Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Ray, Room, SceneObject, ViewTransform,
+    Wall, WallPlane,
 };
 
 use crate::delta::bounds;
@@ -40,6 +41,17 @@ pub const AMBIENT_RADIANCE: f64 = 0.06;
 pub const PANE_GAP_M: f64 = 0.02;
 /// A window object sticks out of its wall by at most this much; more is a wrong bound (a curtain in the mesh).
 const MAX_PANE_GAP_M: f64 = 0.2;
+
+/// A stretch of wall outside of the photo, shorter than this, gets no window, metres.
+const UNSEEN_M: f64 = 1.2;
+/// Step along a wall at which it is asked whether the photo shows it, metres.
+const UNSEEN_STEP_M: f64 = 0.05;
+/// Height of the middle of a window that the photo does not show, share of the room's.
+const UNSEEN_MIDDLE: f64 = 0.6;
+/// Its size: share of the stretch and of the room's height, and the most of each, metres.
+const UNSEEN_SIZE: [(f64, f64); 2] = [(0.6, 2.4), (0.5, 1.4)];
+/// Ids of their lights begin with it.
+const UNSEEN: &str = "daylight_";
 
 /// Slots of part models, and material names, that shine.
 const EMITTER_WORDS: [&str; 8] = ["shade", "bulb", "globe", "diffuser", "lampshade", "emit", "glow", "flame"];
@@ -124,6 +136,61 @@ pub fn lights_from_scene<'m>(
         exposure: 0.0,
         view: ViewTransform::Standard,
     }
+}
+
+/// Windows that a photo may be lit by without showing them: one in the longest stretch of each wall outside of the
+/// picture. Whether there is any is for the fit to say ([`is_unseen_window`]).
+pub fn unseen_windows(room: &Room, camera: &Camera) -> Vec<Light> {
+    let faces = room.faces();
+    let e = room.extents;
+    let within = |p: DVec3| p.max(DVec3::splat(0.1)).min((e.as_vec() - 0.1).max(DVec3::splat(0.1)));
+    let walls = [Wall::Front, Wall::Left, Wall::Right, Wall::Back];
+    walls
+        .into_iter()
+        .filter_map(|wall| {
+            let (from, to) = unseen_stretch(room, camera, wall);
+            let [width, height] = [(to - from, UNSEEN_SIZE[0]), (e.height, UNSEEN_SIZE[1])]
+                .map(|(all, (share, most))| (share * all).min(most));
+            let position =
+                wall.point(&e, f64::midpoint(from, to), UNSEEN_MIDDLE * e.height) + wall.normal() * PANE_GAP_M;
+            let eye = within(camera.centre());
+            let way = position - eye;
+            let ray = Ray { origin: eye, direction: way.try_normalize()? };
+            let free = faces.exit(&ray).is_none_or(|exit| exit.point.distance(eye) >= way.length() - 0.1);
+            let kind = LightKind::Area { direction: wall.normal().to_array(), size_m: [width, height] };
+            (to - from >= UNSEEN_M && free).then(|| Light {
+                id: format!("{UNSEEN}{}", wall.surface().name()),
+                intensity: bounds::intensity(&kind, WINDOW_WATTS_PER_M2 * width * height),
+                kind,
+                position: position.to_array(),
+                color: DAYLIGHT,
+                on: true,
+                object: None,
+            })
+        })
+        .collect()
+}
+
+/// Whether a light is one of [`unseen_windows`].
+pub fn is_unseen_window(light: &Light) -> bool {
+    light.object.is_none() && light.id.starts_with(UNSEEN)
+}
+
+/// The longest stretch of a wall that the photo does not show, at the height of windows, metres along it.
+fn unseen_stretch(room: &Room, camera: &Camera, wall: Wall) -> (f64, f64) {
+    let length = wall.length(&room.extents);
+    let y = UNSEEN_MIDDLE * room.extents.height;
+    let steps = (length / UNSEEN_STEP_M) as usize;
+    let (mut best, mut now) = ((0.0, 0.0), (0.0, 0.0));
+    for k in 0..=steps {
+        let u = k as f64 * UNSEEN_STEP_M;
+        let seen = camera.project(wall.point(&room.extents, u, y)).is_some_and(|p| camera.contains(p));
+        now = if seen { (u, u) } else { (now.0, u) };
+        if now.1 - now.0 > best.1 - best.0 {
+            best = now;
+        }
+    }
+    best
 }
 
 fn window_light(

@@ -11,8 +11,8 @@ use std::sync::Arc;
 
 use harmony_lighting::{
     Assessment, Comparison, FieldNode, FitOptions, Judgement, LightPass, LightingDelta, LinearImage, Measured,
-    PictureError, SceneFit, ViewTable, assess, display_linear, fit_scene, judge, neutral_field, picture_error, propose,
-    updated_field,
+    PictureError, SceneFit, ViewTable, assess, display_linear, fit_scene, is_unseen_window, judge, neutral_field,
+    picture_error, propose, unseen_windows, updated_field,
 };
 use harmony_mesh::Mesh;
 use harmony_prompts::LightingReviewQuestion;
@@ -31,6 +31,10 @@ use crate::views;
 
 /// Median luminance difference at which previews stop measuring, stops.
 const GOOD_STOPS: f64 = 0.1;
+/// Windows that the photo does not show are believed when the light with them is this much nearer to it, as a ratio ...
+const UNSEEN_GAIN: f64 = 0.95;
+/// ... each with at least this share of its assumed power.
+const UNSEEN_LEAST: f64 = 0.1;
 /// Diffuse reflectance below which a pixel is metal, glass or a picture of light.
 const LEAST_ALBEDO: f32 = 0.02;
 /// Size of the flat canonical view, whose frame the lit one has.
@@ -68,6 +72,8 @@ pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Optio
     outputs::write_scene_glb(&glb, state, None)?;
     let glb_hash = blake3::hash(&harmony_io::read_bounded(&glb, 1 << 31)?).to_hex().to_string();
     let Some(mut lighting) = state.lighting.clone() else { return Ok(None) };
+    lighting.lights.retain(|light| !is_unseen_window(light));
+    lighting.lights.extend(unseen_windows(&state.partial.room, &state.partial.camera));
     let stage = Stage { ctx, state, glb, glb_hash, nodes: field_nodes(state), s: ctx.settings.lighting };
     ctx.step("measuring each light");
     let Some(light) = stage.measure(&lighting).await? else { return Ok(None) };
@@ -215,15 +221,33 @@ impl Stage<'_, '_> {
         let photo = resize(&*self.state.photo, size.width, size.height, FilterType::Triangle);
         let weights = self.weights(&found, size);
         let measured = measured_from(&found);
-        let (fitted, weights, photo, ids) = {
-            let measured = measured.clone();
-            self.ctx
-                .computed(move || {
-                    let fitted = fit_scene(&measured, &photo, &weights, &FitOptions::default());
-                    (fitted, weights, photo, measured.ids)
-                })
-                .await?
-        };
+        let unseen: Vec<String> =
+            lighting.lights.iter().filter(|light| is_unseen_window(light)).map(|light| light.id.clone()).collect();
+        let (fitted, measured, weights, photo, errors) = self
+            .ctx
+            .computed(move || {
+                let fit = |measured: &Measured| fit_scene(measured, &photo, &weights, &FitOptions::default());
+                let shown = measured.without(|id| unseen.iter().any(|unseen| unseen == id));
+                let (without, with) = (fit(&shown), fit(&measured));
+                let believed = with.as_ref().is_ok_and(|with| {
+                    without.as_ref().is_ok_and(|shown| with.error.total() < UNSEEN_GAIN * shown.error.total())
+                });
+                let errors = [&without, &with].map(|fit| fit.as_ref().ok().map(|fit| fit.error));
+                let (fitted, measured) = if believed { (with, measured) } else { (without, shown) };
+                (fitted, measured, weights, photo, errors)
+            })
+            .await?;
+        let ids = measured.ids.clone();
+        // One that is not in the fit has level 0.
+        let level = |id: &str| fitted.as_ref().map_or(0.0, |fitted| fitted.level(id));
+        lighting.lights.retain(|light| !is_unseen_window(light) || level(&light.id) >= UNSEEN_LEAST);
+        for light in lighting.lights.iter().filter(|light| is_unseen_window(light)) {
+            let message = format!(
+                "{}: light of a window that the photo does not show; its place and size are assumed, its strength is fitted",
+                light.id
+            );
+            self.ctx.warn(WarningKind::Fallback, None, message);
+        }
         let neutral = neutral_field(&self.state.partial.camera);
         let Ok(fitted) = fitted.inspect_err(|e| {
             self.ctx.warn(WarningKind::NotAvailable, None, format!("the light is as it was assumed: {e}"));
@@ -233,7 +257,7 @@ impl Stage<'_, '_> {
             return Ok(Look { view, photo, light, ids, weights, field: Arc::new(neutral), rounds: Vec::new() });
         };
         let notes = fitted.apply(lighting);
-        self.ctx.write_json("fit.json", &fit_json(&fitted, lighting, &notes))?;
+        self.ctx.write_json("fit.json", &fit_json(&fitted, lighting, &notes, errors))?;
         let predicted = fitted.predicted(&measured);
         let mut look = Look {
             view: fitted.view.clone(),
@@ -411,12 +435,14 @@ fn measured_from(found: &LightMeasurement) -> Measured {
     }
 }
 
-fn fit_json(fitted: &SceneFit, lighting: &Lighting, notes: &[String]) -> Value {
+/// `errors`: without windows that the photo does not show, and with them.
+fn fit_json(fitted: &SceneFit, lighting: &Lighting, notes: &[String], errors: [Option<PictureError>; 2]) -> Value {
     let lights: BTreeMap<&str, [f64; 3]> =
         fitted.fit.lights.iter().map(|id| id.as_deref().unwrap_or("ambient")).zip(fitted.fit.gains.clone()).collect();
     json!({
         "view": fitted.view.view, "exposure": lighting.exposure, "candidates": fitted.candidates,
         "gains": lights, "common_gain": fitted.fit.common_gain, "coverage": fitted.fit.coverage,
+        "error_without_unseen_windows": errors[0], "error_with_unseen_windows": errors[1],
         "residual_before": fitted.fit.residual_before, "residual_after": fitted.fit.residual_after, "notes": notes,
     })
 }

@@ -183,3 +183,33 @@ fn a_screen_shines_ahead_and_a_fireplace_waits_to_be_lit() {
     assert!(lighting.lights[0].position[0] > 2.05, "before its front: {:?}", lighting.lights[0].position);
     assert!(!lighting.lights[1].on);
 }
+
+#[test]
+fn windows_are_assumed_where_the_photo_does_not_look() {
+    use harmony_scene::{Camera, ImageSize, Intrinsics};
+    let room = room(Vec::new());
+    let size = ImageSize::new(640, 480);
+    let intrinsics = Intrinsics::from_horizontal_fov(size, 1.0);
+    // From near the front wall, straight at the back one: the near ends of both side walls are out of sight.
+    let camera = Camera::looking(size, intrinsics, DVec3::new(2.0, 1.5, 4.8), DVec3::NEG_Z);
+    let found = unseen_windows(&room, &camera);
+    let ids: Vec<&str> = found.iter().map(|l| l.id.as_str()).collect();
+    assert_eq!(ids, ["daylight_front", "daylight_left", "daylight_right"]);
+    for light in &found {
+        assert!(is_unseen_window(light) && light.on);
+        let at = DVec3::from_array(light.position);
+        assert!(room.extents.contains(at, 0.0));
+        let LightKind::Area { direction, size_m } = light.kind.clone() else { panic!("{light:?}") };
+        let seen = |p: DVec3| camera.project(p).is_some_and(|p| camera.contains(p));
+        // Neither its middle nor an end of it can be seen.
+        let along = DVec3::from_array(direction).cross(DVec3::Y) * (size_m[0] / 2.0);
+        for p in [at, at + along, at - along] {
+            assert!(!seen(p), "{light:?}");
+        }
+    }
+    // A wide lens in the front wall sees all of both side walls.
+    let wide = Intrinsics::from_horizontal_fov(size, 3.0);
+    let camera = Camera::looking(size, wide, DVec3::new(2.0, 1.5, 5.0), DVec3::NEG_Z);
+    let ids: Vec<String> = unseen_windows(&room, &camera).into_iter().map(|l| l.id).collect();
+    assert_eq!(ids, ["daylight_front"]);
+}
