@@ -99,7 +99,7 @@ impl<M: Default + Clone + Send + Sync, C: Default + Copy + Send + Sync> Persiste
     ) -> Result<(), Unsupported> {
         match (a.as_composite_shape(), b.as_composite_shape()) {
             (Some(a), Some(b)) => {
-                contact_manifolds_composite_shape_composite_shape(self, pos12, a, b, prediction, manifolds, workspace)
+                contact_manifolds_composite_shape_composite_shape(self, pos12, a, b, prediction, manifolds, workspace);
             }
             (Some(a), None) => {
                 contact_manifolds_composite_shape_shape(self, pos12, a, b, prediction, manifolds, workspace, false);
