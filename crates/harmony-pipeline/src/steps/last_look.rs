@@ -16,6 +16,7 @@ use image::{RgbImage, RgbaImage};
 use serde_json::{Value, json};
 
 use super::programs::Program;
+use super::second_look::Tried;
 use super::{review, second_look};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::relight::{LitPictures, relight, retouch};
@@ -214,7 +215,7 @@ async fn try_action(
             let Some(source) = action.program.clone() else { return Ok(told(false, "there is no program".into())) };
             let program = Program { source, params: action.params.clone() };
             match second_look::try_program(ctx, state, &id, program).await? {
-                Ok(verdict) => {
+                Ok(Tried { verdict, .. }) => {
                     if verdict.kept {
                         super::texture::only(ctx, state, vec![id]).await?;
                     }

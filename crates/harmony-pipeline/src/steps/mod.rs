@@ -2,6 +2,7 @@
 
 pub mod added;
 pub mod canonical;
+pub mod colour;
 pub mod counts;
 pub mod detect;
 pub mod groups;

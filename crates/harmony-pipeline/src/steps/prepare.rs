@@ -136,10 +136,11 @@ async fn chain(
         complete(ctx, state, member).await?;
         let id = member.object.id.clone();
         ctx.write_picture_rgba(&format!("completed/{id}.png"), &member.image)?;
-        let programmed = match &member.program {
-            Some(program) => programs::mesh(ctx, &id, program, member.object.size(), state).await?,
-            None => None,
-        };
+        let mut programmed = None;
+        if let Some(program) = &member.program {
+            programmed = programs::mesh(ctx, &id, program, member.object.size(), state).await?;
+            programmed.iter().try_for_each(|modelled| modelled.write(ctx, &id, program))?;
+        }
         let mesh = if let Some(modelled) = programmed {
             member.plain_slots = modelled.plain_slots;
             member.said_slots = modelled.said_slots;

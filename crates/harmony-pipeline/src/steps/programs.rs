@@ -137,9 +137,22 @@ pub struct Modelled {
     pub plain_slots: Vec<String>,
     /// Those of them whose colour was said, not cut from the photo.
     pub said_slots: Vec<String>,
+    /// The parts that it was built from.
+    tree: ShapeTree,
 }
 
-fn modelled(shape: BuiltShape, tree: &ShapeTree, program: &Program) -> Modelled {
+impl Modelled {
+    /// Writes the parts and the program beside the meshes.
+    ///
+    /// # Errors
+    /// Unwritable files.
+    pub fn write(&self, ctx: &PhaseCtx<'_>, id: &ObjectId, program: &Program) -> Result<(), PhaseError> {
+        ctx.write_json(&format!("meshes/{id}.tree.json"), &self.tree)?;
+        ctx.write_text(&format!("meshes/{id}.program.py"), &program.source)
+    }
+}
+
+fn modelled(shape: BuiltShape, tree: ShapeTree, program: &Program) -> Modelled {
     let lines = program.source.lines().filter(|l| !l.trim().is_empty()).count();
     let plain = tree.materials.iter().filter(|m| !m.paint);
     let plain_slots = plain.clone().map(|m| m.name.clone()).collect();
@@ -153,7 +166,7 @@ fn modelled(shape: BuiltShape, tree: &ShapeTree, program: &Program) -> Modelled 
         notes: Vec::new(),
         usage: Usage::default(),
     };
-    Modelled { mesh, plain_slots, said_slots }
+    Modelled { mesh, plain_slots, said_slots, tree }
 }
 
 /// Asks for programs for the objects of a level that matter, where no generator makes the meshes.
@@ -258,6 +271,8 @@ fn pictures(state: &SceneState, objects: &[Object]) -> Vec<Picture> {
 
 /// The mesh of an object's program; a program that fails at this size gives way to the template, with a warning.
 ///
+/// Its files are the caller's to write ([`Modelled::write`]), once it stays.
+///
 /// # Errors
 /// Only that of a computation that broke.
 pub async fn mesh(
@@ -274,9 +289,7 @@ pub async fn mesh(
             for sign in lazy_signs(&shape, Some(size.as_vec())) {
                 ctx.warn(WarningKind::AnswerRepaired, Some(id.clone()), format!("its program: {sign}"));
             }
-            ctx.write_json(&format!("meshes/{id}.tree.json"), &tree)?;
-            ctx.write_text(&format!("meshes/{id}.program.py"), &program.source)?;
-            Ok(Some(modelled(shape, &tree, program)))
+            Ok(Some(modelled(shape, tree, program)))
         }
         Err(error) => {
             ctx.warn(WarningKind::PlayerReplaced, Some(id.clone()), format!("its program cannot be used: {error}"));
@@ -313,6 +326,7 @@ pub async fn refit(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: &[ObjectId])
             .await?;
         let Ok((made, shape, outcome)) = refitted else { continue };
         state.partial = outcome.scene;
+        made.write(ctx, id, &program)?;
         adopt(state, id, made, shape, program);
     }
     Ok(())

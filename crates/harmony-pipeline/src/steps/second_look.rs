@@ -1,17 +1,20 @@
 //! Second looks at shapes: the model sees what its programs and templates became, from several sides, and corrects
 //! them. A correction is measured against the photo and kept only when the evidence does not speak against it.
 
+use std::slice;
 use std::sync::Arc;
 
 use harmony_imaging::sheet::{Cell, contact_sheet};
-use harmony_placement::{Shape, judge, reshape};
+use harmony_placement::{Shape, Verdict, fit_shape, judge};
 use harmony_program::GUIDE;
 use harmony_prompts::{LookVerdict, LookedAt, ModelledObject, SecondLookAnswer, SecondLookQuestion};
 use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, Size, WarningKind};
 use image::{RgbImage, RgbaImage};
+use serde::Serialize;
 use serde_json::{Value, json};
 
+use super::colour;
 use super::programs::{self, Program, Surroundings};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Object, SceneState};
@@ -133,13 +136,22 @@ async fn try_change(
     };
     let tried = try_program(ctx, state, &id, program).await?;
     Ok(match tried {
-        Ok(verdict) => (json!({ "id": object.id, "kept": verdict.kept, "verdict": verdict }), verdict.kept),
+        Ok(tried) => (json!({ "id": object.id, "kept": tried.verdict.kept, "tried": tried }), tried.verdict.kept),
         Err(reason) => refused(reason),
     })
 }
 
-/// Gives a placed object the shape of another program, if the evidence does not speak against it; if it does, a warning
-/// says so.
+/// What came of a program that was tried.
+#[derive(Debug, Clone, Serialize)]
+pub struct Tried {
+    /// Whether it stays, and why.
+    pub verdict: Verdict,
+    /// Distance of the object's colours from the photo's, before and after ([`colour::distance`]).
+    pub colour: [Option<f64>; 2],
+}
+
+/// Gives a placed object the shape of another program, where it stands or where it agrees better with the photo, if neither
+/// evidence nor colours speak against it; if they do, a warning says so.
 ///
 /// # Errors
 /// Unwritable files and computations that broke; inside, why it cannot be tried.
@@ -148,7 +160,7 @@ pub async fn try_program(
     state: &mut SceneState,
     id: &ObjectId,
     program: Program,
-) -> Result<Result<harmony_placement::Verdict, String>, PhaseError> {
+) -> Result<Result<Tried, String>, PhaseError> {
     let Some(size) = state.partial.find(id).map(harmony_placement::Placed::size) else {
         return Ok(Err(format!("there is no object {id} in the scene")));
     };
@@ -157,28 +169,40 @@ pub async fn try_program(
         return Ok(Err("its program cannot be used".to_owned()));
     };
     let settings = ctx.settings.placement.clone();
-    let wanted = id.clone();
-    let tried = ctx
+    let (wanted, before) = (id.clone(), Arc::clone(&shown));
+    let fitted = ctx
         .computed(move || {
             let longest = size.as_vec().max_element();
             let mesh = &made.mesh;
             let shape = Arc::new(Shape::from_parts(Arc::clone(&mesh.mesh), mesh.convex.as_deref(), longest));
-            let outcome = reshape(&shown.partial, &wanted, Arc::clone(&shape), &settings)?;
-            let verdict = judge(&shown.partial, &outcome, &settings);
+            let outcome = fit_shape(&before.partial, &wanted, Arc::clone(&shape), &settings)?;
+            let verdict = judge(&before.partial, &outcome, &settings);
             Ok::<_, harmony_placement::ActionError>((made, shape, outcome, verdict))
         })
         .await?;
-    Ok(match tried {
-        Err(error) => Err(error.to_string()),
-        Ok((made, shape, outcome, verdict)) => {
-            if verdict.kept {
-                state.partial = outcome.scene;
-                programs::adopt(state, id, made, shape, Arc::new(program));
-            } else {
-                let message = format!("another shape was proposed and refused: {}", verdict.reason);
-                ctx.warn(WarningKind::ActionRefused, Some(id.clone()), message);
+    let (made, shape, outcome, mut verdict) = match fitted {
+        Ok(fitted) => fitted,
+        Err(error) => return Ok(Err(error.to_string())),
+    };
+    let mut colour = [None; 2];
+    if verdict.kept {
+        let mut changed = state.clone();
+        changed.partial = outcome.scene;
+        let written = made.clone();
+        programs::adopt(&mut changed, id, made, shape, Arc::new(program.clone()));
+        colour = [colour::distance(ctx, &shown, id).await?, colour::distance(ctx, &changed, id).await?];
+        match colour::against(colour[0], colour[1]) {
+            None => {
+                written.write(ctx, id, &program)?;
+                *state = changed;
+                programs::refit(ctx, state, slice::from_ref(id)).await?;
             }
-            Ok(verdict)
+            Some(reason) => (verdict.kept, verdict.reason) = (false, reason),
         }
-    })
+    }
+    if !verdict.kept {
+        let message = format!("another shape was proposed and refused: {}", verdict.reason);
+        ctx.warn(WarningKind::ActionRefused, Some(id.clone()), message);
+    }
+    Ok(Ok(Tried { verdict, colour }))
 }

@@ -1,0 +1,99 @@
+//! Whether an object has the photo's colours: another shape may have the right outline and the wrong cloth.
+
+use std::collections::BTreeMap;
+
+use harmony_imaging::color::{lab_distance, linear_from_rgb8, rgb8_from_linear};
+use harmony_scene::{Mask, ObjectId};
+use image::RgbImage;
+
+use super::texture;
+use crate::ctx::{PhaseCtx, PhaseError};
+use crate::state::{Look, SceneState};
+use crate::views;
+
+/// Cells along the longer side of an object; within one, colours are averaged: a pattern need not lie as in the photo.
+const CELLS: u32 = 10;
+/// Distance in Lab by which a change may lie farther from the photo's colours: what a model says of a colour is without
+/// the photo's light and shade.
+const FARTHER: f64 = 8.0;
+/// And the factor.
+const TIMES: f64 = 1.4;
+
+/// How far an object's colours are from the photo's within its mask: mean distance in Lab (CIE76); `None` when it is not
+/// seen. It is painted anew for that, without the photo's light on it.
+///
+/// # Errors
+/// Computations that broke.
+pub async fn distance(ctx: &PhaseCtx<'_>, state: &SceneState, id: &ObjectId) -> Result<Option<f64>, PhaseError> {
+    let mut shown = state.clone();
+    if state.objects.get(id).is_none_or(|object| object.look.textured.is_none()) {
+        texture::only(ctx, &mut shown, vec![id.clone()]).await?;
+    } else if let Some(object) = shown.objects.get_mut(id) {
+        object.look = Look { lit: None, ..object.look.clone() };
+    }
+    let Some(mask) = state.partial.find(id).map(|placed| placed.item.mask.clone()) else { return Ok(None) };
+    ctx.computed(move || apart(&views::drawn(&shown).flat, &shown.photo, &mask)).await
+}
+
+/// Whether a change of colours from one distance to another is too much; why.
+pub fn against(before: Option<f64>, after: Option<f64>) -> Option<String> {
+    let (before, after) = (before?, after?);
+    (after > before + FARTHER && after > before * TIMES).then(|| {
+        format!(
+            "its colours would lie farther from the photo's (distance {before:.0} -> {after:.0}, 2 is just visible): say \
+             other colours, or take the cloth from the photo (`photo`, `paint=True`)"
+        )
+    })
+}
+
+/// Mean over a mask's pixels of the distance between the cells' mean colours.
+fn apart(shown: &RgbImage, photo: &RgbImage, mask: &Mask) -> Option<f64> {
+    let bounds = mask.bounds()?;
+    let side = ((bounds.x1 - bounds.x0).max(bounds.y1 - bounds.y0)).div_ceil(CELLS).max(1);
+    let mut cells: BTreeMap<[u32; 2], ([[f64; 3]; 2], f64)> = BTreeMap::new();
+    for y in bounds.y0..bounds.y1 {
+        for x in bounds.x0..bounds.x1 {
+            if !mask.get(x, y) {
+                continue;
+            }
+            let (sums, count) = cells.entry([(x - bounds.x0) / side, (y - bounds.y0) / side]).or_default();
+            for (sum, image) in sums.iter_mut().zip([shown, photo]) {
+                let linear = linear_from_rgb8(image.get_pixel(x, y).0);
+                sum.iter_mut().zip(linear).for_each(|(s, v)| *s += f64::from(v));
+            }
+            *count += 1.0;
+        }
+    }
+    let all: f64 = cells.values().map(|(_, count)| count).sum();
+    let sum = cells.values().map(|(sums, count)| {
+        let [a, b] = sums.map(|sum| rgb8_from_linear(sum.map(|s| (s / count) as f32)));
+        lab_distance(a, b) * count
+    });
+    (all > 0.0).then(|| sum.sum::<f64>() / all)
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::ImageSize;
+
+    use super::*;
+
+    #[test]
+    fn a_pattern_that_lies_elsewhere_has_the_same_colours_and_another_cloth_has_not() {
+        let size = ImageSize::new(100, 100);
+        let checks = |shift: u32, rgb: [u8; 3]| {
+            RgbImage::from_fn(100, 100, move |x, y| {
+                image::Rgb(if ((x + shift) / 5 + y / 5) % 2 == 0 { rgb } else { [200, 190, 170] })
+            })
+        };
+        let mask = Mask::from_fn(size, |x, y| (10..90).contains(&x) && (20..80).contains(&y));
+        let photo = checks(0, [150, 40, 30]);
+        let same = apart(&checks(5, [150, 40, 30]), &photo, &mask);
+        let white = apart(&checks(0, [240, 240, 240]), &photo, &mask);
+        assert!(same < Some(3.0) && white > Some(20.0), "{same:?} {white:?}");
+        assert!(against(same, white).is_some() && against(white, same).is_none());
+        // What the photo was like before does not have to be met better.
+        assert!(against(Some(12.0), Some(16.0)).is_none() && against(None, white).is_none());
+        assert_eq!(apart(&photo, &photo, &Mask::empty(size)), None);
+    }
+}
