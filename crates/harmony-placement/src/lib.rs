@@ -46,9 +46,7 @@ pub use measure::measure;
 pub use noise::Noise;
 pub use observe::may_be_seen;
 pub use order::{OrderEntry, OrderReport, placement_order};
-pub use review::{
-    ActionError, ReviewAction, ReviewOutcome, Verdict, apply, energy_change, fit_shape, judge, reshape,
-};
+pub use review::{ActionError, ReviewAction, ReviewOutcome, Verdict, apply, energy_change, fit_shape, judge, reshape};
 pub use scene::{Energy, Evidence, Item, PartialScene, Placed, RoomPoints, Shape, Spread, Traits, YawHint};
 pub use settings::PlacementSettings;
 pub use solve::formulas::{angular_size, corrected_depth, front_surface_depth, lateral_shift, metric_scale};

@@ -49,20 +49,16 @@ pub fn against(before: Option<f64>, after: Option<f64>) -> Option<String> {
 /// Mean over a mask's pixels of the distance between the cells' mean colours.
 fn apart(shown: &RgbImage, photo: &RgbImage, mask: &Mask) -> Option<f64> {
     let bounds = mask.bounds()?;
-    let side = ((bounds.x1 - bounds.x0).max(bounds.y1 - bounds.y0)).div_ceil(CELLS).max(1);
+    let side = ((bounds.x1 - bounds.x0).max(bounds.y1 - bounds.y0) as u32).div_ceil(CELLS).max(1);
     let mut cells: BTreeMap<[u32; 2], ([[f64; 3]; 2], f64)> = BTreeMap::new();
-    for y in bounds.y0..bounds.y1 {
-        for x in bounds.x0..bounds.x1 {
-            if !mask.get(x, y) {
-                continue;
-            }
-            let (sums, count) = cells.entry([(x - bounds.x0) / side, (y - bounds.y0) / side]).or_default();
-            for (sum, image) in sums.iter_mut().zip([shown, photo]) {
-                let linear = linear_from_rgb8(image.get_pixel(x, y).0);
-                sum.iter_mut().zip(linear).for_each(|(s, v)| *s += f64::from(v));
-            }
-            *count += 1.0;
+    for ((x, y, shown), (photo, _)) in
+        shown.enumerate_pixels().zip(photo.pixels().zip(mask.bits())).filter(|(_, (_, own))| **own)
+    {
+        let (sums, count) = cells.entry([x / side, y / side]).or_default();
+        for (sum, pixel) in sums.iter_mut().zip([shown, photo]) {
+            sum.iter_mut().zip(linear_from_rgb8(pixel.0)).for_each(|(s, v)| *s += f64::from(v));
         }
+        *count += 1.0;
     }
     let all: f64 = cells.values().map(|(_, count)| count).sum();
     let sum = cells.values().map(|(sums, count)| {
@@ -83,7 +79,7 @@ mod tests {
         let size = ImageSize::new(100, 100);
         let checks = |shift: u32, rgb: [u8; 3]| {
             RgbImage::from_fn(100, 100, move |x, y| {
-                image::Rgb(if ((x + shift) / 5 + y / 5) % 2 == 0 { rgb } else { [200, 190, 170] })
+                image::Rgb(if ((x + shift) / 5 + y / 5).is_multiple_of(2) { rgb } else { [200, 190, 170] })
             })
         };
         let mask = Mask::from_fn(size, |x, y| (10..90).contains(&x) && (20..80).contains(&y));

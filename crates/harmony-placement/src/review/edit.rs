@@ -61,7 +61,12 @@ pub(super) fn rescale(scene: &mut PartialScene, object: usize, factor: Vec3, set
 
 /// Two objects exchange their places: what is seen there, what carries them and what they carry. Each keeps its
 /// shape and what is said about its size, and is fitted to its new place.
-pub(super) fn exchange(scene: &mut PartialScene, i: usize, j: usize, settings: &PlacementSettings) -> Result<(), ActionError> {
+pub(super) fn exchange(
+    scene: &mut PartialScene,
+    i: usize,
+    j: usize,
+    settings: &PlacementSettings,
+) -> Result<(), ActionError> {
     let (p, q) = (scene.placed[i].clone(), scene.placed[j].clone());
     let carried = |a: &Placed, b: &Placed| matches!(&a.support, Support::Object { id } if *id == b.item.id);
     if i == j || p.item.level != q.item.level || carried(&p, &q) || carried(&q, &p) {
@@ -140,7 +145,13 @@ pub(super) fn hang_elsewhere(
 }
 
 /// Adds a copy of an object, without a mask of its own; returns its id.
-pub(super) fn copy(scene: &mut PartialScene, like: usize, at: Vec3, yaw: f64, settings: &PlacementSettings) -> ObjectId {
+pub(super) fn copy(
+    scene: &mut PartialScene,
+    like: usize,
+    at: Vec3,
+    yaw: f64,
+    settings: &PlacementSettings,
+) -> ObjectId {
     let model = scene.placed[like].clone();
     let mut number = 2;
     let id = loop {
@@ -162,4 +173,3 @@ pub(super) fn copy(scene: &mut PartialScene, like: usize, at: Vec3, yaw: f64, se
     });
     id
 }
-

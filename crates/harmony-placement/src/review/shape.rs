@@ -76,4 +76,3 @@ fn changed(mut scene: PartialScene, object: usize, settings: &PlacementSettings)
     let (touched, evidence) = (vec![placed.item.id.clone()], vec![placed.evidence]);
     ReviewOutcome { scene, touched, removed: Vec::new(), added: Vec::new(), missed: None, evidence }
 }
-
