@@ -202,15 +202,24 @@ fn without_outliers(rest: &[Option<Color>], width: usize, grain: Grain) -> Vec<b
 
 /// A quilted tile as ratios with mean 1, without differences over large distances: they would show as a repetition.
 fn even(tile: &[Color], side: usize, grain: Grain) -> Vec<Color> {
-    let image = RgbaImage::from_fn(side as u32, side as u32, |x, y| opaque(tile[y as usize * side + x as usize]));
     let cells = if grain == Grain::Fine { 20 } else { 8 };
-    let smoothing = Smoothing { cell: side.div_ceil(cells), blur: 1.0, settling: 4.0 };
-    let field = Base::smooth(&image, &smoothing);
+    let cell = side.div_ceil(cells);
+    // The smooth part is that of the tile among its repetitions: of the tile alone it would break off at the edges, and
+    // every repetition would show a line there. Whole cells around it, and more than the blur reaches.
+    let around = (4 * cell).min(side);
+    let at = |x: u32, y: u32| [x, y].map(|v| (v as usize + side - around) % side);
+    let wide = (side + 2 * around) as u32;
+    let image = RgbaImage::from_fn(wide, wide, |x, y| {
+        let [x, y] = at(x, y);
+        opaque(tile[y * side + x])
+    });
+    let field = Base::smooth(&image, &Smoothing { cell, blur: 1.0, settling: 4.0 });
     let mut ratios: Vec<Color> = tile
         .iter()
         .enumerate()
         .map(|(i, c)| {
-            let light = field.as_ref().map_or([QUILT_SCALE; 3], |f| f.at((i % side) as u32, (i / side) as u32));
+            let [x, y] = [i % side, i / side].map(|v| (v + around) as u32);
+            let light = field.as_ref().map_or([QUILT_SCALE; 3], |f| f.at(x, y));
             std::array::from_fn(|k| c[k] / light[k].max(1.0))
         })
         .collect();

@@ -161,3 +161,18 @@ fn shapes_that_happen_to_look_alike_are_no_pattern() {
     });
     assert!(survey(&texture).look.periods().is_none());
 }
+
+#[test]
+fn a_tile_that_was_made_even_still_meets_itself() {
+    // Light and dark halves with soft borders, one of them across the edge.
+    let side = 80;
+    let tile: Vec<Color> = (0..side * side)
+        .map(|i| [128.0 + 24.0 * (std::f32::consts::TAU * ((i % side) as f32 + 0.5) / side as f32).sin(); 3])
+        .collect();
+    for grain in [Grain::Fine, Grain::Coarse] {
+        let ratios = even(&tile, side, grain);
+        let step = |x: usize| (ratios[(x + 1) % side][0] - ratios[x][0]).abs();
+        let inside = (0..side - 1).map(step).fold(0.0, f32::max);
+        assert!(step(side - 1) < 1.5 * inside + 0.002, "{grain:?}: {} at the edge, {inside} inside", step(side - 1));
+    }
+}

@@ -87,6 +87,7 @@ pub(super) fn brick(space: &Space, p: &Pattern) -> Paint {
         if painted { times(c, 0.90) } else { mix([0.42, 0.39, 0.34], c, 0.18) }
     });
     let (joint, wear) = (masonry_joint(p), amount(p, 0.5));
+    let usual = tone_sigma(&Pattern { tone: 0.0, ..p.clone() }, 0.42);
     let sigma = if painted { 0.25 } else { 1.0 } * tone_sigma(p, 0.42);
     let chip = Noise::free(space, [0.022, 0.022], 51);
     let grain = Noise::free(space, [0.006, 0.006], 52);
@@ -116,8 +117,8 @@ pub(super) fn brick(space: &Space, p: &Pattern) -> Paint {
         let fine = grain.fbm(gx, gy, 2);
         let g = mortar.fbm(u, v, 3);
         let dark = soot.fbm(u, v, 3);
-        // Some bricks are burnt darker and bluer; under paint nobody sees it.
-        let burnt = if painted { 0.0 } else { smooth(0.88, 0.97, unit(id, 9)) * 0.45 };
+        // Some bricks are burnt darker and bluer; under paint nobody sees it, nor where all are of one tone.
+        let burnt = if painted { 0.0 } else { smooth(0.88, 0.97, unit(id, 9)) * 0.45 * (sigma / usual).min(1.0) };
         let tone = libm::exp(sigma * gauss(id, 10) + 0.10 * cloud.fbm(gx, gy, 3) + 0.09 * fine - 0.35 * pit - burnt);
         let hue = sigma * gauss(id, 11);
         let face = tinted(times(palette.pick(id), tone), [1.0 + 0.15 * hue, 1.0, 1.0 - 0.12 * hue + 0.3 * burnt]);
