@@ -42,12 +42,14 @@ pub fn templates() -> impl Iterator<Item = &'static str> {
 ///
 /// The longest name or synonym that occurs in the label as whole words wins, one at the end of the label before all
 /// others; of equally long ones the one that ends last, for English puts the head of a phrase at its end (`book shelf`,
-/// `lamp table`). What follows a `with` does not count. Case, hyphens and plurals don't matter.
+/// `lamp table`). What follows a `with` does not count, nor what follows another preposition (`cabinet above the fridge`),
+/// unless nothing before it names a kind (`set of chairs`). Case, hyphens and plurals don't matter.
 pub fn kind(label: &str) -> Option<&'static Kind> {
     CATALOGUE.forms.find(label).map(|found| &kinds()[found.kind])
 }
 
-/// The kind of a label that ends in its name: that of `floor lamp`, not of `lamp stand` or `window seat cover`.
+/// The kind of a label that ends in its name, where the thing is left aside: that of `floor lamp` and `lamp on the desk`,
+/// not of `lamp stand` or `window seat cover`.
 pub fn kind_at_end(label: &str) -> Option<&'static Kind> {
     CATALOGUE.forms.find(label).filter(|found| found.at_end).map(|found| &kinds()[found.kind])
 }
@@ -107,8 +109,12 @@ pub fn lets_daylight_in(label: &str) -> bool {
     })
 }
 
-/// Whether a label names a part of the room itself, numbered or not; its end counts: a wall clock hangs on the wall.
+/// Whether a label names a part of the room itself, numbered or not; its end counts: a wall clock hangs on the wall. So
+/// does a `picture on the wall`, which names a kind.
 pub fn is_of_the_room(label: &str) -> bool {
+    if kind_at_end(label).is_some() {
+        return false;
+    }
     let label = normal(label.trim_end_matches(|c: char| !c.is_alphabetic()));
     CATALOGUE.file.room_parts.iter().any(|part| {
         let end = label.strip_suffix('s').filter(|l| l.ends_with(part.as_str())).unwrap_or(&label);
@@ -166,7 +172,7 @@ pub fn standard_height(label: &str, named: f64) -> Option<(f64, f64)> {
     if words(label).iter().any(|word| standard.unless.contains(word)) {
         return None;
     }
-    let label = normal(label);
+    let label = lookup::head_words(label).join(" ");
     let ends = |names: &[String]| names.iter().any(|name| lookup::ends_in(&label, name));
     let farthest = if ends(&standard.certain) {
         FARTHEST_OF_CERTAIN

@@ -7,6 +7,32 @@ use crate::Kind;
 /// More of a label than this says nothing about its kind, characters.
 const LONGEST: usize = 200;
 
+/// What follows one of these says where a thing is, or what it belongs to or is for: `cabinet above the fridge`.
+const PREPOSITIONS: [&str; 22] = [
+    "above",
+    "against",
+    "around",
+    "at",
+    "behind",
+    "below",
+    "beneath",
+    "beside",
+    "between",
+    "by",
+    "for",
+    "from",
+    "in",
+    "inside",
+    "near",
+    "next",
+    "of",
+    "on",
+    "over",
+    "to",
+    "under",
+    "underneath",
+];
+
 /// Lower case, single spaces, only letters and digits.
 pub fn normal(label: &str) -> String {
     words(label).join(" ")
@@ -17,6 +43,28 @@ pub fn words(label: &str) -> Vec<String> {
     let text: String =
         label.chars().take(LONGEST).map(|c| if c.is_alphanumeric() { c.to_ascii_lowercase() } else { ' ' }).collect();
     text.split_whitespace().map(str::to_owned).collect()
+}
+
+/// Number of the words before the first preposition that stands by itself: not that of `built-in`, nor the first word.
+fn head(label: &str) -> usize {
+    let mut count = 0;
+    for chunk in label.split(|c: char| c.is_whitespace() || matches!(c, '_' | ',' | '(' | ')' | '/')) {
+        let own = words(chunk);
+        if count > 0 && matches!(own.as_slice(), [word] if PREPOSITIONS.contains(&word.as_str())) {
+            break;
+        }
+        count += own.len();
+    }
+    count
+}
+
+/// The words of a label that name the thing: those before a `with`, and before where the thing is.
+pub(crate) fn head_words(label: &str) -> Vec<String> {
+    let mut words = words(label);
+    words.truncate(head(label));
+    let with = words.iter().skip(1).position(|word| word == "with").map_or(words.len(), |i| i + 1);
+    words.truncate(with);
+    words
 }
 
 /// Whether a normal label ends in a phrase as whole words.
@@ -73,13 +121,20 @@ impl Forms {
     /// The kind that a label names; see [`crate::kind`].
     pub(crate) fn find(&self, label: &str) -> Option<Found> {
         let words = words(label);
-        let head = words.iter().skip(1).position(|word| word == "with").map_or(words.len(), |i| i + 1);
-        let words = &words[..head];
+        let with = words.iter().skip(1).position(|word| word == "with").map_or(words.len(), |i| i + 1);
+        let words = &words[..with];
+        let head = head(label).min(with);
+        // `set of chairs`, `built in wardrobe`: the head names no kind, and what follows does.
+        self.best(words, head).or_else(|| self.best(words, words.len()))
+    }
+
+    /// The best of the names that begin among the first `head` words: `chest of drawers` does.
+    fn best(&self, words: &[String], head: usize) -> Option<Found> {
         let mut best: Option<((bool, usize, usize), Found)> = None;
         for end in 1..=words.len() {
-            for start in end.saturating_sub(self.most_words)..end {
+            for start in end.saturating_sub(self.most_words)..end.min(head) {
                 let Some(form) = self.forms.get(&words[start..end].join(" ")) else { continue };
-                let at_end = end == words.len();
+                let at_end = end >= head;
                 if form.only_at_end && !at_end {
                     continue;
                 }

@@ -84,6 +84,43 @@ fn labels_find_their_kind() {
 }
 
 #[test]
+fn where_a_thing_is_does_not_say_what_it_is() {
+    for (label, wanted) in [
+        ("wall cabinet above refrigerator", "kitchen_wall"),
+        ("wall cabinet (above the refrigerator)", "kitchen_wall"),
+        ("wall_cabinet_above_microwave", "kitchen_wall"),
+        ("shelf under window", "wall_shelf"),
+        ("table lamp on the nightstand", "table_lamp"),
+        ("nightstand next to bed", "nightstand"),
+        ("chair at the dining table", "chair"),
+        ("cushion for a sofa", "cushion"),
+        ("plant in front of the window", "plant"),
+        ("rug beneath the coffee table", "rug"),
+        ("desk with monitor on it", "desk"),
+        // What stands before names nothing, or belongs to a name.
+        ("set of chairs", "chair"),
+        ("chest of drawers beside the bed", "dresser"),
+        ("stack of books", "book_stack"),
+        ("bowl of fruit", "bowl"),
+        ("built-in wardrobe", "wardrobe"),
+        ("white built in wardrobe", "wardrobe"),
+        ("over-the-range microwave", "microwave"),
+        ("wall-to-wall carpet", "rug"),
+        ("floor to ceiling bookshelf", "bookshelf"),
+    ] {
+        assert_eq!(name(label), Some(wanted), "{label}");
+    }
+    assert_eq!(name("contraption above the refrigerator"), Some("fridge"), "the only word that says anything");
+    let range = |label| size_range(label).1;
+    assert_eq!(range("wall cabinet above refrigerator"), range("wall cabinet"));
+    assert_eq!(emission("lamp on the desk"), Some(Emission::Lamp));
+    assert_eq!(emission("desk under the lamp"), None);
+    assert!(lets_daylight_in("window above the sink") && !lets_daylight_in("shelf under the window"));
+    assert!(!is_of_the_room("picture on the wall") && is_of_the_room("panel of the wall"));
+    assert!(standard_height("dining table by the window", 0.75).is_some());
+}
+
+#[test]
 fn labels_that_shine_and_labels_that_do_not() {
     for label in [
         "Table Lamp",

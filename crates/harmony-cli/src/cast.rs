@@ -249,7 +249,7 @@ fn files_options(request: &CastRequest<'_>) -> FilesOptions {
             let first = complaint.lines().next().unwrap_or_default().to_owned();
             tell(format!("{}/answer.json was not accepted: {first} (complaint.md says more)", folder.display()));
         }
-        FilesEvent::Accepted { name, .. } => tell(format!("{name}: answer accepted")),
+        FilesEvent::Accepted { name, .. } => tell(format!("{name}: answer taken, its form is right")),
         _ => {}
     });
     options

@@ -21,15 +21,55 @@ pub fn on_interrupt(calls: &Arc<Calls>) {
         if tokio::signal::ctrl_c().await.is_err() {
             return; // No signals here: the run goes on to its end.
         }
-        let flying = calls.now().underway.len();
-        tell!("stopping: {flying} calls in flight are awaited, for they are paid (Ctrl-C again lets go of them)");
-        stop.close(StopReason::Interrupted("interrupted".to_owned()));
+        let underway = calls.now().underway;
+        let (told, wait) = words(underway.iter().map(|call| call.player.as_str()));
+        tell!("stopping: {told}");
+        let reason = StopReason::Interrupted("interrupted".to_owned());
+        if wait {
+            stop.close(reason);
+        } else {
+            stop.now(reason);
+        }
         if tokio::signal::ctrl_c().await.is_ok() {
             stop.now(StopReason::Interrupted("interrupted".to_owned()));
             tokio::time::sleep(INSISTED).await;
             std::process::exit(EXIT_STOPPED.into());
         }
     });
+}
+
+/// Players that work on this machine, whose work costs time and nothing else.
+const FREE: [&str; 6] = ["offline", "replay", "cycles", "vggt", "sam2", "owlv2"];
+
+/// What is told of the calls in flight, by who plays, and whether they are awaited: open questions to a person are not.
+fn words<'a>(players: impl Iterator<Item = &'a str>) -> (String, bool) {
+    let (mut open, mut free, mut others) = (0_usize, 0_usize, Vec::new());
+    for player in players {
+        match player {
+            "files" => open += 1,
+            player if FREE.contains(&player) => free += 1,
+            player => others.push(player),
+        }
+    }
+    let flying = free + others.len();
+    others.sort_unstable();
+    others.dedup();
+    let mut told = Vec::new();
+    if open > 0 {
+        told.push(format!("open questions stay in their folders ({open}), the same command goes on with them"));
+    }
+    if !others.is_empty() {
+        let names = others.join(", ");
+        told.push(format!(
+            "calls in flight are awaited ({flying}), for what {names} does may be paid; Ctrl-C again lets go of them"
+        ));
+    } else if flying > 0 {
+        told.push(format!("what is being computed is awaited ({flying}); Ctrl-C again lets go of it"));
+    }
+    if told.is_empty() {
+        told.push("nothing is in flight".to_owned());
+    }
+    (told.join("; "), flying > 0 || open == 0)
 }
 
 /// Stops the run as a first Ctrl-C does when the worker that began it has ended, or wants it to stop.
@@ -50,4 +90,22 @@ pub fn show_calls(calls: &Arc<Calls>, display: &Arc<Display>) -> tokio::task::Jo
             display.calls(calls.now().line());
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nobody_who_costs_nothing_is_said_to_be_paid() {
+        let of = |players: &[&str]| words(players.iter().copied());
+        let (told, wait) = of(&["files", "files"]);
+        assert!(told.contains("open questions stay in their folders (2)") && !told.contains("paid"), "{told}");
+        assert!(!wait, "a person is not waited for");
+        let (told, wait) = of(&["cycles"]);
+        assert!(wait && told.contains("computed") && !told.contains("paid"), "{told}");
+        let (told, wait) = of(&["openai", "offline", "openai", "files"]);
+        assert!(wait && told.contains("awaited (3), for what openai does may be paid"), "{told}");
+        assert_eq!(of(&[]), ("nothing is in flight".to_owned(), true));
+    }
 }

@@ -48,13 +48,13 @@ pub struct PointLightSpec {
     pub intensity: Option<f64>,
 }
 
-/// One window.
+/// One window or screen.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct WindowSpec {
-    /// Id of the window in the list given.
+    /// Id of the window or screen in the list given.
     pub id: String,
-    /// Whether daylight comes in.
+    /// Whether daylight comes in; of a screen, whether it is on.
     pub daylight_on: Option<bool>,
     /// Linear RGB, each 0 to 1; null = as listed.
     pub color: Option<[f64; 3]>,
@@ -72,7 +72,7 @@ pub struct LightingSpec {
     pub directional: Vec<DirectionalSpec>,
     /// Lamps and ceiling fixtures.
     pub point_lights: Vec<PointLightSpec>,
-    /// Windows.
+    /// Windows and screens.
     pub windows: Vec<WindowSpec>,
     /// One sentence: time of day, what lights the room.
     pub summary: String,

@@ -133,7 +133,7 @@ pub struct PhaseCtx<'a> {
     /// The phase.
     pub phase: Phase,
     /// A look within the phase that prepares objects of its own: its calls and records have names of their own.
-    pub within: Option<&'static str>,
+    pub within: Option<&'a str>,
     /// Calls to roles.
     pub calls: &'a Calls,
     /// Lit pictures are wanted, and there is a path tracer.
@@ -161,7 +161,7 @@ impl PhaseCtx<'_> {
     }
 
     /// The same for a look within a phase.
-    pub fn inside(&self, phase: Phase, look: &'static str) -> PhaseCtx<'_> {
+    pub fn inside<'b>(&'b self, phase: Phase, look: &'b str) -> PhaseCtx<'b> {
         PhaseCtx { phase, within: Some(look), ..*self }
     }
 

@@ -7,7 +7,7 @@
 //! use harmony_program::{Inputs, Limits, evaluate};
 //! let source = "
 //! def build(w, h, d):
-//!     oak = mat('oak', '#b98a58', map = wood(grain = 'x', seed = 1))
+//!     oak = mat('oak', '#b98a58', map = wood(seed = 1))
 //!     top = box((w, 0.03, d), bevel = 0.003, mat = oak).at(0, h - 0.03, 0)
 //!     leg = cylinder(0.02, h - 0.03, mat = oak).at(w / 2 - 0.05, 0, d / 2 - 0.05)
 //!     return group('table', top = top, legs = mirror(leg, 'xz'))

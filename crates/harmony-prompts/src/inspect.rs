@@ -58,12 +58,18 @@ pub struct InspectCandidate {
     pub estimated_size_m: Option<Size>,
     /// Furniture that it was listed on.
     pub host: Option<ObjectId>,
+    /// Whether a program is asked for next, if it is kept: then no part model is wanted.
+    #[serde(skip)]
+    pub program_follows: bool,
 }
 
 impl Display for InspectCandidate {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         let bounds = thousandths(&self.bounds, self.image);
         write!(f, "- {}: {} (\"{}\"), box {bounds}", self.id, self.label, self.phrase)?;
+        if self.program_follows {
+            write!(f, ", a program follows")?;
+        }
         self.host.as_ref().map_or(Ok(()), |host| write!(f, ", listed on {host}"))
     }
 }
@@ -258,10 +264,8 @@ impl Ask for InspectQuestion {
             Level::Decoration => include_str!("../templates/inspect_decoration.md"),
         };
         let models = if self.with_models {
-            fill(
-                include_str!("../templates/inspect_models.md"),
-                &[("templates", self.templates.join(", ")), ("guide", PART_MODEL_GUIDE.to_owned())],
-            )
+            let models = [("templates", self.templates.join(", ")), ("part_models", self.part_models())];
+            fill(include_str!("../templates/inspect_models.md"), &models)
         } else {
             "Leave `template`, `params` and `part_model` null.\n".to_owned()
         };
@@ -284,6 +288,23 @@ impl Ask for InspectQuestion {
 
     fn check(&self, answer: &InspectAnswer) -> Result<(), String> {
         answer.check(&self.candidates.iter().map(|c| c.id.to_string()).collect::<Vec<_>>())
+    }
+}
+
+impl InspectQuestion {
+    /// How to answer where no template comes near. Who gets a program needs no part model.
+    fn part_models(&self) -> String {
+        let follows = self.candidates.iter().filter(|c| c.program_follows).count();
+        let next = "Programs that model them are asked for after this";
+        let wanted = format!("write a `part_model` instead (then `template` is null):\n{PART_MODEL_GUIDE}");
+        match follows {
+            0 => format!("Where no template comes near, {wanted}"),
+            n if n == self.candidates.len() => format!("{next}: leave `part_model` null."),
+            _ => format!(
+                "{next} for those with \"a program follows\": leave their `part_model` null. Where no template comes near \
+                 another one, {wanted}"
+            ),
+        }
     }
 }
 

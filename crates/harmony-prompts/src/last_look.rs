@@ -7,7 +7,7 @@ use harmony_scene::Light;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, Serializer};
 
-use crate::question::{Ask, fill, in_range, lines};
+use crate::question::{Ask, fill, in_range, lines, tried};
 use crate::subjects::{PlacedObject, RoomSummary};
 
 /// Asks for a last look.
@@ -23,6 +23,9 @@ pub struct LastLookQuestion {
     /// What geometry and light measured, one line each.
     #[serde(skip)]
     pub findings: Vec<String>,
+    /// What was asked for in the round before and what came of it, one line each.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tried: Vec<String>,
     /// What the modelling language offers.
     #[serde(skip)]
     pub guide: String,
@@ -130,13 +133,13 @@ pub struct LastAction {
     /// Id of the object, room surface or light source.
     #[serde(default)]
     pub id: String,
-    /// Metres along room x, y, z.
+    /// How far from where it is now, metres along room x, y, z.
     #[serde(default)]
     pub delta_m: Option<[f64; 3]>,
-    /// Degrees.
+    /// Degrees from its present yaw, about its own vertical axis, counter-clockwise seen from above.
     #[serde(default)]
     pub angle_deg: Option<f64>,
-    /// Factor on size, brightness or exposure.
+    /// Factor on the present size, brightness or exposure.
     #[serde(default)]
     pub factor: Option<f64>,
     /// Slot of the object; none: its main one.
@@ -173,6 +176,7 @@ impl Ask for LastLookQuestion {
                 ("objects", lines(&self.objects)),
                 ("lights", lines(&self.lights)),
                 ("findings", lines(&self.findings)),
+                ("tried", tried(&self.tried)),
                 ("guide", self.guide.clone()),
             ],
         )

@@ -7,7 +7,7 @@ use harmony_scene::{ImageSize, ObjectId, PixelBox, Size};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::question::{Ask, bare_lines, fill};
+use crate::question::{Ask, bare_lines, fill, tried};
 use crate::subjects::{PlacedObject, RoomSummary, thousandths};
 
 /// Asks for programs.
@@ -83,6 +83,9 @@ impl Display for ToModel {
 pub struct SecondLookQuestion {
     /// What is looked at.
     pub objects: Vec<ModelledObject>,
+    /// What was asked for in the round before and what came of it, one line each.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tried: Vec<String>,
     /// What the modelling language offers.
     #[serde(skip)]
     pub guide: String,
@@ -209,7 +212,7 @@ impl Ask for SecondLookQuestion {
     fn prompt(&self) -> String {
         fill(
             include_str!("../templates/second_look.md"),
-            &[("objects", bare_lines(&self.objects)), ("guide", self.guide.clone())],
+            &[("objects", bare_lines(&self.objects)), ("tried", tried(&self.tried)), ("guide", self.guide.clone())],
         )
     }
 
@@ -228,7 +231,7 @@ impl Ask for SecondLookQuestion {
 
 /// A stool, for examples.
 const STOOL: &str = r##"def build(w=0.4, h=0.45, d=0.4):
-    oak = mat("oak", "#b98a58", rough=0.5, map=wood(grain="x", seed=1))
+    oak = mat("oak", "#b98a58", rough=0.5, map=wood(seed=1))
     seat = cylinder(w / 2, 0.03, bevel=0.006, mat=oak).at(0, h - 0.03, 0)
     leg = cylinder(0.02, h - 0.03, r2=0.014, mat=oak)
     return group("stool", seat=seat, legs=ring(leg, 4, w / 2 - 0.05))

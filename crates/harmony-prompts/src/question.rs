@@ -148,6 +148,14 @@ pub(crate) fn bare_lines<T: ToString>(items: &[T]) -> String {
     items.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
+/// What was tried in the round before and what came of it, as a paragraph of its own; nothing when there was none.
+pub(crate) fn tried(lines: &[String]) -> String {
+    if lines.is_empty() {
+        return String::new();
+    }
+    format!("\nTried in the round before, with what came of it:\n{}\n", bare_lines(lines))
+}
+
 /// Reads an answer into its type.
 fn parse<T: DeserializeOwned>(value: &Value) -> Result<T, String> {
     T::deserialize(value).map_err(|error| format!("the answer does not fit: {error}"))

@@ -6,7 +6,7 @@ use harmony_scene::{Level, ObjectId};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, Serializer};
 
-use crate::question::{Ask, fill, in_range, lines};
+use crate::question::{Ask, fill, in_range, lines, tried};
 use crate::subjects::{PlacedObject, RoomSummary};
 
 /// Asks what to change after a level is placed.
@@ -57,17 +57,17 @@ pub struct ReviewAnswer {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReviewActionKind {
-    /// By `delta_m` (x right, y up, z towards the viewer).
+    /// By `delta_m` from where it is.
     Move,
-    /// By `angle_deg`, counter-clockwise seen from above.
+    /// By `angle_deg` from its present yaw.
     Rotate,
-    /// Multiply the size by `factor` (one number, or width, height, depth).
+    /// Multiply the size by `factor`.
     Rescale,
     /// Exchange the places of `id` and `other`.
     Swap,
     /// Put it onto `other`.
     Rehost,
-    /// Place another copy of `id`'s mesh at `position_m`.
+    /// Place another copy of `id`'s mesh at `position_m`, its yaw `angle_deg`.
     Add,
     /// Take it out of the scene.
     Remove,
@@ -86,16 +86,17 @@ pub struct ReviewActionAnswer {
     /// The other object.
     #[serde(default)]
     pub other: Option<String>,
-    /// Metres.
+    /// Of a move: how far from where it is now, metres along room x (right), y (up), z (towards the viewer).
     #[serde(default)]
     pub delta_m: Option<[f64; 3]>,
-    /// Metres.
+    /// Of an added copy: its bottom centre in the room, metres; no move has it.
     #[serde(default)]
     pub position_m: Option<[f64; 3]>,
-    /// Degrees.
+    /// Of a rotation: degrees from its present yaw, about its own vertical axis, counter-clockwise seen from above. Of an
+    /// added copy: its yaw.
     #[serde(default)]
     pub angle_deg: Option<f64>,
-    /// Factors for width, height, depth.
+    /// Factors on its present width, height, depth.
     #[serde(default)]
     pub factor: Option<[f64; 3]>,
     /// Why.
@@ -115,7 +116,7 @@ impl Ask for ReviewQuestion {
                 ("objects", lines(&self.placed)),
                 ("unplaced", lines(&self.unplaced)),
                 ("findings", lines(&self.findings)),
-                ("tried", self.told()),
+                ("tried", tried(&self.tried)),
             ],
         )
     }
@@ -144,16 +145,6 @@ impl Ask for ReviewQuestion {
     /// What geometry can tell by itself, placement has settled already.
     fn without_looking(&self) -> Option<ReviewAnswer> {
         Some(ReviewAnswer { converged: true, ..ReviewAnswer::default() })
-    }
-}
-
-impl ReviewQuestion {
-    /// The round before, for the prompt; empty when there was none.
-    fn told(&self) -> String {
-        if self.tried.is_empty() {
-            return String::new();
-        }
-        format!("\nTried in the round before, with what came of it:\n{}\n", lines(&self.tried))
     }
 }
 

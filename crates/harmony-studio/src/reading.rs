@@ -36,13 +36,14 @@ type Read = fn(&str) -> Option<Question>;
 const KINDS: [(&str, Read); 12] = [
     ("You look a last time at a 3D scene", |prompt| {
         let (objects, lights, findings) = (Vec::new(), Vec::new(), Vec::new());
-        Some(LastLookQuestion { room: room(prompt)?, objects, lights, findings, guide: String::new() }.into())
+        let tried = Vec::new();
+        Some(LastLookQuestion { room: room(prompt)?, objects, lights, findings, tried, guide: String::new() }.into())
     }),
     ("You model objects of a photographed room", |prompt| {
         Some(ProgramsQuestion { room: room(prompt)?, objects: Vec::new(), guide: String::new() }.into())
     }),
     ("You look a second time at objects", |_| {
-        Some(SecondLookQuestion { objects: Vec::new(), guide: String::new() }.into())
+        Some(SecondLookQuestion { objects: Vec::new(), tried: Vec::new(), guide: String::new() }.into())
     }),
     ("STEP 5 -- PINS", |prompt| {
         let [width, height] = numbers(prompt, "IMAGE 1 is the photograph (", " pixels)")[..] else { return None };
@@ -190,6 +191,7 @@ fn candidate(line: &str) -> Option<InspectCandidate> {
         image: THOUSANDTHS,
         estimated_size_m: None,
         host: rest.split_once(", listed on ").and_then(|(_, host)| ObjectId::new(host).ok()),
+        program_follows: false,
     })
 }
 
@@ -337,6 +339,7 @@ mod tests {
                 image: THOUSANDTHS,
                 estimated_size_m: None,
                 host: (level == Level::Decoration).then(|| id("desk_01")),
+                program_follows: false,
             };
             let found = FoundObject {
                 id: id("rug_01"),
@@ -394,9 +397,16 @@ mod tests {
             LightsQuestion { lighting: dark, screens: vec![], photo_luminance: 0.0, seen: vec![] }.into(),
             LightingReviewQuestion { lighting: setup, stops: 0.0, warmth: 0.0, proposed }.into(),
             ProgramsQuestion { room: study(), objects: vec![], guide: String::new() }.into(),
-            SecondLookQuestion { objects: vec![], guide: String::new() }.into(),
-            LastLookQuestion { room: study(), objects: vec![], lights: vec![], findings: vec![], guide: String::new() }
-                .into(),
+            SecondLookQuestion { objects: vec![], tried: vec![], guide: String::new() }.into(),
+            LastLookQuestion {
+                room: study(),
+                objects: vec![],
+                lights: vec![],
+                findings: vec![],
+                tried: vec![],
+                guide: String::new(),
+            }
+            .into(),
         ] {
             assert_eq!(read_of(&whole), whole);
         }

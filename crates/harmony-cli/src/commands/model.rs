@@ -11,6 +11,7 @@ use harmony_scene::{Camera, ObjectId, Scene, SceneObject};
 use image::RgbaImage;
 use serde_json::Value;
 
+use crate::display::hinted;
 use crate::{EXIT_OK, say};
 
 /// Arguments.
@@ -43,8 +44,7 @@ pub struct Args {
 /// # Errors
 /// A folder that holds no scene, an object that has no program, a program that cannot be used.
 pub fn run(args: &Args) -> Result<u8> {
-    let scene: Scene = harmony_io::read_json(&args.run.join("scene.json"))
-        .with_context(|| format!("{} holds no readable scene.json: is it a run folder?", args.run.display()))?;
+    let scene = scene_of(&args.run)?;
     let id = ObjectId::new(&args.object).with_context(|| format!("{:?} is no object id", args.object))?;
     let Some(object) = scene.objects.iter().find(|o| o.id == id) else {
         let known: Vec<&str> = scene.objects.iter().map(|o| o.id.as_str()).collect();
@@ -99,6 +99,18 @@ pub fn run(args: &Args) -> Result<u8> {
         say!("# kept in {}; run the same `harmony reconstruct` again to place it", answer.file.display())?;
     }
     Ok(EXIT_OK)
+}
+
+/// The scene of a finished run: sizes, camera and room that programs are run with.
+fn scene_of(run: &Path) -> Result<Scene> {
+    let file = run.join("scene.json");
+    if !file.is_file() && run.join("run.json").is_file() {
+        let hint = "the same `harmony reconstruct` goes on and writes it at its end; meanwhile a program is tried by writing \
+                    it into the answer of its open question: complaint.md says what is wrong with it";
+        return Err(hinted(format!("the run {} is not finished: it has no scene.json yet", run.display()), Some(hint)));
+    }
+    harmony_io::read_json(&file)
+        .with_context(|| format!("{} holds no readable scene.json: is it a run folder?", run.display()))
 }
 
 /// The program beside the object's mesh.

@@ -86,7 +86,7 @@ mod tests {
         let photo = checks(0, [150, 40, 30]);
         let same = apart(&checks(5, [150, 40, 30]), &photo, &mask);
         let white = apart(&checks(0, [240, 240, 240]), &photo, &mask);
-        assert!(same < Some(3.0) && white > Some(20.0), "{same:?} {white:?}");
+        assert!(same < Some(FARTHER / 2.0) && white > Some(20.0), "{same:?} {white:?}");
         assert!(against(same, white).is_some() && against(white, same).is_none());
         // What the photo was like before does not have to be met better.
         assert!(against(Some(12.0), Some(16.0)).is_none() && against(None, white).is_none());

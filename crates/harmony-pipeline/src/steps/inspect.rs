@@ -1,6 +1,6 @@
 //! Verify, describe and relate all candidates of a level with one question (a few for crowded levels).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use futures::future::join_all;
@@ -10,6 +10,7 @@ use harmony_roles::Picture;
 use harmony_scene::{Level, Mask, ObjectId, Size, WarningKind};
 use image::RgbaImage;
 
+use super::programs;
 use crate::before::Before;
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{DropReason, Left, Object, SceneState};
@@ -45,9 +46,12 @@ pub async fn all(
     before: &Before,
     candidates: Vec<Object>,
 ) -> Result<Inspection, PhaseError> {
+    let programs = programs::wanted(ctx, &before.state, &candidates);
+    let modelled: BTreeSet<&ObjectId> = programs.iter().flat_map(|(_, objects)| objects).map(|o| &o.id).collect();
+    let modelled = &modelled;
     let answers = join_all(candidates.chunks(CANDIDATES_PER_QUESTION).enumerate().map(|(part, chunk)| async move {
         let name = if part == 0 { "inspect".to_owned() } else { format!("inspect_{}", part + 1) };
-        ask(ctx, level, before, chunk, &name).await
+        ask(ctx, level, before, chunk, modelled, &name).await
     }))
     .await;
     let mut inspection = Inspection::default();
@@ -135,6 +139,7 @@ async fn ask(
     level: Level,
     before: &Before,
     candidates: &[Object],
+    modelled: &BTreeSet<&ObjectId>,
     name: &str,
 ) -> Result<InspectAnswer, PhaseError> {
     let state = &before.state;
@@ -152,6 +157,7 @@ async fn ask(
                 image: state.partial.camera.size,
                 estimated_size_m: views::apparent_size(state, c),
                 host: c.host_hint.clone(),
+                program_follows: modelled.contains(&c.id),
             })
             .collect(),
         placed: before.objects(),

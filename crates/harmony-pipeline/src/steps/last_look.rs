@@ -13,7 +13,7 @@ use harmony_roles::Picture;
 use harmony_scene::{ImageSize, Lighting, ObjectId, Surface, WarningKind};
 use harmony_shape::material::kelvin_to_rgb;
 use image::{RgbImage, RgbaImage};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::programs::Program;
 use super::second_look::Tried;
@@ -35,35 +35,38 @@ pub async fn until_settled(
     state: &mut SceneState,
     mut lit: Option<LitPictures>,
 ) -> Result<Option<LitPictures>, PhaseError> {
+    let mut tried = Vec::new();
     for round in 1..=ctx.settings.lighting.last_looks {
         let name = format!("last_look_{round}");
         if !ctx.is_looked_at(&name) || state.partial.placed.is_empty() {
             break;
         }
         ctx.step(&format!("last look {round}"));
-        let answer = ask(ctx, state, lit.as_ref(), &name).await?;
+        let answer = ask(ctx, state, lit.as_ref(), &name, std::mem::take(&mut tried)).await?;
         let mut results = Vec::new();
         let mut changed = false;
         let mut wished = state.lighting.clone();
         let mut relit = Vec::new();
         for action in &answer.actions {
             match try_action(ctx, state, action).await? {
-                Some((result, kept)) => {
+                Some((kept, reason)) => {
                     changed |= kept;
-                    results.push(result);
+                    tried.push(in_words(&[action], kept, &reason));
+                    results.push(json!({ "asked": action, "kept": kept, "reason": reason }));
                 }
                 None => relit.push(action),
             }
         }
         if changed && lit.is_some() {
-            lit = relight(ctx, state).await?.or(lit);
+            let after = format!("after_{name}");
+            lit = relight(&ctx.inside(ctx.phase, &after), state).await?.or(lit);
             wished.clone_from(&state.lighting);
         }
-        if let (Some(before), Some(mut tried), false) = (&lit, wished, relit.is_empty()) {
+        if let (Some(before), Some(mut other), false) = (&lit, wished, relit.is_empty()) {
             for action in &relit {
-                dim(&mut tried, action);
+                dim(&mut other, action);
             }
-            let outcome = retouch(ctx, state, tried, before).await?;
+            let outcome = retouch(ctx, state, other, before).await?;
             let kept = matches!(&outcome, Some((Judgement::Keep, _)));
             let reason = match &outcome {
                 Some((Judgement::Refuse { reason }, _)) => reason.clone(),
@@ -73,6 +76,7 @@ pub async fn until_settled(
             if !kept {
                 ctx.warn(WarningKind::ActionRefused, None, format!("another light was proposed and refused: {reason}"));
             }
+            tried.push(in_words(&relit, kept, &reason));
             results.push(json!({ "asked": relit, "kept": kept, "reason": reason }));
             changed |= kept;
             if let Some((_, pictures)) = outcome {
@@ -88,6 +92,22 @@ pub async fn until_settled(
         }
     }
     Ok(lit)
+}
+
+/// Actions that were tried together, and what came of them, for the next round's question.
+fn in_words(actions: &[&LastAction], kept: bool, reason: &str) -> String {
+    let asked = actions.iter().map(|a| {
+        let mut words = format!("{} {}", json!(a.action).as_str().unwrap_or_default(), a.id).trim_end().to_owned();
+        words.extend(a.slot.iter().map(|slot| format!(" {slot}")));
+        words.extend(a.delta_m.iter().map(|[x, y, z]| format!(" by ({x:.2}, {y:.2}, {z:.2}) m")));
+        words.extend(a.angle_deg.iter().map(|deg| format!(" by {deg:.0} degrees")));
+        words.extend(a.factor.iter().map(|factor| format!(" by the factor {factor:.2}")));
+        words.extend(a.color_hex.iter().map(|color| format!(" to {color}")));
+        words.extend(a.kelvin.iter().map(|kelvin| format!(" to {kelvin:.0} K")));
+        words
+    });
+    let came = if kept { "kept" } else { "refused" };
+    format!("- {}: {came}, {reason}", asked.collect::<Vec<_>>().join(" and "))
 }
 
 /// What an action wishes of the light.
@@ -112,6 +132,7 @@ async fn ask(
     state: &SceneState,
     lit: Option<&LitPictures>,
     name: &str,
+    tried: Vec<String>,
 ) -> Result<LastLookAnswer, PhaseError> {
     let objects = state.partial.placed.iter().map(|p| PaintedObject {
         object: views::placed_object(p),
@@ -122,6 +143,7 @@ async fn ask(
         objects: objects.collect(),
         lights: state.lighting.iter().flat_map(|l| &l.lights).cloned().map(ListedLight).collect(),
         findings: findings(state, lit.is_some()),
+        tried,
         guide: GUIDE.to_owned(),
     };
     let (shown, lit) = (state.clone(), lit.cloned());
@@ -184,7 +206,7 @@ const FEW_PIXELS: usize = 40;
 /// Factors on a colour channel are kept within this and its inverse.
 const LARGEST_FACTOR: f32 = 6.0;
 
-/// Tries an action on objects or room surfaces; tells what came of it and whether the scene changed.
+/// Tries an action on objects or room surfaces; tells whether it stays, and why.
 ///
 /// Actions on light are the caller's: they give `None`.
 ///
@@ -194,8 +216,8 @@ async fn try_action(
     ctx: &PhaseCtx<'_>,
     state: &mut SceneState,
     action: &LastAction,
-) -> Result<Option<(Value, bool)>, PhaseError> {
-    let told = |kept: bool, reason: String| Some((json!({ "asked": action, "kept": kept, "reason": reason }), kept));
+) -> Result<Option<(bool, String)>, PhaseError> {
+    let told = |kept: bool, reason: String| Some((kept, reason));
     let object = ObjectId::new(&action.id).ok();
     let pose = |object: ObjectId| match action.action {
         LastActionKind::Move => Some(ReviewAction::Move { object, by_m: action.delta_m? }),
@@ -414,6 +436,21 @@ mod tests {
         let (slot, factor) = recoloring(&mesh, Some("seat"), [0.25; 3]).unwrap();
         let changed = recolored(&mesh, slot, factor);
         assert!((changed.materials[0].base_color[0] - 0.5).abs() < 1e-3);
+    }
+
+    #[test]
+    fn actions_are_told_with_their_numbers_and_what_came_of_them() {
+        let mut shade = LastAction::about(LastActionKind::Recolor, "lamp_01");
+        (shade.slot, shade.color_hex) = (Some("shade".into()), Some("#e0d0b0".into()));
+        assert_eq!(in_words(&[&shade], true, "it fits"), "- recolor lamp_01 shade to #e0d0b0: kept, it fits");
+        let mut lamp = LastAction::about(LastActionKind::Light, "lamp_01");
+        (lamp.factor, lamp.kelvin) = (Some(1.5), Some(2700.0));
+        let mut all = LastAction::about(LastActionKind::Exposure, "");
+        all.factor = Some(0.5);
+        assert_eq!(
+            in_words(&[&lamp, &all], false, "it is too dark"),
+            "- light lamp_01 by the factor 1.50 to 2700 K and exposure by the factor 0.50: refused, it is too dark"
+        );
     }
 
     #[test]

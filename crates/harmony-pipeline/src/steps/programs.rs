@@ -178,24 +178,31 @@ pub async fn ask(
     state: &Arc<SceneState>,
     objects: &[Object],
 ) -> Result<BTreeMap<ObjectId, Program>, PhaseError> {
-    let settings = ctx.settings.programs;
+    let wanted = wanted(ctx, state, objects);
+    let answers = join_all(wanted.iter().map(|(name, chunk)| ask_for(ctx, state, chunk, name))).await;
     let mut found = BTreeMap::new();
-    if ctx.can().makes_shapes || settings.most_objects == 0 {
-        return Ok(found);
-    }
-    let smallest = settings.smallest_share * state.photo.width() as f64 * f64::from(state.photo.height());
-    let mut wanted: Vec<&Object> = objects.iter().filter(|o| o.mask.count() as f64 >= smallest).collect();
-    wanted.sort_by_key(|o| (std::cmp::Reverse(o.mask.count()), o.id.clone()));
-    wanted.truncate(settings.most_objects);
-    let answers = join_all(wanted.chunks(settings.objects_per_question).enumerate().map(|(part, chunk)| {
-        let name = if part == 0 { "programs".to_owned() } else { format!("programs_{}", part + 1) };
-        async move { if ctx.is_looked_at(&name) { ask_for(ctx, state, chunk, &name).await } else { Ok(Vec::new()) } }
-    }))
-    .await;
     for answer in answers {
         found.extend(answer?);
     }
     Ok(found)
+}
+
+/// The questions for programs, by name, with the objects of each: those that matter, the largest in the photo first.
+pub fn wanted<'o>(ctx: &PhaseCtx<'_>, state: &SceneState, objects: &'o [Object]) -> Vec<(String, Vec<&'o Object>)> {
+    let settings = ctx.settings.programs;
+    if ctx.can().makes_shapes || settings.most_objects == 0 {
+        return Vec::new();
+    }
+    let smallest = settings.smallest_share * f64::from(state.photo.width()) * f64::from(state.photo.height());
+    let mut wanted: Vec<&Object> = objects.iter().filter(|o| o.mask.count() as f64 >= smallest).collect();
+    wanted.sort_by_key(|o| (std::cmp::Reverse(o.mask.count()), o.id.clone()));
+    wanted.truncate(settings.most_objects);
+    let chunks = wanted.chunks(settings.objects_per_question).enumerate();
+    let named = chunks.map(|(part, chunk)| {
+        let name = if part == 0 { "programs".to_owned() } else { format!("programs_{}", part + 1) };
+        (name, chunk.to_vec())
+    });
+    named.filter(|(name, _)| ctx.is_looked_at(name)).collect()
 }
 
 async fn ask_for(

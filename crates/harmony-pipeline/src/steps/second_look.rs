@@ -31,6 +31,7 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
     if ctx.can().makes_shapes {
         return Ok(());
     }
+    let mut tried = Vec::new();
     for round in 1..=ctx.settings.programs.second_looks {
         let name = format!("second_look_{round}");
         let chosen = worth_a_look(ctx, level, state);
@@ -38,12 +39,14 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
             return Ok(());
         }
         ctx.step(&format!("second look {round}"));
-        let answer = ask(ctx, state, &chosen, &name).await?;
+        let answer = ask(ctx, state, &chosen, &name, std::mem::take(&mut tried)).await?;
         let mut results = Vec::new();
         let mut kept = 0;
         for object in answer.objects.iter().filter(|o| o.verdict == LookVerdict::Change) {
-            let (result, changed) = try_change(ctx, state, object).await?;
-            kept += usize::from(changed);
+            let (result, refused) = try_change(ctx, state, object).await?;
+            kept += usize::from(refused.is_none());
+            let came = refused.map_or("kept".to_owned(), |reason| format!("refused, {reason}"));
+            tried.push(format!("- another program of {}: {came}", object.id));
             results.push(result);
         }
         ctx.write_json(&format!("{name}.json"), &json!({ "objects": answer.objects, "tried": results }))?;
@@ -77,6 +80,7 @@ async fn ask(
     state: &SceneState,
     chosen: &[usize],
     name: &str,
+    tried: Vec<String>,
 ) -> Result<SecondLookAnswer, PhaseError> {
     let placed = |i: &usize| &state.partial.placed[*i];
     let objects = chosen.iter().map(|i| {
@@ -87,7 +91,7 @@ async fn ask(
             program: object.and_then(Object::program).map(|p| p.source.clone()),
         }
     });
-    let question = SecondLookQuestion { objects: objects.collect(), guide: GUIDE.to_owned() };
+    let question = SecondLookQuestion { objects: objects.collect(), tried, guide: GUIDE.to_owned() };
     let (shown, rows) = (state.clone(), chosen.to_vec());
     let sheet = ctx.computed(move || sheet(&shown, &rows)).await?;
     let pictures = vec![Picture { caption: "IMAGE 1: the rows".into(), image: Arc::new(sheet) }];
@@ -124,19 +128,22 @@ fn sheet(state: &SceneState, rows: &[usize]) -> RgbImage {
     contact_sheet(&cells, 5, CELL)
 }
 
-/// Tries one corrected program; tells what came of it and whether it stays.
+/// Tries one corrected program; what came of it, and why it does not stay, if so.
 async fn try_change(
     ctx: &PhaseCtx<'_>,
     state: &mut SceneState,
     object: &LookedAt,
-) -> Result<(Value, bool), PhaseError> {
-    let refused = |reason: String| (json!({ "id": object.id, "kept": false, "reason": reason }), false);
+) -> Result<(Value, Option<String>), PhaseError> {
+    let refused = |reason: String| (json!({ "id": object.id, "kept": false, "reason": &reason }), Some(reason));
     let (Ok(id), Some(program)) = (ObjectId::new(&object.id), program_of(object)) else {
         return Ok(refused("it says too little to be tried".to_owned()));
     };
     let tried = try_program(ctx, state, &id, program).await?;
     Ok(match tried {
-        Ok(tried) => (json!({ "id": object.id, "kept": tried.verdict.kept, "tried": tried }), tried.verdict.kept),
+        Ok(tried) => {
+            let record = json!({ "id": object.id, "kept": tried.verdict.kept, "tried": &tried });
+            (record, (!tried.verdict.kept).then_some(tried.verdict.reason))
+        }
         Err(reason) => refused(reason),
     })
 }

@@ -117,10 +117,16 @@ impl Question {
         Ok(bytes.ok().map(|bytes| hash_of(&bytes)))
     }
 
-    /// Says that the answer was taken.
-    pub fn accept(&self) -> Result<(), QuestionError> {
+    /// Says that the answer has the right form; what it says is for whoever asked to judge.
+    pub fn accept(&self, name: &str) -> Result<(), QuestionError> {
         self.remove("complaint.md")?;
-        Ok(write_atomic(&self.folder.join("accepted"), b"The answer was accepted; nothing is left to do here.\n")?)
+        let phase = name.split('/').next().unwrap_or(name);
+        let text = format!(
+            "The form of the answer is right, and it was taken.\n\nIt is tried next. If something in it does not work, this \
+             file gives way to complaint.md, and the\nquestion waits again. What was kept and what was refused, with the \
+             reasons, stands in the run folder:\nreport.html and the JSON files of {phase}/.\n"
+        );
+        Ok(write_atomic(&self.folder.join("accepted"), text.as_bytes())?)
     }
 
     fn remove(&self, file: &str) -> Result<(), QuestionError> {

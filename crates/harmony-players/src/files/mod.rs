@@ -6,7 +6,7 @@
 //!                                image_1_*.png  schema.json  example.json
 //!                                answer.json    <- written by whoever answers
 //!                                complaint.md   what is wrong with it, if something is
-//!                                accepted       the answer was taken
+//!                                accepted       its form is right; what it says is tried after that
 //! ```
 //!
 //! An answer is judged as soon as it is written. A file that cannot be read yet is given time: whoever writes it may be
@@ -51,7 +51,7 @@ pub enum FilesEvent {
         /// What is wrong.
         complaint: String,
     },
-    /// An answer was accepted.
+    /// The form of an answer was accepted.
     Accepted {
         /// Call name.
         name: String,
@@ -160,7 +160,7 @@ impl FilesPlayer {
             match question.look(judged.as_deref(), &request.schema).map_err(|error| self.disk(error))? {
                 Look::Nothing => {}
                 Look::Answer(value, raw) => {
-                    question.accept().map_err(|error| self.disk(error))?;
+                    question.accept(&request.name).map_err(|error| self.disk(error))?;
                     return Ok(VlmAnswer { value, raw, usage: Usage::default() });
                 }
                 Look::Passed(reason) => {

@@ -166,6 +166,7 @@ async fn inspection_keeps_every_candidate_with_a_plausible_size_in_the_order_fro
         image: SIZE,
         estimated_size_m,
         host,
+        program_follows: false,
     };
     let huge = Size { width: 90.0, height: 900.0, depth: 0.0 };
     let near = PixelBox { x0: 70.0, y0: 60.0, x1: 80.0, y1: 90.0 };

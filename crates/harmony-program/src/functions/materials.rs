@@ -186,7 +186,7 @@ fn sized<'v>(c: &mut Call<'v, '_>, kind: PatternKind) -> Outcome<'v> {
         }
     }
     match c.given("grain") {
-        // Direction of the grain on the part: along its x, y or z, or its longest side.
+        // Told by programs of old, and kept as it is told: grain follows the longest side of each part.
         Some(_) if kind == PatternKind::Wood => {
             c.word("grain", &["x", "y", "z", "length", "u", "v"], "y")?.clone_into(&mut pattern.variant);
         }
@@ -243,10 +243,10 @@ fn layered<'v>(c: &mut Call<'v, '_>, kind: PatternKind) -> Outcome<'v> {
     let mut pattern = Pattern::new(kind);
     if kind == PatternKind::Over {
         pattern.layers = vec![pattern_of(c, "a")?, pattern_of(c, "b")?];
-        // A share of coverage, or a third pattern whose height is the mask.
+        // How opaque the first is, or a third pattern: the first where it is white, the second where it is black.
         match c.given("mask").and_then(Thing::from_value).map(|t| &t.kind) {
             Some(Kind::Pattern(mask)) => {
-                pattern.amount = 0.5;
+                pattern.amount = 1.0;
                 pattern.layers.push((**mask).clone());
             }
             _ => pattern.amount = c.number("mask", 0.5, SHARE)?,

@@ -91,6 +91,19 @@ fn no_place_of_a_template_is_left_open() {
     }
 }
 
+#[test]
+fn no_part_model_is_asked_of_whom_a_program_is_asked_for_next() {
+    let (_, question) = questions()
+        .into_iter()
+        .find(|(_, question)| matches!(question, Question::Inspect(inspect) if inspect.with_models))
+        .unwrap();
+    let Question::Inspect(mut inspect) = question else { panic!("candidates are inspected") };
+    assert!(inspect.prompt().contains(harmony_mesh::PART_MODEL_GUIDE), "one of the two has no program");
+    inspect.candidates.iter_mut().for_each(|candidate| candidate.program_follows = true);
+    let prompt = inspect.prompt();
+    assert!(!prompt.contains(harmony_mesh::PART_MODEL_GUIDE) && prompt.contains("leave `part_model` null"), "{prompt}");
+}
+
 /// Text of the user's photo, such as a label that a detector read, is not taken for a place of the template.
 #[test]
 fn braces_in_a_description_do_no_harm() {

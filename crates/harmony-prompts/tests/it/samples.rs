@@ -100,6 +100,7 @@ fn inspect(level: Level, with_models: bool) -> Question {
         image: PHOTO,
         estimated_size_m: host.is_none().then(|| size(0.6, 0.9, 0.0)),
         host,
+        program_follows: with_models && name == "chair_01",
     };
     let found = FoundObject {
         id: id("rug_01"),
@@ -165,7 +166,7 @@ pub fn questions() -> Vec<(String, Question)> {
     let painted = scene().into_iter().map(|object| PaintedObject { object, slots: vec!["oak".into(), "steel".into()] });
     let finding = "- desk_01: outline agreement 0.51, penetration 30 mm".to_owned();
     let measured = LightingDelta { verdict: LightingVerdict::Adjust, ..LightingDelta::default() };
-    let further: [(&str, Question); 19] = [
+    let further: [(&str, Question); 21] = [
         ("completed", CompletedQuestion { objects: named() }.into()),
         ("front", FrontsQuestion { objects: named() }.into()),
         ("orient", OrientQuestion { objects: named() }.into()),
@@ -263,6 +264,16 @@ pub fn questions() -> Vec<(String, Question)> {
                     modelled(scene().remove(1), None),
                     modelled(scene().remove(3), Some("def build(w, h, d):\n    return box(w, h, d)\n")),
                 ],
+                tried: vec![],
+                guide: "(the guide)".into(),
+            }
+            .into(),
+        ),
+        (
+            "second_look after another",
+            SecondLookQuestion {
+                objects: vec![modelled(scene().remove(1), None)],
+                tried: vec!["- another program of desk_01: kept".into()],
                 guide: "(the guide)".into(),
             }
             .into(),
@@ -324,6 +335,19 @@ pub fn questions() -> Vec<(String, Question)> {
                 objects: painted.collect(),
                 lights: lighting().lights.into_iter().map(ListedLight).collect(),
                 findings: vec![finding],
+                tried: vec![],
+                guide: "(the guide)".into(),
+            }
+            .into(),
+        ),
+        (
+            "last_look after another",
+            LastLookQuestion {
+                room: room(),
+                objects: vec![],
+                lights: vec![],
+                findings: vec![],
+                tried: vec!["- light lamp_01, factor 1.50: refused, it agrees less with the photo".into()],
                 guide: "(the guide)".into(),
             }
             .into(),

@@ -6,7 +6,7 @@ use harmony_mesh::Tile;
 use image::{Rgb as Pixel, RgbImage, Rgba, RgbaImage};
 use rayon::prelude::*;
 
-use super::color::{bytes_of, linear_hex, linear_of};
+use super::color::{bytes_of, linear_hex, linear_of, luminance};
 use super::noise::{hash, lerp};
 use super::plan::{self, Plan, amount};
 use super::space::{Paint, Rgb, Sample, Space, mix, tinted};
@@ -85,10 +85,10 @@ fn placed(space: &Space, p: &Pattern, quarter: i32) -> Paint {
     })
 }
 
-/// The first layer over the last one, by its cover and `amount`.
+/// The first layer over the second, by its cover and `amount`; where there is a third, as far as that one is white.
 fn over(space: &Space, p: &Pattern) -> Paint {
     let layer = |q: &Pattern| placed(space, q, (q.turn_deg / 90.0).round().rem_euclid(4.0) as i32);
-    let Some(below) = p.layers.last().map(layer) else {
+    let Some(below) = p.below().map(layer) else {
         let flat = space.slot;
         return Box::new(move |_, _| Sample::flat(flat));
     };
@@ -96,10 +96,16 @@ fn over(space: &Space, p: &Pattern) -> Paint {
         return below;
     }
     let above = layer(&p.layers[0]);
+    let white = Space { slot: [1.0; 3], ..*space };
+    let mask = p.layers.get(2).map(|q| placed(&white, q, (q.turn_deg / 90.0).round().rem_euclid(4.0) as i32));
     let opacity = amount(p, 1.0);
     Box::new(move |u, v| {
         let (a, b) = (above(u, v), below(u, v));
-        let t = (a.cover * opacity).clamp(0.0, 1.0);
+        let shown = mask.as_ref().map_or(1.0, |mask| {
+            let m = mask(u, v);
+            m.cover * luminance(m.color)
+        });
+        let t = (a.cover * opacity * shown).clamp(0.0, 1.0);
         Sample {
             height: b.height + a.height * t,
             color: mix(b.color, a.color, t),
@@ -190,7 +196,7 @@ pub(super) fn field(p: &Pattern, slot: Rgb, texel: Option<f64>) -> Field {
 
 /// The odd turn of the pattern at the bottom of a pattern of patterns, degrees: it becomes the whole tile's.
 fn base_turn(p: &Pattern) -> f64 {
-    let Some(below) = p.layers.last() else { return 0.0 };
+    let Some(below) = p.below() else { return 0.0 };
     let own = if below.turn_deg.is_finite() { below.turn_deg } else { 0.0 };
     if quarters(own).is_some() { 0.0 } else { own - (own / 90.0).round() * 90.0 }
 }

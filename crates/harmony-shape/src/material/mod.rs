@@ -164,7 +164,8 @@ pub struct Pattern {
     /// Another arrangement of the same kind.
     #[serde(default)]
     pub seed: u32,
-    /// Patterns below, for `over` (first on top of second) and `tint`.
+    /// Patterns below, for `over` (first on top of second, a third being the mask: the first where it is white, the second
+    /// where it is black) and `tint`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub layers: Vec<Pattern>,
     /// Outline of a motif, metres.
@@ -177,6 +178,11 @@ fn is_unset(offset: &[f64; 2]) -> bool {
 }
 
 impl Pattern {
+    /// What lies below in a pattern of patterns.
+    fn below(&self) -> Option<&Self> {
+        self.layers.get(1).or(self.layers.first())
+    }
+
     /// A pattern with everything as is usual for its kind.
     pub fn new(kind: PatternKind) -> Self {
         Self {

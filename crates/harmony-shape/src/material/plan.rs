@@ -337,13 +337,15 @@ pub(super) fn plan(p: &Pattern, texel: Option<f64>) -> Plan {
 }
 
 fn tile_size(p: &Pattern, texel: Option<f64>) -> ([f64; 2], f64) {
-    if let (K::Over | K::Tint, Some(below)) = (p.kind, p.layers.last()) {
+    if let (K::Over | K::Tint, Some(below)) = (p.kind, p.below()) {
         let (mut size, own) = tile_size(below, texel);
-        if p.kind == K::Over && p.layers.len() > 1 {
-            // What lies above needs some repeats too: the tile below is repeated.
-            let (above, _) = tile_size(&p.layers[0], texel);
-            for (s, a) in size.iter_mut().zip(above) {
-                *s *= (a / *s).round().max(1.0);
+        if p.kind == K::Over {
+            // What lies above, and the mask, need some repeats too: the tile below is repeated.
+            for other in p.layers.first().into_iter().chain(p.layers.get(2)) {
+                let (own, _) = tile_size(other, texel);
+                for (s, a) in size.iter_mut().zip(own) {
+                    *s *= (a / *s).round().max(1.0);
+                }
             }
         }
         // Relief below stays resolved as far as the largest image allows.

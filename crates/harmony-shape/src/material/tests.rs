@@ -186,6 +186,22 @@ fn planks_are_as_wide_as_they_should_be() {
 }
 
 #[test]
+fn a_mask_shows_the_first_pattern_where_it_is_white_and_the_second_where_it_is_black() {
+    let plain = |color: &str| pattern(PatternKind::Checks, "", &[color, color]);
+    let mask = pattern(PatternKind::Stripes, "", &["#ffffff", "#000000"]);
+    let layers = vec![plain("#c02020"), plain("#2020c0"), mask];
+    let s = spec(Pattern { layers, ..Pattern::new(PatternKind::Over) }, "#704070");
+    let tile = bake_tile(&s, None);
+    // Stripes of 5 cm side by side: the middles of the first two.
+    let at = |metres: f32| {
+        let x = metres / tile.size[0] * tile.color.width() as f32;
+        tile.color.get_pixel(x as u32, 3).0
+    };
+    let ([r, _, b, _], [r2, _, b2, _]) = (at(0.025), at(0.075));
+    assert!(r > b.saturating_add(60) && b2 > r2.saturating_add(60), "{:?} {:?}", at(0.025), at(0.075));
+}
+
+#[test]
 fn an_odd_turn_is_the_coordinates() {
     let mut p = pattern(PatternKind::Stripes, "", &[]);
     p.turn_deg = 30.0;

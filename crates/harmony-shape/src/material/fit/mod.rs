@@ -64,10 +64,10 @@ pub fn fit_evidence(hint: &Pattern, seen: &RgbaImage, px_per_m: f64) -> PatternF
         K::Corrugated => prints::waves(&mut fit, &view),
         // Patterns of patterns: what lies below is what most pixels show.
         K::Over => {
-            if let Some(below) = hint.layers.last() {
+            if let Some(below) = hint.below() {
                 let lower = fit_evidence(below, seen, px_per_m);
-                let last = fit.pattern.layers.len() - 1;
-                fit.pattern.layers[last] = lower.pattern.clone();
+                let at = (fit.pattern.layers.len() - 1).min(1);
+                fit.pattern.layers[at] = lower.pattern.clone();
                 return PatternFit { pattern: fit.pattern, ..lower };
             }
         }
