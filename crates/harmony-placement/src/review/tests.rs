@@ -44,7 +44,8 @@ fn a_better_shape_is_not_judged_by_the_size_that_was_fitted_to_the_old_one() {
         support: Support::Floor,
         evidence: Evidence::default(),
     });
-    add(&mut scene, "vase", Vec3::new(0.1, 0.2, 0.1), wrong.position + Vec3::Y * 0.6, |vase| {
+    add(&mut scene, "vase", Vec3::new(0.1, 0.2, 0.1), at + Vec3::Y * 0.7, |vase| {
+        vase.pose.position = wrong.position + Vec3::Y * 0.6;
         vase.support = Support::Object { id: object.clone() };
     });
     // The program is called with the size that the block was given.
@@ -54,7 +55,7 @@ fn a_better_shape_is_not_judged_by_the_size_that_was_fitted_to_the_old_one() {
     let fitted = fit_shape(&scene, &object, small, &settings).unwrap();
     let verdict = judge(&scene, &fitted, &settings);
     assert!(verdict.kept && verdict.energy_change < there.energy_change, "{verdict:?} against {there:?}");
-    assert!(verdict.iou_after > 0.9 && there.iou_after < 0.7, "{} {}", verdict.iou_after, there.iou_after);
+    assert!(verdict.iou_after > 0.75 && there.iou_after < 0.3, "{} {}", verdict.iou_after, there.iou_after);
     let (stool, vase) = (&fitted.scene.placed[0], &fitted.scene.placed[1]);
     assert!((vase.pose.position.y - stool.size().height).abs() < 1e-6, "{:?}", vase.pose);
     let beside = vase.pose.position - stool.pose.position;
