@@ -12,6 +12,8 @@ use crate::tree::FuzzKind;
 
 /// Most triangles of the hairs.
 pub(super) const MAX_TRIANGLES: usize = 60_000;
+/// Half width of a hair against its length, at most: what lies below has the hair's colour, and thick hair looks like dough.
+const THIN: f64 = 0.06;
 
 /// The hairs of a piece, without the piece itself; at most 60 000 triangles.
 ///
@@ -36,7 +38,7 @@ pub fn fuzz(child: &Piece, kind: FuzzKind, length: f64, density: f64, seed: u32)
         FuzzKind::Pile => (6, 60_000.0, 0.55),
         FuzzKind::Terry => (18, 90_000.0, 0.5),
         FuzzKind::Boucle => (36, 14_000.0, 0.62),
-        FuzzKind::Fur => (18, 40_000.0, 0.45),
+        FuzzKind::Fur => (12, 40_000.0, 0.45),
     };
     let most = MAX_TRIANGLES / cost;
     let count = ((area * many * density.clamp(0.02, 1.0)) as usize).clamp(1, most);
@@ -74,7 +76,7 @@ pub fn fuzz(child: &Piece, kind: FuzzKind, length: f64, density: f64, seed: u32)
             }
             FuzzKind::Fur => {
                 let from = piece.positions.len();
-                blade(&mut piece, at, normal, lay, long, r * 0.6);
+                blade(&mut piece, at, normal, lay, long, r.min(THIN * long) * 0.6);
                 soften(&mut piece, from, normal);
             }
         }
@@ -103,13 +105,8 @@ fn arch(piece: &mut Piece, at: DVec3, normal: DVec3, lay: DVec3, height: f64, r:
 
 /// A hair that rises and lies over.
 fn blade(piece: &mut Piece, at: DVec3, normal: DVec3, lay: DVec3, length: f64, r: f64) {
-    let path = [
-        at,
-        at + (normal * 0.40 + lay * 0.22) * length,
-        at + (normal * 0.50 + lay * 0.55) * length,
-        at + (normal * 0.42 + lay * 0.82) * length,
-    ];
-    strand(piece, &path, &[r, r, 0.7 * r, 0.05 * r], normal.cross(lay), normal);
+    let path = [at, at + (normal * 0.46 + lay * 0.36) * length, at + (normal * 0.42 + lay * 0.82) * length];
+    strand(piece, &path, &[r, 0.8 * r, 0.05 * r], normal.cross(lay), normal);
 }
 
 /// A flat strand along a path with a ridge on its outer side; closed around, so that no renderer sees its inside, where
