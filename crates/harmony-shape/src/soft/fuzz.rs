@@ -18,7 +18,7 @@ const THIN: f64 = 0.06;
 /// The hairs of a piece, without the piece itself; at most 60 000 triangles.
 ///
 /// `length` of the hairs; `density` 0 to 1 of what the kind would have. Where the surface is large there are fewer and
-/// thicker hairs, so that it stays covered.
+/// thicker hairs, so that it stays covered; fur stays thin, and the piece shows between its hairs.
 pub fn fuzz(child: &Piece, kind: FuzzKind, length: f64, density: f64, seed: u32) -> Piece {
     let mut piece = Piece::default();
     let length = length.clamp(0.0005, 0.3);
