@@ -11,7 +11,7 @@ use image::{Rgba, RgbaImage};
 
 use super::base::{self, Base, Color, Smoothing};
 use super::lattice::{Lattice, Ratios};
-use super::{LEAST_OBSERVED, opaque, quilt, without_odd_islands};
+use super::{LEAST_OBSERVED, opaque, quilt, scatter, without_odd_islands};
 use crate::distance::distance_to;
 use crate::noise::Random;
 
@@ -21,8 +21,10 @@ const CELL: f64 = 0.07;
 const MOST_CELLS: usize = 72;
 /// Blur of the field, metres; at least the pattern's period.
 const BLUR: f64 = 0.16;
-/// Distance in which the field settles, metres.
-const SETTLING: f64 = 0.5;
+/// Distance in which the field settles, metres: light changes over a room, not at the edge of what was seen of it.
+const SETTLING: f64 = 1.5;
+/// How far the light of a surface of which little was seen is believed, metres.
+const LITTLE_REACH: f64 = 0.5;
 /// Soft border between photo and material, metres.
 const FEATHER: f64 = 0.03;
 /// Alpha from which a texel is kept; less than that, and 128 or more, tells the light only.
@@ -71,6 +73,8 @@ pub struct Look {
 struct Tile {
     side: usize,
     ratios: Vec<Color>,
+    /// Whether it can be laid without a repeat.
+    is_noise: bool,
 }
 
 /// A partly seen surface taken apart.
@@ -152,7 +156,14 @@ impl Look {
 }
 
 impl Tile {
+    fn of(side: usize, ratios: Vec<Color>) -> Self {
+        Self { side, is_noise: scatter::is_noise(&ratios, side), ratios }
+    }
+
     fn at(&self, x: u32, y: u32) -> Color {
+        if self.is_noise {
+            return scatter::at(&self.ratios, self.side, x, y);
+        }
         self.ratios[y as usize % self.side * self.side + x as usize % self.side]
     }
 
@@ -160,7 +171,7 @@ impl Tile {
         let mut random = Random::new(seed);
         let side = 128;
         let ratios = (0..side * side).map(|_| [1.0 + (random.unit() + random.unit() - 1.0) * 2.4 * USUAL_GRAIN; 3]);
-        Self { side, ratios: ratios.collect() }
+        Self::of(side, ratios.collect())
     }
 
     /// Quilted from the ratios that are left, of sharp places when there are enough.
@@ -173,7 +184,7 @@ impl Tile {
             for observed in [&best, &known] {
                 let sample = quilt::Sample { width, height, colors: &colors, observed };
                 if let Some(tile) = quilt::quilt(&sample, side, seed) {
-                    return Self { side, ratios: even(&tile, side, grain) };
+                    return Self::of(side, even(&tile, side, grain));
                 }
             }
         }
@@ -268,7 +279,7 @@ impl Survey {
             pattern = Some(again.unwrap_or(lattice));
             field = Base::smooth(&without_pattern(&known, pattern.as_ref()), &smoothing)?;
         }
-        let look = Look { color: field.median, pattern, tile: Tile { side: 1, ratios: vec![[1.0; 3]] } };
+        let look = Look { color: field.median, pattern, tile: Tile::of(1, vec![[1.0; 3]]) };
         let [lowest, highest] = if grain == Grain::Fine { FINE_RANGE } else { COARSE_RANGE };
         let rest: Vec<Option<Color>> = kept(&known, ratios(&known, |x, y| look.times(x, y, field.at(x, y))))
             .into_iter()
@@ -335,7 +346,7 @@ impl Survey {
 
     /// What was seen, in another material: for a surface of which too little was seen to tell its own.
     pub fn complete_in(&self, look: &Look) -> RgbaImage {
-        let reach = (SETTLING * self.px_per_m) as f32;
+        let reach = (LITTLE_REACH * self.px_per_m) as f32;
         self.completed(|x, y, away| {
             // Towards the little that was seen the light is the one seen there.
             let near = 1.0 - smoothstep(away / reach);

@@ -10,6 +10,7 @@ mod detail;
 mod lattice;
 mod look;
 mod quilt;
+mod scatter;
 
 use harmony_scene::ImageSize;
 use image::{Rgba, RgbaImage};

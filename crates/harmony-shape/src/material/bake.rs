@@ -85,19 +85,23 @@ fn placed(space: &Space, p: &Pattern, quarter: i32) -> Paint {
     })
 }
 
+/// A layer, turned to its nearest quarter.
+fn layer(space: &Space, p: &Pattern) -> Paint {
+    placed(space, p, (p.turn_deg / 90.0).round().rem_euclid(4.0) as i32)
+}
+
 /// The first layer over the second, by its cover and `amount`; where there is a third, as far as that one is white.
 fn over(space: &Space, p: &Pattern) -> Paint {
-    let layer = |q: &Pattern| placed(space, q, (q.turn_deg / 90.0).round().rem_euclid(4.0) as i32);
-    let Some(below) = p.below().map(layer) else {
+    let Some(below) = p.below().map(|q| layer(space, q)) else {
         let flat = space.slot;
         return Box::new(move |_, _| Sample::flat(flat));
     };
     if p.layers.len() < 2 {
         return below;
     }
-    let above = layer(&p.layers[0]);
+    let above = layer(space, &p.layers[0]);
     let white = Space { slot: [1.0; 3], ..*space };
-    let mask = p.layers.get(2).map(|q| placed(&white, q, (q.turn_deg / 90.0).round().rem_euclid(4.0) as i32));
+    let mask = p.layers.get(2).map(|q| layer(&white, q));
     let opacity = amount(p, 1.0);
     Box::new(move |u, v| {
         let (a, b) = (above(u, v), below(u, v));
@@ -120,7 +124,7 @@ fn over(space: &Space, p: &Pattern) -> Paint {
 fn tint(space: &Space, p: &Pattern) -> Paint {
     let wanted = p.colors.first().map_or(space.slot, |c| linear_hex(c));
     let Some(q) = p.layers.first() else { return Box::new(move |_, _| Sample::flat(wanted)) };
-    let paint = placed(space, q, (q.turn_deg / 90.0).round().rem_euclid(4.0) as i32);
+    let paint = layer(space, q);
     let mean = plan::mean(q, space.slot).unwrap_or_else(|| sampled_mean(space, &paint));
     let factor: Rgb = std::array::from_fn(|k| wanted[k] / mean[k].max(1e-3));
     Box::new(move |u, v| {
