@@ -226,6 +226,7 @@ impl Calls {
             makes_shapes: can.makes_shapes || recording.played_outside(Role::MeshGenerator),
             // A recording without a detector's answers has boxes with its lists.
             gives_boxes: recording.played_outside(Role::Detector),
+            recognises: can.recognises || recording.played_outside(Role::Detector),
             ..can
         }
     }

@@ -31,6 +31,8 @@ pub struct Capabilities {
     pub makes_shapes: bool,
     /// The detector gives boxes ([`Detector::gives_boxes`]).
     pub gives_boxes: bool,
+    /// The detector knows what it boxes ([`Detector::recognises`]).
+    pub recognises: bool,
     /// The renderer path-traces ([`LitRenderer::traces`]).
     pub traces: bool,
 }
@@ -43,6 +45,7 @@ impl Cast {
             draws: self.image_editor.draws(),
             makes_shapes: self.mesh_generator.makes_shapes(),
             gives_boxes: self.detector.gives_boxes(),
+            recognises: self.detector.recognises(),
             traces: self.lit_renderer.traces(),
         }
     }

@@ -170,6 +170,12 @@ impl PhaseCtx<'_> {
         self.calls.is_looked_at(&self.call(step))
     }
 
+    /// Whether somebody knows what is in the photo: the language model, or a detector. Where nobody does, most things
+    /// were not found and are paint on the room.
+    pub fn is_seen(&self) -> bool {
+        self.can().recognises || self.calls.is_looked_at(&format!("{}/layout", Phase::Layout))
+    }
+
     /// What the players can do.
     pub fn can(&self) -> Capabilities {
         self.calls.can()

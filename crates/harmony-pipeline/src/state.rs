@@ -133,6 +133,9 @@ pub enum DropReason {
     /// Nobody could make a mesh.
     #[error("no mesh could be made of it")]
     NoMesh,
+    /// Nobody saw it, and it fits badly where it was put; holds the probability that it is right.
+    #[error("nobody looked, and it fits badly where it was put ({:.0} % sure): it stays as paint", .0 * 100.0)]
+    Doubted(f64),
     /// It cannot be placed.
     #[error(transparent)]
     Unplaceable(#[from] PlacementError),

@@ -73,6 +73,12 @@ pub trait Detector: Send + Sync {
         true
     }
 
+    /// Whether it knows what it boxes. Where it does not, and nobody else looks, a box is only believed where what is put
+    /// there fits well.
+    fn recognises(&self) -> bool {
+        true
+    }
+
     /// Looks for every phrase of the request.
     async fn detect(&self, request: &DetectRequest) -> Result<Detections, RoleError>;
 }

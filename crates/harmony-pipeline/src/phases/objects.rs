@@ -14,8 +14,8 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Left, Object, SceneState};
 use crate::steps::inspect::Inspection;
 use crate::steps::{
-    counts, detect, groups, hosts, inspect, place, prepare, programs, review, second_look, shading, surfaces, texture,
-    turns,
+    counts, detect, doubt, groups, hosts, inspect, place, prepare, programs, review, second_look, shading, surfaces,
+    texture, turns,
 };
 
 /// A level that can be placed.
@@ -131,6 +131,7 @@ pub async fn place(
         }
         ctx.step(&format!("placing {} objects", ids.len()));
         let report = place::in_order(ctx, level, &mut state, ids.clone(), &prepared.order).await?;
+        doubt::leave_as_paint(ctx, &mut state, &ids);
         programs::refit(ctx, &mut state, &ids).await?;
         texture::level(ctx, &mut state, level).await?;
         if level == Level::Decoration {
@@ -145,7 +146,8 @@ pub async fn place(
         if !prepared.summary.is_empty() {
             state.summaries.push(prepared.summary);
         }
-        outcome = json!({ "placed": report.objects.len(), "unresolved": report.unresolved.len() });
+        let placed = ids.iter().filter(|id| state.partial.find(id).is_some()).count();
+        outcome = json!({ "placed": placed, "unresolved": report.unresolved.len() });
     }
     if level == Level::Decoration {
         counts::settle(ctx, &mut state).await?;

@@ -5,6 +5,7 @@ pub mod canonical;
 pub mod colour;
 pub mod counts;
 pub mod detect;
+pub mod doubt;
 pub mod groups;
 pub mod hosts;
 pub mod inspect;

@@ -24,6 +24,10 @@ impl Detector for RegionDetector {
         super::card("regions 1")
     }
 
+    fn recognises(&self) -> bool {
+        false
+    }
+
     async fn detect(&self, request: &DetectRequest) -> Result<Detections, RoleError> {
         let request = request.clone();
         super::computed(move || {
@@ -47,6 +51,10 @@ impl Detector for BoxesWithLists {
     }
 
     fn gives_boxes(&self) -> bool {
+        false
+    }
+
+    fn recognises(&self) -> bool {
         false
     }
 

@@ -150,10 +150,11 @@ fn with_margin(state: &SceneState, objects: &Mask) -> Mask {
 /// Fatal role errors and unwritable files.
 pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<RgbImage>>) -> Result<(), PhaseError> {
     let seen = state.clone();
-    let finest = ctx.settings.surface_px_per_m;
-    let (painted, trims, faces, sides) = tokio::task::spawn_blocking(move || painted(&seen, bare.as_deref(), finest))
-        .await
-        .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
+    let (finest, is_seen) = (ctx.settings.surface_px_per_m, ctx.is_seen());
+    let (painted, trims, faces, sides) =
+        tokio::task::spawn_blocking(move || painted(&seen, bare.as_deref(), finest, is_seen))
+            .await
+            .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
     state.trims = trims;
     for (niche, color) in state.partial.room.shape.niches.iter_mut().zip(sides) {
         niche.sides = color;
@@ -182,11 +183,13 @@ pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<Rg
     Ok(())
 }
 
-/// All faces in their materials, and the boards along the walls.
+/// All faces in their materials, and the boards along the walls. Where nobody looked at the photo (`is_seen`), its things
+/// are paint on the faces: no board is read from them, and no edge is cleaned that runs through them.
 fn painted(
     state: &SceneState,
     bare: Option<&RgbImage>,
     finest: f64,
+    is_seen: bool,
 ) -> (Painted, Trims, Vec<Face>, Vec<Option<[f32; 3]>>) {
     let (camera, extents) = (state.partial.camera, state.partial.room.extents);
     let room_faces = state.partial.room.faces();
@@ -209,9 +212,12 @@ fn painted(
         .map(|surface| Face::seen(source, &camera, &room_faces, *surface, px_per_m, &visible))
         .collect();
     let answer = &state.layout.answer;
-    let trims = trim::trims(&answer.trims, &faces, &extents);
+    let found = if is_seen { &faces[..] } else { &[] };
+    let trims = trim::trims(&answer.trims, found, &extents);
     faces.par_iter_mut().for_each(|face| {
-        face.without_seams(&camera, &room_faces);
+        if is_seen {
+            face.without_seams(&camera, &room_faces);
+        }
         if face.surface.wall().is_some() {
             // What the boards cover, and their shadow.
             if let Some(board) = trims.skirting {
@@ -223,7 +229,7 @@ fn painted(
         }
     });
     let sides = niche_sides(source, &camera, &state.partial.room, &visible.bare);
-    (paint::paint(&faces, &answer.surfaces, &state.partial.room), trims, faces, sides)
+    (paint::paint(&faces, &answer.surfaces, &state.partial.room, is_seen), trims, faces, sides)
 }
 
 /// Linear colour of each niche's sides, sill and lintel: the middle of the bare pixels that show them.

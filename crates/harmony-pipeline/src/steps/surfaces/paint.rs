@@ -55,13 +55,19 @@ pub struct Painted {
     pub notes: Vec<Value>,
 }
 
-/// Paints all faces.
-pub fn paint(faces: &[Face], answer: &[LayoutSurface], room: &Room) -> Painted {
+/// Paints all faces. Where nobody looked at the photo (`is_seen`) the grain of what was seen is that of things on it, and
+/// is not taken any further.
+pub fn paint(faces: &[Face], answer: &[LayoutSurface], room: &Room, is_seen: bool) -> Painted {
     let extents = &room.extents;
     let strips = all_strips(answer, extents);
     let jobs: Vec<(&Face, Strip)> =
         faces.iter().flat_map(|f| strips[&f.surface].iter().map(move |s| (f, *s))).collect();
-    let pieces: Vec<Piece> = jobs.into_par_iter().map(|(face, strip)| Piece::of(face, strip, extents)).collect();
+    let mut pieces: Vec<Piece> = jobs.into_par_iter().map(|(face, strip)| Piece::of(face, strip, extents)).collect();
+    if !is_seen {
+        for survey in pieces.iter_mut().filter_map(|p| p.survey.as_mut()) {
+            survey.look = survey.look.with_grain_of(&Look::plain(survey.look.color, SEED));
+        }
+    }
     let light = Light::of(&pieces, answer);
     let plain = Plain::of(&pieces, room);
     let painted: Vec<(RgbaImage, Value)> =
@@ -350,7 +356,8 @@ mod tests {
     #[test]
     fn an_unseen_wall_takes_the_plain_neighbours_colour_not_the_accent_walls() {
         let (blue, grey) = ([40, 80, 140], [190, 186, 178]);
-        let painted = paint(&faces([Some([90, 80, 70]), None, Some(blue), Some(grey), None, None]), &[], &room(&[]));
+        let painted =
+            paint(&faces([Some([90, 80, 70]), None, Some(blue), Some(grey), None, None]), &[], &room(&[]), true);
         for surface in [Surface::Right, Surface::Front] {
             let color = mean(&painted.textures[&surface]);
             assert!(color.iter().zip(grey).all(|(a, b)| (a - f64::from(b)).abs() < 5.0), "{surface:?}: {color:?}");
@@ -364,7 +371,7 @@ mod tests {
 
     #[test]
     fn a_wall_that_faces_the_window_is_lighter_than_the_windows_own() {
-        let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &[], &room(&[Wall::Back]));
+        let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &[], &room(&[Wall::Back]), true);
         let right = mean(&painted.textures[&Surface::Right]);
         assert!((right[0] - 150.0 * f64::from(FACING)).abs() < 4.0, "{right:?}");
     }
@@ -375,7 +382,7 @@ mod tests {
             |surface, hex: &str| LayoutSurface { surface, color_hex: Some(hex.into()), pattern: None, parts: vec![] };
         // The back wall is named at 200 and seen at 150: three quarters of the light.
         let answer = [named(SurfaceName::WallBack, "#c8c8c8"), named(SurfaceName::WallRight, "#50a0a0")];
-        let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &answer, &room(&[]));
+        let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &answer, &room(&[]), true);
         let right = mean(&painted.textures[&Surface::Right]);
         assert!((right[0] - 60.0).abs() < 5.0 && (right[1] - 120.0).abs() < 5.0, "{right:?}");
     }
@@ -392,7 +399,7 @@ mod tests {
             named(SurfaceName::WallRight, "#f0ece6"),
         ];
         let seen = [Some([150, 100, 60]), None, Some([180, 176, 170]), Some([40, 90, 150]), None, None];
-        let painted = paint(&faces(seen), &answer, &room(&[]));
+        let painted = paint(&faces(seen), &answer, &room(&[]), true);
         let right = mean(&painted.textures[&Surface::Right]);
         assert!(right.iter().zip([180.0, 176.0, 170.0]).all(|(a, b)| (a - b).abs() < 8.0), "{right:?}");
     }
@@ -409,11 +416,29 @@ mod tests {
                 *p = Rgba([70, 110, 80, 255]);
             }
         }
-        let painted = paint(&all, &answer, &room(&[]));
+        let painted = paint(&all, &answer, &room(&[]), true);
         let front = &painted.textures[&Surface::Front];
         assert!(front.get_pixel(60, 60).0[0] > 185 && front.get_pixel(60, 90).0[0] < 90);
         // The edge is sharp where nothing was seen, too.
         let back = &painted.textures[&Surface::Back];
         assert!(back.get_pixel(5, 73).0[0] > 185 && back.get_pixel(5, 77).0[0] < 90);
+    }
+
+    #[test]
+    fn what_nobody_looked_at_lends_its_colour_alone() {
+        let mut all = faces([Some([120, 110, 100]), None, None, None, None, None]);
+        // Things stand all over the part of the floor that is seen.
+        for (x, y, p) in all[0].texture.enumerate_pixels_mut().filter(|(_, _, p)| p.0[3] > 0) {
+            if (x / 6 + y / 6) % 3 == 0 || (x * y) % 7 == 0 {
+                *p = Rgba([40, 30, 30, 255]);
+            }
+        }
+        let spread = |is_seen: bool| {
+            let floor = &paint(&all, &[], &room(&[]), is_seen).textures[&Surface::Floor];
+            let tones = floor.enumerate_pixels().filter(|(x, _, _)| *x < 20).map(|(_, _, p)| f64::from(p.0[0]));
+            let (n, sum, squares) = tones.fold((0.0, 0.0, 0.0), |(n, s, q), v| (n + 1.0, s + v, q + v * v));
+            (squares / n - (sum / n) * (sum / n)).sqrt()
+        };
+        assert!(spread(false) < 3.0 && spread(true) > 10.0, "{} and {}", spread(false), spread(true));
     }
 }
