@@ -8,6 +8,7 @@
 use harmony_scene::{ImageSize, Mat3, PointMap, Surface, Vec2, Vec3};
 
 use super::joint::{faces_of, inverse_depth_of};
+use super::lens::Lens;
 use crate::RoomEdge;
 use crate::room_box::pins::Pin;
 use crate::room_box::solved::CameraBox;
@@ -33,16 +34,17 @@ const LEAST: usize = 6;
 const MOST_SPREAD: f64 = 0.008;
 const SIGMA: f64 = 0.002;
 
-/// The map's depths, by pixels of the photo relative to its centre.
+/// The map's depths, by pixels relative to the principal point ([`Lens::relative`]).
 pub(super) struct Depths<'a> {
     points: &'a PointMap,
     photo: ImageSize,
+    lens: Lens,
     depth_row: Vec3,
 }
 
 impl<'a> Depths<'a> {
-    pub(super) fn new(points: &'a PointMap, photo: ImageSize) -> Self {
-        Self { points, photo, depth_row: points.rotation.transpose() * Vec3::Z }
+    pub(super) fn new(points: &'a PointMap, photo: ImageSize, lens: Lens) -> Self {
+        Self { points, photo, lens, depth_row: points.rotation.transpose() * Vec3::Z }
     }
 
     /// Photo pixels to a pixel of the map.
@@ -52,13 +54,12 @@ impl<'a> Depths<'a> {
 
     /// Inverse planar depth, in the map's units.
     fn inverse(&self, at: Vec2) -> Option<f64> {
-        let centre = Vec2::new(f64::from(self.photo.width), f64::from(self.photo.height)) / 2.0;
         let size = self.points.size;
         let scale = Vec2::new(
             f64::from(size.width) / f64::from(self.photo.width),
             f64::from(size.height) / f64::from(self.photo.height),
         );
-        let p = (at + centre) * scale;
+        let p = self.lens.pixel(at) * scale;
         let inside = p.x >= 0.0 && p.y >= 0.0 && p.x < f64::from(size.width) && p.y < f64::from(size.height);
         let z =
             self.depth_row.dot(self.points.at(p.x as u32, p.y as u32).filter(|_| inside)?) + self.points.translation.z;
@@ -301,6 +302,10 @@ mod tests {
         PointMap::from_depth(PointMapKind::Relative, size, Intrinsics::centred(size, room.focal / 2.0), &depth)
     }
 
+    fn depths(points: &PointMap) -> Depths<'_> {
+        Depths::new(points, PHOTO, Lens::of(points, PHOTO))
+    }
+
     /// Four percent, waves of a third of the image.
     fn smooth(x: f64, y: f64) -> f64 {
         1.0 + 0.04 * (19.0 * x + 1.0).sin() * (17.0 * y).cos()
@@ -323,7 +328,7 @@ mod tests {
         let image = |c: Vec3| Vec2::new(c.x, c.y) * room().focal / c.z;
         let beside = room().distance_to_edge(&room().rotation(), edge, image(expected.rotation() * at.0)).abs();
         assert!(beside > 8.0, "{beside}");
-        let pins = pins_on_creases(&expected, &Depths::new(&points, PHOTO), |_| true, 3);
+        let pins = pins_on_creases(&expected, &depths(&points), |_| true, 3);
         for edge in [RoomEdge::BackLeft, RoomEdge::CeilingBack, RoomEdge::CeilingLeft] {
             let off = off(&pins, edge).unwrap_or(f64::NAN);
             assert!(off.abs() < 2.5, "{edge:?} {off}");
@@ -337,7 +342,7 @@ mod tests {
         // A flat picture of the room: depth says nothing.
         let flat = map(&CameraBox { left: 90.0, right: 90.0, floor: 90.0, ceiling: 90.0, ..room() }, |_, _| 1.0);
         let none = |seen: fn(Surface) -> bool, points: &PointMap| {
-            pins_on_creases(&room(), &Depths::new(points, PHOTO), seen, 0).iter().all(|p| p.edge != RoomEdge::BackLeft)
+            pins_on_creases(&room(), &depths(points), seen, 0).iter().all(|p| p.edge != RoomEdge::BackLeft)
         };
         assert!(none(|_| true, &flat));
         let points = map(&room(), |_, _| 1.0);
@@ -348,7 +353,7 @@ mod tests {
     fn what_stands_in_the_corner_is_no_crease_of_the_walls() {
         // Something round before the corner, nearer by a tenth to a fifth.
         let points = map(&room(), |x, _| if (0.05..0.35).contains(&x) { 0.85 + 0.3 * (x - 0.2).powi(2) } else { 1.0 });
-        let pins = pins_on_creases(&room(), &Depths::new(&points, PHOTO), |_| true, 0);
+        let pins = pins_on_creases(&room(), &depths(&points), |_| true, 0);
         assert!(pins.iter().all(|p| p.edge != RoomEdge::BackLeft), "{pins:?}");
     }
 }

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::creases::{Depths, pins_on_creases};
 use super::edge_lines::{EdgeLine, Reach, line_on_edge};
+use super::lens::Lens;
 use super::types::{AnchorKind, Calibration, CalibrationMethod};
 use crate::least_squares::{Solution, differences, minimise};
 use crate::room_box::pins::{FLOOR_LOGIT, LN_BACK, LN_FOCAL, LN_LEFT, LN_RIGHT, Pin, ROLL, TILT, YAW, pins};
@@ -48,10 +49,10 @@ const JUDGED_PINS: usize = 4;
 
 /// Saturation of the losses, sigmas.
 const LIMIT: f64 = 2.5;
-/// Sigmas of logarithms: focal length of the map's camera (a sensor's is known), distance to a face that is not seen,
+/// Sigmas of logarithms: focal length of the map's camera (a given one stays), distance to a face that is not seen,
 /// height of a metric map's room.
 const FOCAL_SIGMA: f64 = 0.025;
-const SENSOR_FOCAL_SIGMA: f64 = 0.004;
+const GIVEN_FOCAL_SIGMA: f64 = 1e-4;
 const UNSEEN_SIGMA: f64 = 0.15;
 const METRIC_HEIGHT_SIGMA: f64 = 0.08;
 /// One sigma of the told height (logarithm): the map has no other metres, so that calibration takes it as it is;
@@ -197,7 +198,7 @@ const LN_SCALE: usize = 9;
 type Unknowns = [f64; 10];
 const STEPS: Unknowns = [1e-5; 10];
 
-/// A cell of the map: where it is (photo pixels, relative to the image centre), how deep, on which face.
+/// A cell of the map: where it is (relative to the principal point, [`Lens::relative`]), how deep, on which face.
 #[derive(Debug, Clone, Copy)]
 struct Cell {
     at: Vec2,
@@ -214,8 +215,9 @@ impl Cell {
 
 struct Problem<'a> {
     prior: &'a LayoutPrior,
+    lens: Lens,
     lines: Search,
-    /// Relative to the image centre.
+    /// Relative to the principal point.
     segments: Vec<LineSegment>,
     pins: Vec<Pin>,
     cells: Vec<Cell>,
@@ -239,7 +241,8 @@ pub(super) enum Refinement {
 
 /// Refines a calibration by photo, pins and map together (key `cam.joint`, beyond the paper).
 ///
-/// `view` are the photo's lines; `calibration.camera` is at the map's size and stays so. The calibration comes back
+/// `view` are the photo's lines, which like the prior's pins are those of the centred camera ([`Lens`]);
+/// `calibration.camera` is at the map's size and stays so. The calibration comes back
 /// unchanged, with `None`, where there is nothing to refine by or the result is not believable.
 pub(super) fn refine_jointly(
     calibration: &Calibration,
@@ -275,7 +278,7 @@ impl<'a> Problem<'a> {
             .collect();
         let centre = Vec2::new(f64::from(photo.width), f64::from(photo.height)) / 2.0;
         let focal_px = camera.intrinsics.fx;
-        let sigma = if points.kind == PointMapKind::Metric { SENSOR_FOCAL_SIGMA } else { FOCAL_SIGMA };
+        let sigma = if depths.lens.is_given() { GIVEN_FOCAL_SIGMA } else { FOCAL_SIGMA };
         let focal = FocalPrior { focal_px, sigma };
         let start = room_unknowns(&camera, &c.extents, c.room_from_points.scale);
         let mut measured = [false; 6];
@@ -299,6 +302,7 @@ impl<'a> Problem<'a> {
         let patch = (DEPTH_LENGTH * f64::from(depths.per_side)).max(1.0);
         let problem = Self {
             prior,
+            lens: depths.lens,
             lines: Search::new(photo, &segments, Some(focal)),
             segments: segments
                 .iter()
@@ -467,7 +471,7 @@ impl<'a> Problem<'a> {
             }
         }
         let given = self.pins.len();
-        let depths = Depths::new(points, self.prior.photo);
+        let depths = Depths::new(points, self.prior.photo, self.lens);
         for _ in 0..creases {
             self.pins.truncate(given);
             let seen = |s: Surface| self.seen[index(s)];
@@ -493,9 +497,12 @@ impl<'a> Problem<'a> {
             p.copy_from_slice(&s.parameters[..10]);
             (sigmas, information) = (s.sigmas, s.information);
         }
+        if self.lens.is_given() {
+            p[LN_FOCAL] = self.start[LN_FOCAL];
+        }
         let solved = Self::unpack(&p);
         let photo = self.prior.photo;
-        let camera = solved.camera(photo);
+        let camera = self.lens.camera(&solved);
         let old = before.camera.resized(photo);
         let turned_deg = angle_deg(camera.rotation * old.rotation.transpose());
         let sound = p.iter().all(|v| v.is_finite()) && turned_deg <= MOST_TURN_DEG;
@@ -635,6 +642,7 @@ pub(super) fn inverse_depth_of(b: &CameraBox, face: Surface, ray: Vec3) -> Optio
 
 /// Depths of a map by square cells. Another focal length leaves them as they are.
 pub(super) struct DepthCells {
+    lens: Lens,
     /// Cells, and how far depths spread in each, relative.
     cells: Vec<(Cell, f64)>,
     /// How many lie along the longer side.
@@ -642,12 +650,11 @@ pub(super) struct DepthCells {
 }
 
 impl DepthCells {
-    pub(super) fn new(points: &PointMap, photo: ImageSize) -> Self {
+    pub(super) fn new(points: &PointMap, photo: ImageSize, lens: Lens) -> Self {
         let (w, h) = (points.size.width, points.size.height);
         let side = w.max(h).div_ceil(CELLS).max(1);
         let depth_row = points.rotation.transpose() * Vec3::Z;
         let k = Vec2::new(f64::from(photo.width) / f64::from(w), f64::from(photo.height) / f64::from(h));
-        let centre = Vec2::new(f64::from(photo.width), f64::from(photo.height)) / 2.0;
         let of_row = |cy: u32| {
             let mut depths: Vec<f64> = Vec::with_capacity((side * side) as usize);
             let mut row = Vec::new();
@@ -665,12 +672,12 @@ impl DepthCells {
                 let mut at = |q: f64| *depths.select_nth_unstable_by((last * q) as usize, f64::total_cmp).1;
                 let (low, depth, high) = (at(0.1), at(0.5), at(0.9));
                 let middle = Vec2::new(f64::from(cx), f64::from(cy)) * f64::from(side) + f64::from(side) / 2.0;
-                row.push((Cell { at: middle * k - centre, depth, face: None }, high / low - 1.0));
+                row.push((Cell { at: lens.relative(middle * k), depth, face: None }, high / low - 1.0));
             }
             row
         };
         let rows: Vec<Vec<(Cell, f64)>> = (0..h / side).into_par_iter().map(of_row).collect();
-        Self { cells: rows.concat(), per_side: w.max(h).div_ceil(side) }
+        Self { lens, cells: rows.concat(), per_side: w.max(h).div_ceil(side) }
     }
 
     /// Those in which depths spread little.

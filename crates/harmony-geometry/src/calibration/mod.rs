@@ -5,6 +5,7 @@ mod creases;
 mod edge_lines;
 mod fallback;
 mod joint;
+mod lens;
 mod scale;
 mod types;
 
@@ -12,6 +13,7 @@ use harmony_scene::{Camera, Extents, Mat3, PointMap, PointMapKind, Surface, Vec2
 
 use joint::{DepthCells, Refinement, refine_jointly};
 pub use joint::{JointEvidence, RoomPosterior, room_from_unknowns, room_unknowns};
+use lens::Lens;
 pub use types::{
     AnchorKind, Calibration, CalibrationError, CalibrationEvidence, CalibrationMethod, CalibrationSettings,
     PlaneEvidence,
@@ -116,17 +118,19 @@ fn calibrate_room(
     settings: &CalibrationSettings,
 ) -> Result<(Calibration, PointMap), CalibrationError> {
     let (first, frame) = calibrate_along(points, prior, settings, None)?;
+    let lens = Lens::of(points, prior.photo);
+    let (view, centred) = (&lens.centred_view(view), &lens.centred_prior(prior));
     let sure = view.confidence >= SURE_VIEW;
     let by_lines = |reason: &str| {
-        let mut first = fallback::calibrate_by_prior(points, prior, reason, &longest(view));
+        let mut first = fallback::calibrate_by_prior(points, centred, reason, &longest(view));
         first.evidence.fallbacks.push("directions from the photo's lines".to_owned());
-        refine_with_photo(first, None, points, prior, view, settings)
+        refine_with_photo(first, None, points, (prior, centred), view, settings)
     };
     if first.evidence.method != CalibrationMethod::Manhattan && sure {
         // Without a frame from the map the photo's lines know the directions better than hints.
         return by_lines(first.evidence.fallbacks.first().map_or("", String::as_str));
     }
-    let refined = refine_with_photo(first, frame, points, prior, view, settings)?;
+    let refined = refine_with_photo(first, frame, points, (prior, centred), view, settings)?;
     let explained = |c: &Calibration| {
         let camera = c.camera.resized(view.size);
         view.explained_by(&camera.rotation, camera.intrinsics.fx)
@@ -146,18 +150,19 @@ fn calibrate_room(
 }
 
 /// A calibration along the axes that the photo's lines give, refined by everything together; `frame` is that of the map.
+/// The view and the second prior are as the centred camera has them ([`Lens`]).
 /// The second value is the map as that camera sees it.
 fn refine_with_photo(
     first: Calibration,
     frame: Option<ManhattanFrame>,
     points: &PointMap,
-    prior: &LayoutPrior,
+    (prior, centred): (&LayoutPrior, &LayoutPrior),
     view: &ViewEstimate,
     settings: &CalibrationSettings,
 ) -> Result<(Calibration, PointMap), CalibrationError> {
-    let depths = DepthCells::new(points, prior.photo);
+    let depths = DepthCells::new(points, prior.photo, Lens::of(points, prior.photo));
     let refined = |before: &Calibration, map: &PointMap, until| {
-        let (calibration, evidence) = refine_jointly(before, (map, &depths), view, prior, until);
+        let (calibration, evidence) = refine_jointly(before, (map, &depths), view, centred, until);
         let map = evidence.map(|e| map.with_focal(map.intrinsics.fx * e.focal_ratio));
         map.map(|map| (calibration, map))
     };

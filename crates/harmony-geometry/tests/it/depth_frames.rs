@@ -167,6 +167,10 @@ fn room_axes_of_depth_frames_agree_with_planes_and_poses() {
         let view = estimate_view(&gray, Some(FocalPrior { focal_px: fx, sigma: 0.02 }));
         let prior = LayoutPrior::unknown(size);
         let (c, _) = calibrate_with_photo(&map, &prior, &view, &CalibrationSettings::default()).unwrap();
+        let (given, kept) = (map.intrinsics, c.camera.intrinsics);
+        for (a, b) in [(given.fx, kept.fx), (given.fy, kept.fy), (given.cx, kept.cx), (given.cy, kept.cy)] {
+            assert!((a - b).abs() < 1e-6, "{}: {given:?} became {kept:?}", frame.sequence);
+        }
         let rotation = c.camera.rotation;
         let up = rotation * DVec3::Y;
         // Who holds a camera holds it about upright: what is under it is within 50 degrees of that.

@@ -10,7 +10,7 @@
 
 use harmony_geometry::least_squares::{differences, minimise_with};
 use harmony_geometry::{RoomPosterior, median_absolute_deviation, room_from_unknowns, room_unknowns};
-use harmony_scene::{Camera, Extents, PointMapKind, Pose, Support, Vec3, Wall};
+use harmony_scene::{Camera, Extents, Intrinsics, PointMapKind, Pose, Support, Vec3, Wall};
 use nalgebra::DMatrix;
 
 use crate::accept::{accepts, total};
@@ -518,13 +518,14 @@ fn floor_logit(ln_floor: f64, ln_height: f64) -> f64 {
 }
 
 /// Camera and room of some unknowns, in units of the map; what they do not know stays: the front wall, the principal
-/// point.
+/// point, a lens that a sensor's map gives.
 fn room(u: &[f64], scene: &PartialScene) -> (Camera, Extents) {
     let height = u[HEIGHT] - u[SCALE];
     let p = [u[0], u[1], u[2], u[3], u[4], u[5], floor_logit(u[FLOOR], height), u[7], height, 0.0];
     let (mut camera, mut extents) = room_from_unknowns(&p, scene.camera.size);
-    camera.intrinsics.cx = scene.camera.intrinsics.cx;
-    camera.intrinsics.cy = scene.camera.intrinsics.cy;
+    let (fx, old) = (camera.intrinsics.fx, scene.camera.intrinsics);
+    let is_given = scene.points.as_ref().is_some_and(|p| p.kind == PointMapKind::Metric);
+    camera.intrinsics = if is_given { old } else { Intrinsics { fx, fy: fx * old.fy / old.fx, ..old } };
     extents.depth = scene.room.extents.depth - scene.camera.centre().z + camera.centre().z;
     (camera, extents)
 }

@@ -148,6 +148,7 @@ mod tests {
 
     use super::super::{Cell, LIMIT, SMOOTH, depth_of};
     use super::*;
+    use crate::calibration::lens::Lens;
     use crate::{CameraHints, FocalPrior, LayoutPrior, LineSegment};
 
     /// A box seen from inside, its depths a little bent so that no residual is 0, one cell of another surface.
@@ -184,6 +185,7 @@ mod tests {
             .collect();
         let problem = Problem {
             prior: &prior,
+            lens: Lens::unknown(photo),
             lines: Search::new(photo, &segments, Some(FocalPrior { focal_px: 325.0, sigma: 0.02 })),
             segments: Vec::new(),
             pins: Vec::new(),

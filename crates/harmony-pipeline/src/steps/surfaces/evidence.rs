@@ -31,8 +31,8 @@ const SHARP_PX: f64 = 0.6;
 const BLOCK: usize = 8;
 
 /// Pixels that show neither an object (found, left out or drawn) nor what is next to one, nor the photo's empty frame,
-/// nor anything that the point map has before the room's faces.
-pub fn bare_pixels(state: &SceneState) -> Bare {
+/// nor anything that the point map has before the room's faces; where nobody looked (`is_seen`) that is paint on them.
+pub fn bare_pixels(state: &SceneState, is_seen: bool) -> Bare {
     let size = state.partial.camera.size;
     let px = |share: f64| (share * f64::from(size.width)).round() as i32;
     let margin = px(MARGIN).max(3);
@@ -42,7 +42,7 @@ pub fn bare_pixels(state: &SceneState) -> Bare {
         state.all_objects().dilated(margin).or(&drawn.dilated(margin / 2)).or(&state.photo_frame.dilated(margin));
     let bare = without_slivers(&Mask::from_fn(size, |_, _| true).minus(&taken), px(SLIVER).max(2));
     let bare = match &state.partial.points {
-        Some(points) if points.is_dense() => {
+        Some(points) if is_seen && points.is_dense() => {
             let off = off_faces(points, &state.partial.camera, &state.partial.room.faces(), &bare);
             without_slivers(&bare.minus(&off.dilated(1)), px(SLIVER).max(2))
         }

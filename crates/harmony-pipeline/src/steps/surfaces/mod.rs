@@ -198,7 +198,7 @@ fn painted(
             let all = Mask::from_fn(camera.size, |_, _| true).minus(&state.photo_frame);
             Bare { open: all.clone(), bare: all }
         }
-        None => evidence::bare_pixels(state),
+        None => evidence::bare_pixels(state, is_seen),
     };
     // What is seen through a passage is no wall.
     let through = beyond::pixels(&camera, &state.partial.room);

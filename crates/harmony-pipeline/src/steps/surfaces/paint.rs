@@ -55,8 +55,8 @@ pub struct Painted {
     pub notes: Vec<Value>,
 }
 
-/// Paints all faces. Where nobody looked at the photo (`is_seen`) the grain of what was seen is that of things on it, and
-/// is not taken any further.
+/// Paints all faces. Where nobody looked at the photo (`is_seen`) grain and pattern of what was seen are those of things on
+/// it, a rug or a shelf, and are not taken any further.
 pub fn paint(faces: &[Face], answer: &[LayoutSurface], room: &Room, is_seen: bool) -> Painted {
     let extents = &room.extents;
     let strips = all_strips(answer, extents);
@@ -65,7 +65,7 @@ pub fn paint(faces: &[Face], answer: &[LayoutSurface], room: &Room, is_seen: boo
     let mut pieces: Vec<Piece> = jobs.into_par_iter().map(|(face, strip)| Piece::of(face, strip, extents)).collect();
     if !is_seen {
         for survey in pieces.iter_mut().filter_map(|p| p.survey.as_mut()) {
-            survey.look = survey.look.with_grain_of(&Look::plain(survey.look.color, SEED));
+            survey.look = Look::plain(survey.look.color, SEED);
         }
     }
     let light = Light::of(&pieces, answer);
