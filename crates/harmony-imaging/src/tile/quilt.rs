@@ -207,7 +207,7 @@ mod tests {
         // A third of the carpet is brushed up, in the colour of the whole; the rest is a little lighter or darker.
         let rough = |x: usize| (80..160).contains(&x);
         let tone = |x: usize, y: usize| {
-            let up = if (x + y) % 2 == 0 { 1.0 } else { -1.0 };
+            let up = if (x + y).is_multiple_of(2) { 1.0 } else { -1.0 };
             let side = if x < 80 { -1.0 } else { 1.0 };
             if rough(x) { 130.0 + 40.0 * up } else { 130.0 + side + 10.0 * up }
         };

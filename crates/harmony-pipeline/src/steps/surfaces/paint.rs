@@ -429,7 +429,7 @@ mod tests {
         let mut all = faces([Some([120, 110, 100]), None, None, None, None, None]);
         // Things stand all over the part of the floor that is seen.
         for (x, y, p) in all[0].texture.enumerate_pixels_mut().filter(|(_, _, p)| p.0[3] > 0) {
-            if (x / 6 + y / 6) % 3 == 0 || (x * y) % 7 == 0 {
+            if (x / 6 + y / 6).is_multiple_of(3) || (x * y).is_multiple_of(7) {
                 *p = Rgba([40, 30, 30, 255]);
             }
         }
