@@ -245,7 +245,7 @@ impl Calls {
         // The same question would get the same answer from a player that only computes.
         let reasks = if card.offline { 0 } else { self.options.reasks };
         let gate = self.gate(&card);
-        let line = self.board.line(R::ROLE, name.as_str(), &card.player);
+        let line = self.board.line(R::ROLE, name.as_str(), &card);
         let mut asked = request.clone();
         let (mut refused, mut unanswered) = (0, 0);
         loop {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use harmony_roles::Role;
+use harmony_roles::{PlayerCard, Role};
 use tokio::time::Instant;
 
 use crate::budget::Spent;
@@ -31,6 +31,8 @@ pub struct Underway {
     pub name: String,
     /// Who is asked.
     pub player: String,
+    /// Whether the work is this machine's own, and costs time alone ([`PlayerCard::offline`]).
+    pub offline: bool,
     /// What it does.
     pub doing: Doing,
     /// Since when.
@@ -107,12 +109,13 @@ pub(crate) struct Line<'a> {
 }
 
 impl Board {
-    pub fn line<'a>(&'a self, role: Role, name: &str, player: &str) -> Line<'a> {
+    pub fn line<'a>(&'a self, role: Role, name: &str, card: &PlayerCard) -> Line<'a> {
         let key = (role, name.to_owned());
         let new = Underway {
             role,
             name: name.to_owned(),
-            player: player.to_owned(),
+            player: card.player.clone(),
+            offline: card.offline,
             doing: Doing::Queued,
             since: Instant::now(),
         };
@@ -150,14 +153,18 @@ pub(crate) fn until(at: Instant) -> Duration {
 mod tests {
     use super::*;
 
+    fn card(player: &str) -> PlayerCard {
+        PlayerCard { player: player.to_owned(), model: "1".to_owned(), offline: false, concurrency: 0 }
+    }
+
     #[tokio::test(start_paused = true)]
     async fn the_line_says_who_runs_who_waits_and_what_was_spent() {
         let board = Board::default();
-        let mesh = board.line(Role::MeshGenerator, "3_furniture/chair_02/mesh", "hunyuan");
+        let mesh = board.line(Role::MeshGenerator, "3_furniture/chair_02/mesh", &card("hunyuan"));
         mesh.doing(Doing::Running);
-        let waits = board.line(Role::VisionLanguage, "3_furniture/inspect", "openai");
+        let waits = board.line(Role::VisionLanguage, "3_furniture/inspect", &card("openai"));
         waits.doing(Doing::RateLimited(Instant::now() + Duration::from_secs(12)));
-        let _queued = board.line(Role::MeshGenerator, "3_furniture/sofa_01/mesh", "hunyuan");
+        let _queued = board.line(Role::MeshGenerator, "3_furniture/sofa_01/mesh", &card("hunyuan"));
         let spent = Spent { usd: 0.42, ..Spent::default() };
         let now = CallsNow { underway: board.underway(), spent };
         assert_eq!(now.line(), "mesh generator: chair_02/mesh | 1 in line | 1 wait for a rate limit (12 s) | 0.42 US$");

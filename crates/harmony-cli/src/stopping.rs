@@ -22,7 +22,7 @@ pub fn on_interrupt(calls: &Arc<Calls>) {
             return; // No signals here: the run goes on to its end.
         }
         let underway = calls.now().underway;
-        let (told, wait) = words(underway.iter().map(|call| call.player.as_str()));
+        let (told, wait) = words(underway.iter().map(|call| (call.player.as_str(), call.offline)));
         tell!("stopping: {told}");
         let reason = StopReason::Interrupted("interrupted".to_owned());
         if wait {
@@ -38,17 +38,15 @@ pub fn on_interrupt(calls: &Arc<Calls>) {
     });
 }
 
-/// Players that work on this machine, whose work costs time and nothing else.
-const FREE: [&str; 6] = ["offline", "replay", "cycles", "vggt", "sam2", "owlv2"];
-
-/// What is told of the calls in flight, by who plays, and whether they are awaited: open questions to a person are not.
-fn words<'a>(players: impl Iterator<Item = &'a str>) -> (String, bool) {
+/// What is told of the calls in flight, by who plays and whether it works on this machine alone, and whether they are
+/// awaited: open questions to a person are not.
+fn words<'a>(players: impl Iterator<Item = (&'a str, bool)>) -> (String, bool) {
     let (mut open, mut free, mut others) = (0_usize, 0_usize, Vec::new());
-    for player in players {
+    for (player, offline) in players {
         match player {
             "files" => open += 1,
-            player if FREE.contains(&player) => free += 1,
-            player => others.push(player),
+            _ if offline => free += 1,
+            _ => others.push(player),
         }
     }
     let flying = free + others.len();
@@ -98,7 +96,7 @@ mod tests {
 
     #[test]
     fn nobody_who_costs_nothing_is_said_to_be_paid() {
-        let of = |players: &[&str]| words(players.iter().copied());
+        let of = |players: &[&str]| words(players.iter().map(|p| (*p, ["offline", "cycles"].contains(p))));
         let (told, wait) = of(&["files", "files"]);
         assert!(told.contains("open questions stay in their folders (2)") && !told.contains("paid"), "{told}");
         assert!(!wait, "a person is not waited for");
