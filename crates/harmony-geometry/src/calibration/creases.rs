@@ -37,27 +37,26 @@ const SIGMA: f64 = 0.002;
 /// The map's depths, by pixels relative to the principal point ([`Lens::relative`]).
 pub(super) struct Depths<'a> {
     points: &'a PointMap,
-    photo: ImageSize,
     lens: Lens,
     depth_row: Vec3,
 }
 
 impl<'a> Depths<'a> {
-    pub(super) fn new(points: &'a PointMap, photo: ImageSize, lens: Lens) -> Self {
-        Self { points, photo, lens, depth_row: points.rotation.transpose() * Vec3::Z }
+    pub(super) fn new(points: &'a PointMap, lens: Lens) -> Self {
+        Self { points, lens, depth_row: points.rotation.transpose() * Vec3::Z }
     }
 
     /// Photo pixels to a pixel of the map.
     fn step(&self) -> f64 {
-        f64::from(self.photo.width) / f64::from(self.points.size.width.max(1))
+        f64::from(self.lens.photo.width) / f64::from(self.points.size.width.max(1))
     }
 
     /// Inverse planar depth, in the map's units.
     fn inverse(&self, at: Vec2) -> Option<f64> {
         let size = self.points.size;
         let scale = Vec2::new(
-            f64::from(size.width) / f64::from(self.photo.width),
-            f64::from(size.height) / f64::from(self.photo.height),
+            f64::from(size.width) / f64::from(self.lens.photo.width),
+            f64::from(size.height) / f64::from(self.lens.photo.height),
         );
         let p = self.lens.pixel(at) * scale;
         let inside = p.x >= 0.0 && p.y >= 0.0 && p.x < f64::from(size.width) && p.y < f64::from(size.height);
@@ -85,13 +84,13 @@ pub(super) fn pins_on_creases(
     group: usize,
 ) -> Vec<Pin> {
     let rotation = solved.rotation();
-    let side_px = f64::from(depths.photo.width.max(depths.photo.height));
+    let side_px = f64::from(depths.lens.photo.width.max(depths.lens.photo.height));
     let mut out = Vec::new();
     for (k, edge) in RoomEdge::ALL.into_iter().enumerate() {
         if !faces_of(edge).into_iter().all(|f| f != Surface::Floor && seen(f)) {
             continue;
         }
-        let Some([start, end]) = image_of(solved, &rotation, edge, depths.photo) else { continue };
+        let Some([start, end]) = image_of(solved, &rotation, edge, depths.lens.photo) else { continue };
         let along = (end - start).normalize_or_zero();
         let knees: Vec<(Vec2, f64)> = (0..PROFILES)
             .filter_map(|i| {
@@ -303,7 +302,7 @@ mod tests {
     }
 
     fn depths(points: &PointMap) -> Depths<'_> {
-        Depths::new(points, PHOTO, Lens::of(points, PHOTO))
+        Depths::new(points, Lens::of(points, PHOTO))
     }
 
     /// Four percent, waves of a third of the image.

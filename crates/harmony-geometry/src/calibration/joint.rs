@@ -471,7 +471,7 @@ impl<'a> Problem<'a> {
             }
         }
         let given = self.pins.len();
-        let depths = Depths::new(points, self.prior.photo, self.lens);
+        let depths = Depths::new(points, self.lens);
         for _ in 0..creases {
             self.pins.truncate(given);
             let seen = |s: Surface| self.seen[index(s)];
@@ -650,8 +650,8 @@ pub(super) struct DepthCells {
 }
 
 impl DepthCells {
-    pub(super) fn new(points: &PointMap, photo: ImageSize, lens: Lens) -> Self {
-        let (w, h) = (points.size.width, points.size.height);
+    pub(super) fn new(points: &PointMap, lens: Lens) -> Self {
+        let (photo, w, h) = (lens.photo, points.size.width, points.size.height);
         let side = w.max(h).div_ceil(CELLS).max(1);
         let depth_row = points.rotation.transpose() * Vec3::Z;
         let k = Vec2::new(f64::from(photo.width) / f64::from(w), f64::from(photo.height) / f64::from(h));

@@ -9,7 +9,8 @@ use crate::{LayoutPrior, LineSegment, ViewEstimate};
 /// The lens of a photo.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Lens {
-    photo: ImageSize,
+    /// Size of the photo.
+    pub(super) photo: ImageSize,
     /// Of a calibrated sensor, in pixels of the photo; `None`: centred, of a focal length that is looked for.
     given: Option<Intrinsics>,
 }

@@ -160,7 +160,7 @@ fn refine_with_photo(
     view: &ViewEstimate,
     settings: &CalibrationSettings,
 ) -> Result<(Calibration, PointMap), CalibrationError> {
-    let depths = DepthCells::new(points, prior.photo, Lens::of(points, prior.photo));
+    let depths = DepthCells::new(points, Lens::of(points, prior.photo));
     let refined = |before: &Calibration, map: &PointMap, until| {
         let (calibration, evidence) = refine_jointly(before, (map, &depths), view, centred, until);
         let map = evidence.map(|e| map.with_focal(map.intrinsics.fx * e.focal_ratio));

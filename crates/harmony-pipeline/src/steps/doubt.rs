@@ -6,7 +6,7 @@ use crate::ctx::PhaseCtx;
 use crate::state::{DropReason, Left, SceneState};
 
 /// An object of which nobody said what it is stays in the scene from this probability that its pose is right. On six
-/// rooms with truth 17 of 24 rectangles above it were a thing of the room, and 2 of 23 below it.
+/// rooms with truth 16 of 24 rectangles above it were a thing of the room, and 2 of 23 below it.
 const BELIEVED: f64 = 0.25;
 
 /// Takes doubtful objects of a level out again, when neither a language model nor a detector saw them.

@@ -604,6 +604,25 @@ mod tests {
     }
 
     #[test]
+    fn a_given_lens_stays_whole_and_another_one_changes_its_focal_length_alone() {
+        let mut scene = furnished(0.1, 0.1);
+        let given = Intrinsics { fx: 300.0, fy: 306.0, cx: 165.0, cy: 110.0 };
+        scene.camera.intrinsics = given;
+        let mut u = room_unknowns(&scene.camera, &scene.room.extents, 1.0);
+        u[0] += 0.01;
+        for (kind, times) in [(PointMapKind::Metric, 1.0), (PointMapKind::Relative, 0.01_f64.exp())] {
+            let (size, xyz) = (harmony_scene::ImageSize::new(1, 1), vec![Vec3::NAN]);
+            scene.points = Some(crate::RoomPoints { kind, size, xyz, confidence: vec![0.0] });
+            let k = room(&u, &scene).0.intrinsics;
+            assert!(
+                (k.fx - given.fx * times).abs() < 1e-9 && (k.fy - given.fy * times).abs() < 1e-9,
+                "{kind:?}: {k:?}"
+            );
+            assert_eq!([k.cx, k.cy], [given.cx, given.cy]);
+        }
+    }
+
+    #[test]
     fn what_stands_on_something_goes_up_and_down_with_it() {
         let mut scene = furnished(0.1, 0.1);
         let top = Vec3::new(0.8, 0.9, 1.0);
