@@ -125,7 +125,7 @@ impl RunFile {
             return &[];
         }
         &[
-            "nobody looked at this photo: room, openings and flat things are there, all else stays as paint on walls and floor",
+            "nobody looked at this photo: room, openings and flat things are there, all else stays as paint on walls and floor, or as a relief where a point map has it",
             "for furniture as objects: --profile files (answer by hand), keys and --profile paper, or servers and --profile local (docs/players.md)",
         ]
     }

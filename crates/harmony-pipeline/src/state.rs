@@ -136,6 +136,9 @@ pub enum DropReason {
     /// Nobody saw it, and it fits badly where it was put; holds the probability that it is right.
     #[error("nobody looked, and it fits badly where it was put ({:.0} % sure): it stays as paint", .0 * 100.0)]
     Doubted(f64),
+    /// Nobody saw it, and the point map has it elsewhere than on a face of the room.
+    #[error("nobody looked, and the point map has it before the wall it was put on: it stays as a relief")]
+    OffItsFace,
     /// It cannot be placed.
     #[error(transparent)]
     Unplaceable(#[from] PlacementError),

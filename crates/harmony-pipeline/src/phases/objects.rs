@@ -14,8 +14,8 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Left, Object, SceneState};
 use crate::steps::inspect::Inspection;
 use crate::steps::{
-    counts, detect, doubt, groups, hosts, inspect, place, prepare, programs, review, second_look, shading, surfaces,
-    texture, turns,
+    counts, detect, doubt, groups, hosts, inspect, place, prepare, programs, relief, review, second_look, shading,
+    surfaces, texture, turns,
 };
 
 /// A level that can be placed.
@@ -151,6 +151,7 @@ pub async fn place(
     }
     if level == Level::Decoration {
         counts::settle(ctx, &mut state).await?;
+        relief::stand(ctx, &mut state).await?;
     }
     // On every level: walls that are not seen move with what stands at them.
     state.partial.room.openings = surfaces::openings(&state);

@@ -15,6 +15,7 @@ pub mod physical;
 pub mod place;
 pub mod prepare;
 pub mod programs;
+pub mod relief;
 pub mod review;
 pub mod second_look;
 pub mod shading;

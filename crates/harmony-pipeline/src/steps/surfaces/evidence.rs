@@ -20,6 +20,8 @@ const OFF_FACE: f64 = 0.08;
 const OFF_FACE_SHARE: f64 = 0.03;
 /// Where the points of a face lie further from it than this in the middle, they say nothing about it, metres.
 const MOST_OFFSET: f64 = 0.25;
+/// Points no further from a face than this may be its own, metres.
+const NEAR_FACE: f64 = 0.12;
 /// Points of a face that are needed to judge the others.
 const LEAST_POINTS: usize = 200;
 /// How far the line between two faces may be off, pixels and metres.
@@ -36,20 +38,47 @@ pub fn bare_pixels(state: &SceneState, is_seen: bool) -> Bare {
     let size = state.partial.camera.size;
     let px = |share: f64| (share * f64::from(size.width)).round() as i32;
     let margin = px(MARGIN).max(3);
-    let ids = views::ids(state);
-    let drawn = Mask::from_fn(size, |x, y| ids[(y * size.width + x) as usize] != 0);
-    let taken =
-        state.all_objects().dilated(margin).or(&drawn.dilated(margin / 2)).or(&state.photo_frame.dilated(margin));
-    let bare = without_slivers(&Mask::from_fn(size, |_, _| true).minus(&taken), px(SLIVER).max(2));
-    let bare = match &state.partial.points {
-        Some(points) if is_seen && points.is_dense() => {
-            let off = off_faces(points, &state.partial.camera, &state.partial.room.faces(), &bare);
-            without_slivers(&bare.minus(&off.dilated(1)), px(SLIVER).max(2))
-        }
-        _ => bare,
-    };
+    let taken = state
+        .all_objects()
+        .dilated(margin)
+        .or(&drawn(state).dilated(margin / 2))
+        .or(&state.photo_frame.dilated(margin));
+    let mut bare = without_slivers(&Mask::from_fn(size, |_, _| true).minus(&taken), px(SLIVER).max(2));
+    if is_seen {
+        let off = before_faces(state, &bare, own_offset);
+        bare = without_slivers(&bare.minus(&off.dilated(1)), px(SLIVER).max(2));
+    }
     let open = without_slivers(&bare, px(NOOK).max(4));
     Bare { bare, open }
+}
+
+/// Pixels in which an object of the scene is drawn.
+fn drawn(state: &SceneState) -> Mask {
+    let size = state.partial.camera.size;
+    let ids = views::ids(state);
+    Mask::from_fn(size, |x, y| ids[(y * size.width + x) as usize] != 0)
+}
+
+/// All pixels that show what a point map has before the room's faces; none without a map.
+pub fn standing(state: &SceneState) -> Mask {
+    let all = Mask::from_fn(state.partial.camera.size, |_, _| true);
+    before_faces(state, &all.minus(&state.photo_frame), near_offset)
+}
+
+/// Those of the pixels that show what a point map has before the room's faces, which are where `offset` of their points'
+/// distances says, by so much and give or take so much; `None` for a face of which nothing shall be said.
+fn before_faces(state: &SceneState, of: &Mask, offset: fn(&[f64]) -> Option<(f64, f64)>) -> Mask {
+    match &state.partial.points {
+        Some(points) if points.is_dense() => {
+            off_faces(points, &state.partial.camera, &state.partial.room.faces(), of, offset)
+        }
+        _ => Mask::empty(of.size()),
+    }
+}
+
+/// Those of them that are no object's.
+pub fn unnamed(state: &SceneState) -> Mask {
+    standing(state).minus(&state.all_objects()).minus(&drawn(state))
 }
 
 /// Pixels that show bare faces.
@@ -65,9 +94,31 @@ fn without_slivers(mask: &Mask, radius: i32) -> Mask {
     mask.dilated(-radius).dilated(radius).and(mask)
 }
 
-/// Pixels whose points lie before the face that the room has there. Each face is judged against the middle of its own
-/// points: a face that is a little off has none of its pixels taken away.
-fn off_faces(points: &RoomPoints, camera: &Camera, faces: &RoomFaces, bare: &Mask) -> Mask {
+/// The middle of a face's points, where most of them are bare: a face that is a little off has none of its pixels taken
+/// away, and one that is far off none either.
+fn own_offset(distances: &[f64]) -> Option<(f64, f64)> {
+    if distances.len() < LEAST_POINTS {
+        return None;
+    }
+    let middle = median(&mut distances.to_vec());
+    let spread = median(&mut distances.iter().map(|d| (d - middle).abs()).collect::<Vec<_>>());
+    (middle.abs() <= MOST_OFFSET).then_some((middle, spread))
+}
+
+/// The middle of those of a face's points that are near it, where most of them may be those of things before it.
+fn near_offset(distances: &[f64]) -> Option<(f64, f64)> {
+    let near: Vec<f64> = distances.iter().copied().filter(|d| d.abs() < NEAR_FACE).collect();
+    Some(own_offset(&near).unwrap_or_default())
+}
+
+/// Pixels whose points lie before the face that the room has there.
+fn off_faces(
+    points: &RoomPoints,
+    camera: &Camera,
+    faces: &RoomFaces,
+    of: &Mask,
+    offset: fn(&[f64]) -> Option<(f64, f64)>,
+) -> Mask {
     let grid = points.size;
     let photo = camera.size;
     let place = |i: usize| {
@@ -82,7 +133,7 @@ fn off_faces(points: &RoomPoints, camera: &Camera, faces: &RoomFaces, bare: &Mas
             let at = place(i);
             let p = points.xyz[i];
             let known = points.confidence.get(i).is_some_and(|c| *c > 0.0) && p.is_finite();
-            if !known || !bare.get(at.x as i64, at.y as i64) {
+            if !known || !of.get(at.x as i64, at.y as i64) {
                 return None;
             }
             let there = faces.exit(&camera.ray(at))?;
@@ -91,16 +142,8 @@ fn off_faces(points: &RoomPoints, camera: &Camera, faces: &RoomFaces, bare: &Mas
         .collect();
     let mut off = vec![false; grid.pixels()];
     for surface in Surface::ALL {
-        let mut distances: Vec<f64> = measured.iter().flatten().filter(|m| m.0 == surface).map(|m| m.1).collect();
-        if distances.len() < LEAST_POINTS {
-            continue;
-        }
-        let middle = median(&mut distances);
-        if middle.abs() > MOST_OFFSET {
-            continue;
-        }
-        let mut spread: Vec<f64> = distances.iter().map(|d| (d - middle).abs()).collect();
-        let spread = median(&mut spread);
+        let distances: Vec<f64> = measured.iter().flatten().filter(|m| m.0 == surface).map(|m| m.1).collect();
+        let Some((middle, spread)) = offset(&distances) else { continue };
         for (flag, m) in off.iter_mut().zip(&measured) {
             if let Some((_, distance, depth)) = m.filter(|m| m.0 == surface) {
                 *flag |= distance - middle > OFF_FACE.max(OFF_FACE_SHARE * depth).max(4.0 * spread);
@@ -257,10 +300,18 @@ mod tests {
             xyz,
             confidence: vec![1.0; camera.size.pixels()],
         };
-        let off = off_faces(&points, &camera, &extents.into(), &all);
+        let off = off_faces(&points, &camera, &extents.into(), &all, own_offset);
         for (i, flag) in off.bits().iter().enumerate() {
             assert_eq!(*flag, chest(i as u32 % 160, i as u32 / 160), "{i}");
         }
+    }
+
+    #[test]
+    fn a_face_that_things_hide_for_the_most_part_is_where_its_own_points_are() {
+        let distances: Vec<f64> = (0..2000).map(|i| if i % 10 < 3 { 0.03 } else { 0.6 }).collect();
+        assert_eq!(near_offset(&distances), Some((0.03, 0.0)));
+        assert_eq!(own_offset(&distances), None);
+        assert_eq!(near_offset(&[0.5; 1000]), Some((0.0, 0.0)));
     }
 
     #[test]

@@ -21,6 +21,7 @@ use serde_json::json;
 
 pub use beyond::{Beyond, beyond, panes};
 use evidence::{Bare, Face};
+pub use evidence::{standing, unnamed};
 use paint::Painted;
 
 use crate::Phase;
