@@ -233,7 +233,7 @@ impl<'a> Sheet<'a> {
         mesh.groups.push(Group { material: 0, triangles });
         let bounds = mesh.bounds()?;
         let (low, high) = (bounds.min, bounds.max);
-        let at = DVec3::new((low.x + high.x) / 2.0, low.y, (low.z + high.z) / 2.0);
+        let at = low.midpoint(high).with_y(low.y);
         for p in &mut mesh.positions {
             *p -= at.as_vec3();
         }

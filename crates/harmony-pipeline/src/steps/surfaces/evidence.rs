@@ -62,7 +62,7 @@ fn drawn(state: &SceneState) -> Mask {
 /// All pixels that show what a point map has before the room's faces; none without a map.
 pub fn standing(state: &SceneState) -> Mask {
     let all = Mask::from_fn(state.partial.camera.size, |_, _| true);
-    before_faces(state, &all.minus(&state.photo_frame), near_offset)
+    before_faces(state, &all.minus(&state.photo_frame), |distances| Some(near_offset(distances)))
 }
 
 /// Those of the pixels that show what a point map has before the room's faces, which are where `offset` of their points'
@@ -106,9 +106,9 @@ fn own_offset(distances: &[f64]) -> Option<(f64, f64)> {
 }
 
 /// The middle of those of a face's points that are near it, where most of them may be those of things before it.
-fn near_offset(distances: &[f64]) -> Option<(f64, f64)> {
+fn near_offset(distances: &[f64]) -> (f64, f64) {
     let near: Vec<f64> = distances.iter().copied().filter(|d| d.abs() < NEAR_FACE).collect();
-    Some(own_offset(&near).unwrap_or_default())
+    own_offset(&near).unwrap_or_default()
 }
 
 /// Pixels whose points lie before the face that the room has there.
@@ -309,9 +309,9 @@ mod tests {
     #[test]
     fn a_face_that_things_hide_for_the_most_part_is_where_its_own_points_are() {
         let distances: Vec<f64> = (0..2000).map(|i| if i % 10 < 3 { 0.03 } else { 0.6 }).collect();
-        assert_eq!(near_offset(&distances), Some((0.03, 0.0)));
+        assert_eq!(near_offset(&distances), (0.03, 0.0));
         assert_eq!(own_offset(&distances), None);
-        assert_eq!(near_offset(&[0.5; 1000]), Some((0.0, 0.0)));
+        assert_eq!(near_offset(&[0.5; 1000]), (0.0, 0.0));
     }
 
     #[test]
