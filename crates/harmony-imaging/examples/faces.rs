@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use harmony_imaging::tile::{Grain, Survey};
+use harmony_imaging::tile::{Fineness, Grain, Survey};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -12,9 +12,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     std::fs::create_dir_all(out)?;
     for name in ["floor", "ceiling", "back", "left", "right", "front"] {
         let texture = image::open(Path::new(seen).join(format!("{name}.png")))?.to_rgba8();
-        let sharp = vec![true; (texture.width() * texture.height()) as usize];
+        let fineness = Fineness::full(texture.width() as usize, texture.height() as usize);
         let grain = if name == "floor" { Grain::Coarse } else { Grain::Fine };
-        let Some(survey) = Survey::of(&texture, &sharp, px_per_m.parse()?, grain, 1) else { continue };
+        let Some(survey) = Survey::of(&texture, &fineness, px_per_m.parse()?, grain, 1) else { continue };
         println!(
             "{name}: {:.2} m2 seen, colour {:?}, periods {:?}",
             survey.seen_area,

@@ -47,10 +47,20 @@ impl Serialize for PaintedObject {
     }
 }
 
+/// Slots of an object that are told: the shelf of books that a program makes has a slot a book.
+const SLOTS_TOLD: usize = 16;
+
 impl Display for PaintedObject {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}; slots: {}", self.object, self.slots.join(", "))
+        write!(f, "{}; slots: {}", self.object, told(&self.slots))
     }
+}
+
+/// The first slots, and how many more there are.
+fn told(slots: &[String]) -> String {
+    let (first, more) = slots.split_at(slots.len().min(SLOTS_TOLD));
+    let first = first.join(", ");
+    if more.is_empty() { first } else { format!("{first} and {} more", more.len()) }
 }
 
 /// A light source.
@@ -310,5 +320,12 @@ mod tests {
         let mut many = answer.clone();
         many.actions = vec![many.actions[0].clone(); MOST_LAST_ACTIONS + 1];
         assert!(many.check(&ids, &ids).is_err());
+    }
+
+    #[test]
+    fn a_shelf_with_a_slot_a_book_is_told_in_a_line() {
+        let slots: Vec<String> = (0..60).map(|k| format!("book {k}")).collect();
+        assert!(told(&slots).ends_with("book 15 and 44 more"), "{}", told(&slots));
+        assert_eq!(told(&slots[..2]), "book 0, book 1");
     }
 }

@@ -716,7 +716,7 @@ pub enum Kind {
 /// Most nodes of a tree.
 pub const MAX_NODES: usize = 20_000;
 /// Most materials of a tree.
-pub const MAX_MATERIALS: usize = 64;
+pub const MAX_MATERIALS: usize = 128;
 /// Most instances once copies are expanded.
 pub const MAX_INSTANCES: u64 = 50_000;
 /// Most points of curves, outlines, grids and meshes together.

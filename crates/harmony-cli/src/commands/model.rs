@@ -6,8 +6,8 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_pipeline::views::mesh_view;
-use harmony_pipeline::{Program, Surroundings, program_mesh};
-use harmony_scene::{Camera, ObjectId, Scene, SceneObject};
+use harmony_pipeline::{Phase, Program, Surroundings, program_mesh};
+use harmony_scene::{Camera, ObjectId, Room, Scene, SceneCamera, SceneObject, Size};
 use image::RgbaImage;
 use serde_json::Value;
 
@@ -21,6 +21,8 @@ use crate::{EXIT_OK, say};
       print the program that models the sofa, and what it becomes
   harmony model run sofa_01 --program sofa.py --out sofa
       run a changed program: sofa.glb, and sofa.png from four sides; the run is left as it is
+  harmony model run sofa_01 --program sofa.py --size 2.1,0.8,0.9 --out sofa
+      the same at another size (width, height, depth); in a run that is not finished yet, to try what answers a question
   harmony model run sofa_01 --program sofa.py --keep
       put the program into the run's answers; the next `harmony reconstruct` with the same arguments places it")]
 pub struct Args {
@@ -31,6 +33,9 @@ pub struct Args {
     /// A changed program; without it the run's own one is taken.
     #[arg(long)]
     program: Option<PathBuf>,
+    /// Width, height and depth to run it at, metres; without it the object's own.
+    #[arg(long, value_name = "W,H,D", value_parser = size, requires = "program")]
+    size: Option<Size>,
     /// Write the mesh to OUT.glb and four views of it to OUT.png.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -44,29 +49,26 @@ pub struct Args {
 /// # Errors
 /// A folder that holds no scene, an object that has no program, a program that cannot be used.
 pub fn run(args: &Args) -> Result<u8> {
-    let scene = scene_of(&args.run)?;
     let id = ObjectId::new(&args.object).with_context(|| format!("{:?} is no object id", args.object))?;
-    let Some(object) = scene.objects.iter().find(|o| o.id == id) else {
-        let known: Vec<&str> = scene.objects.iter().map(|o| o.id.as_str()).collect();
-        bail!("there is no object {id} in the scene; there are {}", known.join(", "));
-    };
-    let answer = answer_of(&args.run, object);
-    let source = match (&args.program, own_program(&args.run, object)) {
+    let Given { camera, room, object } = given(args, &id)?;
+    let answer = object.as_ref().and_then(|object| answer_of(&args.run, object));
+    let source = match (&args.program, &object) {
         (Some(file), _) => {
             std::fs::read_to_string(file).with_context(|| format!("{} cannot be read", file.display()))?
         }
-        (None, Some(source)) => source,
-        (None, None) => bail!("{id} has no program: it was made as {}", object.mesh_source),
+        (None, Some(object)) => own_program(&args.run, object)
+            .with_context(|| format!("{id} has no program: it was made as {}", object.mesh_source))?,
+        (None, None) => bail!("{id} has no program"),
     };
+    let size = args.size.or(object.map(|o| o.size)).context("the object's size is not known: give --size")?;
     let params = answer.as_ref().map(|a| a.params.clone()).unwrap_or_default();
     let program = Program { source, params };
     if args.program.is_none() {
         say!("{}", program.source.trim_end())?;
     }
-    let camera = Camera::from(&scene.camera);
     let photo = photo_of(&args.run, camera)?;
-    let around = Surroundings::new(camera, scene.room.extents);
-    let (shape, tree) = program_mesh(&program, object.size, &around, &photo)
+    let around = Surroundings::new(camera, room.extents);
+    let (shape, tree) = program_mesh(&program, size, &around, &photo)
         .map_err(anyhow::Error::msg)
         .context("the program cannot be used")?;
     say!(
@@ -74,9 +76,9 @@ pub fn run(args: &Args) -> Result<u8> {
         tree.nodes.len(),
         tree.materials.len(),
         shape.mesh.triangle_count(),
-        object.size.width,
-        object.size.height,
-        object.size.depth
+        size.width,
+        size.height,
+        size.depth
     )?;
     for part in &shape.parts {
         say!("#   line {:3}  {} x {}, {} triangles", part.line, part.instances, part.name, part.triangles)?;
@@ -101,12 +103,46 @@ pub fn run(args: &Args) -> Result<u8> {
     Ok(EXIT_OK)
 }
 
+/// What a program is run with.
+struct Given {
+    camera: Camera,
+    room: Room,
+    /// The object in the scene of a finished run; `None` where the size is given and it is not there yet.
+    object: Option<SceneObject>,
+}
+
+/// Camera and room of the run, and the object, where there is one already.
+fn given(args: &Args, id: &ObjectId) -> Result<Given> {
+    let (run, layout) = (&args.run, args.run.join(Phase::Layout.folder()));
+    if run.join("scene.json").is_file() || args.size.is_none() || !layout.join("room.json").is_file() {
+        let mut scene = scene_of(run)?;
+        let camera = Camera::from(&scene.camera);
+        if let Some(k) = scene.objects.iter().position(|o| o.id == *id) {
+            return Ok(Given { camera, room: scene.room, object: Some(scene.objects.swap_remove(k)) });
+        }
+        let known: Vec<&str> = scene.objects.iter().map(|o| o.id.as_str()).collect();
+        bail!("there is no object {id} in the scene; there are {}", known.join(", "));
+    }
+    let found: Value = harmony_io::read_json(&layout.join("camera.json"))?;
+    let camera: SceneCamera = serde_json::from_value(found["camera"].clone()).context("1_layout/camera.json")?;
+    Ok(Given { camera: Camera::from(&camera), room: harmony_io::read_json(&layout.join("room.json"))?, object: None })
+}
+
+/// A size as it is given on the command line.
+fn size(text: &str) -> Result<Size, String> {
+    let sides: Vec<f64> = text.split(',').filter_map(|side| side.trim().parse().ok()).collect();
+    match sides[..] {
+        [width, height, depth] if sides.iter().all(|s| (0.001..=50.0).contains(s)) => Ok(Size { width, height, depth }),
+        _ => Err("give width, height and depth in metres, as 2.1,0.8,0.9".to_owned()),
+    }
+}
+
 /// The scene of a finished run: sizes, camera and room that programs are run with.
 fn scene_of(run: &Path) -> Result<Scene> {
     let file = run.join("scene.json");
     if !file.is_file() && run.join("run.json").is_file() {
-        let hint = "the same `harmony reconstruct` goes on and writes it at its end; meanwhile a program is tried by writing \
-                    it into the answer of its open question: complaint.md says what is wrong with it";
+        let hint = "the same `harmony reconstruct` goes on and writes it at its end; meanwhile `--program FILE --size W,H,D` \
+                    tries a program at a size, once the layout is there";
         return Err(hinted(format!("the run {} is not finished: it has no scene.json yet", run.display()), Some(hint)));
     }
     harmony_io::read_json(&file)

@@ -1,6 +1,8 @@
 //! The program as a person runs it: the bundled example replayed, run again, and inputs that are no good.
 
-use crate::common::{files, harmony};
+use std::path::Path;
+
+use crate::common::{files, harmony, said};
 
 #[test]
 fn the_bundled_example_replays_and_a_second_run_changes_no_byte() {
@@ -16,8 +18,7 @@ fn the_bundled_example_replays_and_a_second_run_changes_no_byte() {
         "--no-lit",
     ];
     let first = harmony(&args);
-    let said = String::from_utf8_lossy(&first.stdout).into_owned();
-    assert!(first.status.success(), "{said}\n{}", String::from_utf8_lossy(&first.stderr));
+    assert!(first.status.success(), "{}", said(&first));
     for file in [
         "scene.json",
         "scene_full.glb",
@@ -49,6 +50,23 @@ fn the_bundled_example_replays_and_a_second_run_changes_no_byte() {
     assert!(second.status.success());
     assert!(String::from_utf8_lossy(&second.stdout).contains("finished already"));
     assert!(files(&run) == before, "the second run changed the run folder");
+    a_program_is_tried_before_there_is_a_scene(&run);
+}
+
+fn a_program_is_tried_before_there_is_a_scene(run: &Path) {
+    std::fs::remove_file(run.join("scene.json")).unwrap();
+    let program = run.join("tried.py");
+    std::fs::write(&program, "def build(w, h, d):\n    return group(\"crate\", body = box((w, h, d)))\n").unwrap();
+    let model = |more: &[&str]| {
+        let given = ["model", run.to_str().unwrap(), "crate_01", "--program", program.to_str().unwrap()];
+        harmony(&[&given, more].concat())
+    };
+    let tried = model(&["--size", "1.2,0.5,0.6"]);
+    assert!(tried.status.success(), "{}", said(&tried));
+    assert!(said(&tried).contains("1.200 x 0.500 x 0.600 m"), "{}", said(&tried));
+    let refused = model(&[]);
+    assert!(!refused.status.success() && said(&refused).contains("--size W,H,D"), "{}", said(&refused));
+    assert!(said(&model(&["--size", "1.2,0,0.6"])).contains("width, height and depth in metres"));
 }
 
 #[test]

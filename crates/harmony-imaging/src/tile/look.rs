@@ -10,6 +10,7 @@ use glam::{DMat2, DVec2};
 use image::{Rgba, RgbaImage};
 
 use super::base::{self, Base, Color, Smoothing};
+use super::fineness::Fineness;
 use super::lattice::{Lattice, Ratios};
 use super::{LEAST_OBSERVED, opaque, quilt, scatter, without_odd_islands};
 use crate::distance::distance_to;
@@ -86,6 +87,9 @@ pub struct Survey {
     pub seen_area: f64,
     texture: RgbaImage,
     field: Base,
+    fineness: Fineness,
+    /// Factor on the light away from what was seen.
+    elsewhere: Color,
     px_per_m: f64,
 }
 
@@ -175,11 +179,12 @@ impl Tile {
     }
 
     /// Quilted from the ratios that are left, of sharp places when there are enough.
-    fn quilted(rest: &[Option<Color>], sharp: &[bool], width: usize, grain: Grain, seed: u64) -> Self {
+    fn quilted(rest: &[Option<Color>], fineness: &Fineness, width: usize, grain: Grain, seed: u64) -> Self {
         let height = rest.len() / width.max(1);
         let colors: Vec<Color> = rest.iter().map(|c| c.unwrap_or([1.0; 3]).map(|v| v * QUILT_SCALE)).collect();
         let known = without_outliers(rest, width, grain);
-        let best: Vec<bool> = known.iter().zip(sharp).map(|(k, s)| *k && *s).collect();
+        let best: Vec<bool> =
+            known.iter().enumerate().map(|(i, k)| *k && fineness.is_sharp(i % width, i / width)).collect();
         for side in TILE_PX {
             for observed in [&best, &known] {
                 let sample = quilt::Sample { width, height, colors: &colors, observed };
@@ -248,10 +253,10 @@ impl Survey {
     ///
     /// Texels with alpha 224 or more are kept as they are. The others that were seen, next to objects and in nooks
     /// between them, tell the light and the colour, but their shapes would be left as ghosts.
-    /// `sharp` tells which texels the photo shows at least as finely as the texture has them; grain is taken from there.
-    pub fn of(texture: &RgbaImage, sharp: &[bool], px_per_m: f64, grain: Grain, seed: u64) -> Option<Self> {
+    /// Grain is taken where the photo shows the texels sharply (`fineness`).
+    pub fn of(texture: &RgbaImage, fineness: &Fineness, px_per_m: f64, grain: Grain, seed: u64) -> Option<Self> {
         let width = texture.width() as usize;
-        if sharp.len() != width * texture.height() as usize || !(px_per_m.is_finite() && px_per_m > 0.0) {
+        if !(px_per_m.is_finite() && px_per_m > 0.0) {
             return None;
         }
         let known = without_odd_islands(texture);
@@ -285,20 +290,44 @@ impl Survey {
             .into_iter()
             .map(|c| c.filter(|c| c.iter().all(|v| (lowest..=highest).contains(v))))
             .collect();
-        let tile = Tile::quilted(&rest, sharp, width, grain, seed);
+        let tile = Tile::quilted(&rest, fineness, width, grain, seed);
         let texture = believed(texture, &look, &field);
         let seen_area = texture.pixels().filter(|p| p.0[3] >= 128).count() as f64 / (px_per_m * px_per_m);
-        Some(Self { look: Look { tile, ..look }, seen_area, texture, field, px_per_m })
+        Some(Self {
+            look: Look { tile, ..look },
+            seen_area,
+            texture,
+            field,
+            fineness: fineness.clone(),
+            elsewhere: [1.0; 3],
+            px_per_m,
+        })
+    }
+
+    /// The same surface, away from what was seen of it in another typical colour: what little shows lies in a corner, or
+    /// beside a lamp.
+    #[must_use]
+    pub fn settling_at(mut self, color: [f32; 3]) -> Self {
+        self.elsewhere = std::array::from_fn(|c| color[c] / self.look.color[c].max(1.0));
+        self.look.color = color;
+        self
+    }
+
+    /// The light at a texel so far from what was seen.
+    fn light(&self, x: u32, y: u32, away: f32) -> Color {
+        let far = smoothstep(away / (LITTLE_REACH * self.px_per_m) as f32);
+        let field = self.field.at(x, y);
+        std::array::from_fn(|c| field[c] * (1.0 + far * (self.elsewhere[c] - 1.0)))
     }
 
     /// The whole surface: the photo where it was seen, and, with a soft border, the material elsewhere; opaque.
     pub fn complete(&self) -> RgbaImage {
-        self.completed(|x, y, _| self.look.times(x, y, self.field.at(x, y)))
+        self.completed(&self.look, |x, y, away| self.look.times(x, y, self.light(x, y, away)))
     }
 
     /// [`Survey::complete`] with another pattern under the light that was seen.
     pub fn complete_as(&self, look: &Look) -> RgbaImage {
-        self.completed(|x, y, _| look.times(x, y, self.field.at(x, y)))
+        self.completed(look, |x, y, away| look.times(x, y, self.light(x, y, away)))
     }
 
     /// How uneven what was seen is; `None` when too little was.
@@ -347,7 +376,7 @@ impl Survey {
     /// What was seen, in another material: for a surface of which too little was seen to tell its own.
     pub fn complete_in(&self, look: &Look) -> RgbaImage {
         let reach = (LITTLE_REACH * self.px_per_m) as f32;
-        self.completed(|x, y, away| {
+        self.completed(look, |x, y, away| {
             // Towards the little that was seen the light is the one seen there.
             let near = 1.0 - smoothstep(away / reach);
             let field = self.field.at(x, y);
@@ -355,20 +384,32 @@ impl Survey {
         })
     }
 
-    /// The photo over a material that is given texel by texel, with the distance to what was seen.
-    fn completed(&self, material: impl Fn(u32, u32, f32) -> Color) -> RgbaImage {
+    /// The photo over a material that is given texel by texel, with the distance to what was seen. What of the look is
+    /// finer than the photo's pixels is added to it: from the photo's place nothing changes, and from nearby the seen part
+    /// is no blur beside the rest.
+    fn completed(&self, look: &Look, material: impl Fn(u32, u32, f32) -> Color) -> RgbaImage {
         let (width, height) = (self.texture.width() as usize, self.texture.height() as usize);
         let unseen: Vec<bool> = self.texture.pixels().map(|p| p.0[3] < KEPT).collect();
         let seen: Vec<bool> = unseen.iter().map(|b| !b).collect();
         let depth = distance_to(&unseen, width, height);
         let away = distance_to(&seen, width, height);
         let feather = (FEATHER * self.px_per_m).max(2.0) as f32;
+        let kept = (0..seen.len()).filter(|i| seen[*i]).map(|i| (i % width, i / width));
+        let lost = self.fineness.loses(kept).then(|| {
+            (0..width * height)
+                .map(|i| look.times((i % width) as u32, (i / width) as u32, [1.0; 3]))
+                .collect::<Vec<_>>()
+        });
         RgbaImage::from_fn(width as u32, height as u32, |x, y| {
             let i = y as usize * width + x as usize;
             let material = material(x, y, away[i]);
             let photo = self.texture.get_pixel(x, y).0;
             let weight = if unseen[i] { 0.0 } else { smoothstep((depth[i] - 0.5) / feather) };
-            opaque(std::array::from_fn(|c| material[c] + weight * (f32::from(photo[c]) - material[c])))
+            let fine = match &lost {
+                Some(of) if weight > 0.0 => self.fineness.lost(of, x as usize, y as usize),
+                _ => [1.0; 3],
+            };
+            opaque(std::array::from_fn(|c| material[c] + weight * (f32::from(photo[c]) * fine[c] - material[c])))
         })
     }
 }

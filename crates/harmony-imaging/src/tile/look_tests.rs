@@ -30,8 +30,8 @@ fn difference(a: &RgbaImage, b: &RgbaImage, inside: impl Fn(u32, u32) -> bool) -
 }
 
 fn survey(texture: &RgbaImage) -> Survey {
-    let sharp = vec![true; (texture.width() * texture.height()) as usize];
-    Survey::of(texture, &sharp, 100.0, Grain::Fine, 7).unwrap()
+    let fineness = Fineness::full(texture.width() as usize, texture.height() as usize);
+    Survey::of(texture, &fineness, 100.0, Grain::Fine, 7).unwrap()
 }
 
 #[test]
@@ -129,7 +129,7 @@ fn other_surfaces_are_painted_in_the_same_colour() {
     assert_eq!(painted.dimensions(), (64, 48));
     let mean = painted.pixels().map(|p| f64::from(p.0[0])).sum::<f64>() / (64.0 * 48.0);
     assert!((mean - 172.0).abs() < 2.0, "{mean}");
-    assert!(Survey::of(&RgbaImage::new(50, 50), &[true; 2500], 100.0, Grain::Fine, 7).is_none());
+    assert!(Survey::of(&RgbaImage::new(50, 50), &Fineness::full(50, 50), 100.0, Grain::Fine, 7).is_none());
 }
 
 #[test]

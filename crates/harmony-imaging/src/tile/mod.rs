@@ -7,6 +7,7 @@
 
 mod base;
 mod detail;
+mod fineness;
 mod lattice;
 mod look;
 mod quilt;
@@ -23,6 +24,7 @@ use crate::resample::resize_rgba;
 use base::{Base, Color};
 
 pub use detail::Detail;
+pub use fineness::Fineness;
 pub use look::{Grain, Look, Survey, Unevenness};
 
 /// Parameters of completion and tiles.

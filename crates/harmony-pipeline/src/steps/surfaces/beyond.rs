@@ -15,6 +15,8 @@ use crate::state::SceneState;
 const BEHIND: f64 = 0.1;
 /// Around an opening's edge its pixels are mixed ones, metres.
 const EDGE: f64 = 0.02;
+/// Around the photo's empty frame its pixels are mixed ones.
+const FRAME_MARGIN: i32 = 3;
 /// Texels a metre.
 const PX_PER_M: f64 = 220.0;
 /// Sides of a texture, texels.
@@ -65,13 +67,11 @@ fn seen_through(state: &SceneState, opening: &Opening) -> Option<RgbaImage> {
     if plane_of(opening).distance(e, camera.centre()) <= 0.0 {
         return None;
     }
-    let hidden: Vec<&Mask> = state
-        .partial
-        .placed
-        .iter()
-        .filter(|p| Some(&p.item.id) != opening.object.as_ref())
-        .map(|p| &*p.item.mask)
-        .collect();
+    // The empty frame of an undistorted picture shows nothing, and mixes into what is next to it.
+    let frame = state.photo_frame.dilated(FRAME_MARGIN);
+    let objects =
+        state.partial.placed.iter().filter(|p| Some(&p.item.id) != opening.object.as_ref()).map(|p| &*p.item.mask);
+    let hidden: Vec<&Mask> = objects.chain([&frame]).collect();
     let length = |range: [f64; 2]| ((range[1] - range[0]) * PX_PER_M).clamp(SIDE_PX.0, SIDE_PX.1).ceil() as u32;
     let (w, h) = (length(opening.u), length(opening.y));
     let sample = |i: u32, j: u32| {
@@ -188,6 +188,19 @@ mod tests {
             }
             assert!(seen > 0, "{wall:?}");
         }
+    }
+
+    #[test]
+    fn the_photos_empty_frame_is_not_seen_through_a_passage() {
+        let mut state = state(Wall::Back, [1.2, 2.2]);
+        let size = state.partial.camera.size;
+        let edge = state.partial.camera.project(Vec3::new(1.5, 1.0, 0.0)).unwrap().x as u32;
+        let mut photo = (*state.photo).clone();
+        photo.enumerate_pixels_mut().filter(|(x, ..)| *x < edge).for_each(|(.., p)| *p = Rgb([255; 3]));
+        state.photo = Arc::new(photo);
+        state.photo_frame = Arc::new(Mask::from_fn(size, |x, _| x < edge));
+        let shown = beyond(&state).remove(0).picture;
+        assert!(shown.pixels().all(|p| p.0[2] == 40), "nothing of the frame");
     }
 
     #[test]

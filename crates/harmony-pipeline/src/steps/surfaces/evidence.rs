@@ -2,6 +2,7 @@
 
 use glam::DVec2;
 use harmony_imaging::rectify::{SurfaceRect, surface_texture};
+use harmony_imaging::tile::Fineness;
 use harmony_placement::RoomPoints;
 use harmony_scene::{Camera, Extents, ImageSize, Mask, RoomFaces, Surface};
 use image::{RgbImage, Rgba, RgbaImage};
@@ -27,10 +28,6 @@ const LEAST_POINTS: usize = 200;
 /// How far the line between two faces may be off, pixels and metres.
 const SEAM_PX: f64 = 1.5;
 const SEAM: f64 = 0.01;
-/// Finest part of a texel, in photo pixels, that counts as sharp.
-const SHARP_PX: f64 = 0.6;
-/// Sharpness is looked up once a block of this many texels.
-const BLOCK: usize = 8;
 
 /// Pixels that show neither an object (found, left out or drawn) nor what is next to one, nor the photo's empty frame,
 /// nor anything that the point map has before the room's faces; where nobody looked (`is_seen`) that is paint on them.
@@ -167,8 +164,8 @@ pub struct Face {
     pub surface: Surface,
     /// Opaque where the bare face was seen, half opaque in nooks ([`NOOK_ALPHA`]).
     pub texture: RgbaImage,
-    /// Texels that the photo has at least as fine.
-    pub sharp: Vec<bool>,
+    /// How finely the photo shows it.
+    pub fineness: Fineness,
     /// Texels a metre.
     pub px_per_m: f64,
 }
@@ -192,8 +189,11 @@ impl Face {
             }
         }
         let size = ImageSize::new(texture.width(), texture.height());
-        let sharp = sharp(camera, faces, surface, size);
-        Self { surface, texture, sharp, px_per_m }
+        let point =
+            |at: DVec2| faces.point(surface, face_point(surface, faces.extents(), size, at.x - 0.5, at.y - 0.5)).0;
+        let (width, height) = (size.width as usize, size.height as usize);
+        let fineness = Fineness::of(width, height, |at| camera.project(point(at)));
+        Self { surface, texture, fineness, px_per_m }
     }
 
     /// Face coordinates of a texel's centre, metres.
@@ -246,23 +246,6 @@ fn face_point(surface: Surface, extents: &Extents, size: ImageSize, x: f64, y: f
     let (s, t) = ((x + 0.5) / f64::from(size.width), (y + 0.5) / f64::from(size.height));
     let v = if surface.wall().is_some() { 1.0 - t } else { t };
     DVec2::new(s * face.x, v * face.y)
-}
-
-/// Which texels the photo shows at least about as finely as the texture has them.
-fn sharp(camera: &Camera, faces: &RoomFaces, surface: Surface, size: ImageSize) -> Vec<bool> {
-    let (width, height) = (size.width as usize, size.height as usize);
-    let across = width.div_ceil(BLOCK);
-    let at = |x: f64, y: f64| camera.project(faces.point(surface, face_point(surface, faces.extents(), size, x, y)).0);
-    let blocks: Vec<bool> = (0..across * height.div_ceil(BLOCK))
-        .map(|i| {
-            let (x, y) = (((i % across) * BLOCK + BLOCK / 2) as f64, ((i / across) * BLOCK + BLOCK / 2) as f64);
-            let Some([a, b, c]) = at(x, y).zip(at(x + 1.0, y)).zip(at(x, y + 1.0)).map(|((a, b), c)| [a, b, c]) else {
-                return false;
-            };
-            (b - a).length().min((c - a).length()) >= SHARP_PX
-        })
-        .collect();
-    (0..width * height).map(|i| blocks[i / width / BLOCK * across + i % width / BLOCK]).collect()
 }
 
 #[cfg(test)]

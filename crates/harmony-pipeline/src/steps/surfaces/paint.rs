@@ -70,6 +70,7 @@ pub fn paint(faces: &[Face], answer: &[LayoutSurface], room: &Room, is_seen: boo
     }
     let light = Light::of(&pieces, answer);
     let plain = Plain::of(&pieces, room);
+    of_one_paint(&mut pieces, answer);
     let painted: Vec<(RgbaImage, Value)> =
         pieces.par_iter().map(|piece| piece.painted(&pieces, &plain, &light, answer)).collect();
     let mut textures = BTreeMap::new();
@@ -136,11 +137,10 @@ impl Piece {
         let rows = if is_wall { [row(strip.to), row(strip.from)] } else { [0, height] };
         let tall = rows[1].saturating_sub(rows[0]);
         let texture = imageops::crop_imm(&face.texture, 0, rows[0], width, tall).to_image();
-        let start = rows[0] as usize * width as usize;
         let coarse = face.surface == Surface::Floor || strip.kind.is_some_and(|k| k != LayoutPartKind::Accent);
         let grain = if coarse { Grain::Coarse } else { Grain::Fine };
-        let sharp = &face.sharp[start..start + tall as usize * width as usize];
-        let survey = Survey::of(&texture, sharp, face.px_per_m, grain, SEED ^ face.surface as u64);
+        let fineness = face.fineness.from_row(rows[0] as usize);
+        let survey = Survey::of(&texture, &fineness, face.px_per_m, grain, SEED ^ face.surface as u64);
         Self { surface: face.surface, strip, rows, size: [width, tall], survey, px_per_m: face.px_per_m }
     }
 
@@ -258,6 +258,39 @@ impl Plain {
     }
 }
 
+/// Walls of which little was seen take a share of the colour of the walls that were named alike: a strip of a dark corner
+/// is not what the whole wall looks like.
+fn of_one_paint(pieces: &mut [Piece], answer: &[LayoutSurface]) {
+    struct Seen {
+        index: usize,
+        named: [f32; 3],
+        color: [f32; 3],
+        weight: f32,
+    }
+    let whole = |p: &Piece| p.surface.wall().is_some() && p.strip.kind.is_none();
+    let seen: Vec<Seen> = pieces
+        .iter()
+        .enumerate()
+        .filter(|(_, p)| whole(p))
+        .filter_map(|(index, p)| {
+            let survey = p.seen()?;
+            let named = answer.iter().find(|s| s.surface.surface() == p.surface).and_then(LayoutSurface::rgb)?;
+            let weight = (survey.seen_area / ENOUGH).min(1.0) as f32;
+            Some(Seen { index, named: lab_from_rgb8(named), color: survey.look.color, weight })
+        })
+        .collect();
+    for own in seen.iter().filter(|s| s.weight < 1.0) {
+        let alike = |s: &&Seen| (0..3).map(|k| (s.named[k] - own.named[k]).powi(2)).sum::<f32>().sqrt() < ONE_PAINT;
+        let total: f32 = seen.iter().filter(alike).map(|s| s.weight).sum();
+        let color = std::array::from_fn(|k| {
+            let all = seen.iter().filter(alike).map(|s| s.weight * s.color[k]).sum::<f32>() / total;
+            own.weight * own.color[k] + (1.0 - own.weight) * all
+        });
+        let piece = &mut pieces[own.index];
+        piece.survey = piece.survey.take().map(|survey| survey.settling_at(color));
+    }
+}
+
 /// What the photo's light makes of colours that the answer gives.
 struct Light(Vec<Named>);
 
@@ -271,6 +304,8 @@ struct Named {
 
 /// Difference of colours (Lab) at which one says much less about the other.
 const ALIKE: f32 = 10.0;
+/// Difference of named colours (Lab) up to which walls are of one paint.
+const ONE_PAINT: f32 = 3.0;
 /// Weight of a floor or a ceiling against that of a wall: light falls on them at another angle.
 const NOT_A_WALL: f32 = 0.2;
 
@@ -304,6 +339,7 @@ impl Light {
 
 #[cfg(test)]
 mod tests {
+    use harmony_imaging::tile::Fineness;
     use harmony_prompts::SurfaceName;
     use harmony_scene::{Opening, Wall};
     use image::Rgba;
@@ -340,7 +376,7 @@ mod tests {
             Some([r, g, b]) if x > w / 3 => Rgba([r, g, b.saturating_add(((x * 7 + y * 3) % 4) as u8), 255]),
             _ => Rgba([0; 4]),
         });
-        Face { surface, sharp: vec![true; (w * h) as usize], texture, px_per_m: 50.0 }
+        Face { surface, fineness: Fineness::full(w as usize, h as usize), texture, px_per_m: 50.0 }
     }
 
     fn faces(colors: [Option<[u8; 3]>; 6]) -> Vec<Face> {
@@ -402,6 +438,26 @@ mod tests {
         let painted = paint(&faces(seen), &answer, &room(&[]), true);
         let right = mean(&painted.textures[&Surface::Right]);
         assert!(right.iter().zip([180.0, 176.0, 170.0]).all(|(a, b)| (a - b).abs() < 8.0), "{right:?}");
+    }
+
+    #[test]
+    fn a_strip_of_a_dark_corner_is_not_what_its_whole_wall_looks_like() {
+        let named =
+            |surface| LayoutSurface { surface, color_hex: Some("#b0b0b0".into()), pattern: None, parts: vec![] };
+        let mut all = faces([None, None, Some([150; 3]), Some([70; 3]), None, None]);
+        for (x, _, p) in all[3].texture.enumerate_pixels_mut() {
+            // 10 cm, floor to ceiling.
+            p.0[3] = if (80..85).contains(&x) { 255 } else { 0 };
+        }
+        let far = |answer: &[LayoutSurface]| {
+            let painted = paint(&all, answer, &room(&[]), true);
+            let left = &painted.textures[&Surface::Left];
+            assert!(left.get_pixel(82, 60).0[0] < 85, "what was seen stays");
+            left.get_pixel(190, 60).0[0]
+        };
+        let both = [named(SurfaceName::WallBack), named(SurfaceName::WallLeft)];
+        assert!((105..140).contains(&far(&both)), "{}", far(&both));
+        assert!(far(&both[..1]) < 85, "nobody said that they are of one paint");
     }
 
     #[test]

@@ -110,6 +110,8 @@ fn pattern(named: &LayoutPattern) -> Pattern {
 
 #[cfg(test)]
 mod tests {
+    use harmony_imaging::tile::{Fineness, Grain};
+
     use super::*;
 
     #[test]
@@ -153,8 +155,7 @@ mod tests {
             let v = (120.0 * seen(x, y)).round().clamp(0.0, 255.0) as u8;
             image::Rgba([v, v, v, 255])
         });
-        let sharp = vec![true; 360 * 300];
-        let survey = Survey::of(&texture, &sharp, 160.0, harmony_imaging::tile::Grain::Coarse, 5).unwrap();
+        let survey = Survey::of(&texture, &Fineness::full(360, 300), 160.0, Grain::Coarse, 5).unwrap();
         let named = LayoutPattern {
             kind: Named::Planks,
             width_m: 0.15,

@@ -139,6 +139,7 @@ fn median_color(colors: impl Iterator<Item = [u8; 3]>) -> Option<[f32; 3]> {
 
 #[cfg(test)]
 mod tests {
+    use harmony_imaging::tile::Fineness;
     use image::Rgba;
 
     use super::*;
@@ -150,12 +151,12 @@ mod tests {
             let [r, g, b] = row(v);
             if x < 150 { Rgba([0; 4]) } else { Rgba([r, g, b, 255]) }
         });
-        Face { surface: Surface::Back, sharp: vec![true; 300 * 250], texture, px_per_m: 100.0 }
+        Face { surface: Surface::Back, fineness: Fineness::full(300, 250), texture, px_per_m: 100.0 }
     }
 
     fn floor() -> Face {
         let texture = RgbaImage::from_pixel(50, 50, Rgba([80, 70, 60, 255]));
-        Face { surface: Surface::Floor, sharp: vec![true; 2500], texture, px_per_m: 100.0 }
+        Face { surface: Surface::Floor, fineness: Fineness::full(50, 50), texture, px_per_m: 100.0 }
     }
 
     const ROOM: Extents = Extents { width: 3.0, height: 2.5, depth: 4.0 };
