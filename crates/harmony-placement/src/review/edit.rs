@@ -49,10 +49,12 @@ fn pulled_off(scene: &PartialScene, old: &Pose, wanted: &Pose, wall: WallPlane) 
     far(wanted) - far(old) > OFF_WALL
 }
 
-/// Multiplies the sides of an object; what was said about its size follows.
+/// Multiplies the sides of an object. The size that it has then is what is said about it from now on: whoever asks for a
+/// factor looks at the size that it was placed with, not at the one that was said before.
 pub(super) fn rescale(scene: &mut PartialScene, object: usize, factor: Vec3, settings: &PlacementSettings) {
     let common = (factor.x * factor.y * factor.z).cbrt();
-    edit_item(scene, object, |item| item.size = Size::from_vec(item.size.as_vec() * factor));
+    let wanted = Size::from_vec(scene.placed[object].size().as_vec() * factor);
+    edit_item(scene, object, |item| item.size = wanted);
     carry(scene, object, settings, |pose| {
         pose.scale *= common;
         pose.stretch *= factor / common;

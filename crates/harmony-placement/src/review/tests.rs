@@ -188,14 +188,18 @@ fn what_only_together_agrees_is_kept_together() {
 }
 
 #[test]
-fn sides_take_their_own_factors() {
-    let scene = scene();
+fn sides_take_their_own_factors_and_the_size_that_comes_of_it_is_the_said_one() {
+    let mut scene = scene();
+    // Drawn larger than it was said to be: the factor is on what is drawn.
+    scene.placed[0].pose.scale = 1.1;
     let object = ObjectId::numbered("box", 0);
-    let action = ReviewAction::Rescale { object: object.clone(), factor: [1.0, 1.5, 0.8] };
+    let action = ReviewAction::Rescale { object: object.clone(), factor: [1.0 / 1.1, 1.5 / 1.1, 0.8 / 1.1] };
     let after = apply(&scene, &[action], &PlacementSettings::default()).unwrap();
-    let size = after.scene.find(&object).unwrap().size();
-    let far = (size.as_vec() - Vec3::new(0.8, 0.9, 0.4)).abs().max_element();
-    assert!(far < 1e-6, "{size:?}");
+    let placed = after.scene.find(&object).unwrap();
+    for size in [placed.size(), placed.item.size] {
+        let far = (size.as_vec() - Vec3::new(0.8, 0.9, 0.4)).abs().max_element();
+        assert!(far < 1e-6, "{size:?}");
+    }
 }
 
 #[test]
