@@ -208,7 +208,10 @@ fn step(outcome: &mut ReviewOutcome, action: &ReviewAction, settings: &Placement
                 hang_elsewhere(after, i, wall, wanted, settings)?;
             } else {
                 // The reviewer's answer takes the place of the one before.
-                edit_item(after, i, |item| item.yaw = YawHint::About(wanted));
+                edit_item(after, i, |item| {
+                    item.yaw = YawHint::About(wanted);
+                    item.traits.corrected = true;
+                });
                 carry(after, i, settings, |pose| pose.yaw = wanted);
             }
             touched.push(object.clone());

@@ -54,7 +54,10 @@ fn pulled_off(scene: &PartialScene, old: &Pose, wanted: &Pose, wall: WallPlane) 
 pub(super) fn rescale(scene: &mut PartialScene, object: usize, factor: Vec3, settings: &PlacementSettings) {
     let common = (factor.x * factor.y * factor.z).cbrt();
     let wanted = Size::from_vec(scene.placed[object].size().as_vec() * factor);
-    edit_item(scene, object, |item| item.size = wanted);
+    edit_item(scene, object, |item| {
+        item.size = wanted;
+        item.traits.corrected = true;
+    });
     carry(scene, object, settings, |pose| {
         pose.scale *= common;
         pose.stretch *= factor / common;

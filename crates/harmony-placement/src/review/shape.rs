@@ -40,7 +40,8 @@ pub fn reshape(
 }
 
 /// As [`reshape`]; beside the old place the shape is also placed anew by what is seen of the object, and what explains more
-/// is taken: the old pose and size were fitted to the old shape, and a better one must not be judged by them.
+/// is taken: the old pose and size were fitted to the old shape, and a better one must not be judged by them. Where a
+/// reviewer has corrected turn or size they were not, and stay.
 ///
 /// # Errors
 /// [`ActionError::Unknown`].
@@ -52,6 +53,9 @@ pub fn fit_shape(
 ) -> Result<ReviewOutcome, ActionError> {
     let there = reshape(scene, object, shape, settings)?;
     let i = find(&there.scene, object)?;
+    if there.scene.placed[i].item.traits.corrected {
+        return Ok(there);
+    }
     let mut anew = there.scene.clone();
     let (item, old) = ((*anew.placed[i].item).clone(), anew.placed[i].clone());
     place_anew(&mut anew, i, item, settings);

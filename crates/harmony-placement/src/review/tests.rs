@@ -52,7 +52,7 @@ fn a_better_shape_is_not_judged_by_the_size_that_was_fitted_to_the_old_one() {
     let by = Vec3::new(0.4 / 0.6, 0.6 / 0.7, 0.4 / 0.6);
     let small = Arc::new(of_boxes(&[leg, seat].map(|(size, at)| (size * by, at * by))));
     let there = judge(&scene, &reshape(&scene, &object, small.clone(), &settings).unwrap(), &settings);
-    let fitted = fit_shape(&scene, &object, small, &settings).unwrap();
+    let fitted = fit_shape(&scene, &object, small.clone(), &settings).unwrap();
     let verdict = judge(&scene, &fitted, &settings);
     assert!(verdict.kept && verdict.energy_change < there.energy_change, "{verdict:?} against {there:?}");
     assert!(verdict.iou_after > 0.75 && there.iou_after < 0.3, "{} {}", verdict.iou_after, there.iou_after);
@@ -60,6 +60,12 @@ fn a_better_shape_is_not_judged_by_the_size_that_was_fitted_to_the_old_one() {
     assert!((vase.pose.position.y - stool.size().height).abs() < 1e-6, "{:?}", vase.pose);
     let beside = vase.pose.position - stool.pose.position;
     assert!(beside.x.hypot(beside.z) < 1e-6, "{beside}");
+    // What a reviewer has corrected is no such fit.
+    let turned = [ReviewAction::Rotate { object: object.clone(), by_deg: 20.0 }];
+    let corrected = apply(&scene, &turned, &settings).unwrap().scene;
+    let kept = fit_shape(&corrected, &object, small.clone(), &settings).unwrap().scene.placed[0].pose;
+    let stays = reshape(&corrected, &object, small, &settings).unwrap().scene.placed[0].pose;
+    assert!(kept == stays && (kept.yaw.to_degrees() - 20.0).abs() < 1e-6, "{kept:?}");
 }
 
 fn scene() -> PartialScene {
