@@ -86,10 +86,8 @@ fn boards(space: &Space, p: &Pattern, layout: Layout, default_groove: f64, bevel
         let piece = layout(u, v);
         let id = piece.id;
         let fibre = grain.at(id, piece.x, piece.y, strength);
-        let tone = libm::exp(sigma * gauss(id, 6));
-        // Warmer when darker, as oils and light leave wood.
-        let warm = 0.10 * sigma.min(0.4) / 0.1 * gauss(id, 7) * 0.3;
-        let face = tinted(times(tinted(palette.pick(id), fibre.color), tone), [1.0 + warm, 1.0, 1.0 - warm]);
+        let own = palette.pick(id);
+        let face = tinted(tinted(own, fibre.color), in_tone(own, sigma * gauss(id, 6)));
         // The piece's edge is the groove's middle.
         let cover = ((groove / 2.0 + px / 2.0 - piece.edge) / px).clamp(0.0, (groove / px).min(1.0));
         let rim = smooth(0.0, bevel, piece.edge - groove / 2.0);
@@ -103,6 +101,14 @@ fn boards(space: &Space, p: &Pattern, layout: Layout, default_groove: f64, bevel
             id,
         }
     })
+}
+
+/// Factors that make wood lighter (`tone` above 0, a logarithm) or darker: a channel that it absorbs more changes more, so
+/// that a darker board of brown wood is warmer, and one of grey wood is grey.
+fn in_tone(color: Rgb, tone: f64) -> Rgb {
+    let absorbed = color.map(|c| -libm::log(c.clamp(0.02, 0.95)));
+    let mean = (absorbed[0] + absorbed[1] + absorbed[2]) / 3.0;
+    absorbed.map(|a| libm::exp(tone * (a / mean).clamp(0.5, 1.6)))
 }
 
 /// Planks along u.
@@ -165,4 +171,22 @@ pub(super) fn wood(space: &Space, p: &Pattern) -> Paint {
         let tone = libm::exp(sigma * gauss(id, 6) + 0.04 * along.at(u, v));
         Sample { height: a.height, color: times(tinted(base, color), tone), rough: a.rough, cover: 1.0, id }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boards_of_grey_wood_differ_in_tone_alone_and_darker_brown_ones_are_warmer() {
+        let warmth = |c: Rgb, tone: f64| {
+            let [r, _, b] = tinted(c, in_tone(c, tone));
+            r / b
+        };
+        let (grey, brown) = ([0.5; 3], [0.4, 0.22, 0.1]);
+        assert!((warmth(grey, -0.4) - warmth(grey, 0.4)).abs() < 1e-9);
+        assert!(warmth(brown, -0.4) > 1.3 * warmth(brown, 0.4));
+        let [r, ..] = tinted(grey, in_tone(grey, -0.4));
+        assert!((r / 0.5 - libm::exp(-0.4)).abs() < 1e-9);
+    }
 }
