@@ -417,6 +417,21 @@ def dress_window(light, objects, response):
     return spared
 
 
+def emits(material):
+    shader = principled(material)
+    if shader is None or shader.inputs["Emission Strength"].default_value <= 0.0:
+        return False
+    colour = shader.inputs["Emission Color"]
+    return max(colour.default_value[:3]) > 0.0 or bool(colour.links)
+
+
+def is_strip(objects):
+    """A strip or a luminous field glows as a lamp does; a window or a screen shows a picture."""
+    owned = own_materials(objects)
+    shows = any(any(w in name.lower() for w in PANE_WORDS) for name, _ in owned)
+    return not shows and any(emits(material) for _, material in owned)
+
+
 def dress_lamp(light, objects, response):
     """The shade glows as the photo shows it, at least so that it looks lit, and lets the bulb's light out."""
     owned = own_materials(objects)
@@ -425,10 +440,7 @@ def dress_lamp(light, objects, response):
         shader = principled(material)
         if shader is None:
             continue
-        emits = shader.inputs["Emission Strength"].default_value > 0.0 and (
-            max(shader.inputs["Emission Color"].default_value[:3]) > 0.0 or shader.inputs["Emission Color"].links
-        )
-        if emits or any(w in name.lower() for w in EMITTER_WORDS):
+        if emits(material) or any(w in name.lower() for w in EMITTER_WORDS):
             shining.append(material)
         # The bulb gives the light; an emissive slot would give it twice.
         shader.inputs["Emission Strength"].default_value = 0.0
@@ -463,10 +475,10 @@ def add_lights(scene, response, groups):
         objects = meshes_below(light["object"]) if light["object"] else []
         if light["object"] and not objects:
             NOTES.append(f"no node {light['object']} for the light {light['id']}")
-        if light["kind"] == "area":
-            spared |= dress_window(light, objects, response)
-        elif light["kind"] == "point":
+        if light["kind"] == "point" or is_strip(objects):
             spared |= dress_lamp(light, objects, response)
+        elif light["kind"] == "area":
+            spared |= dress_window(light, objects, response)
         if not light["on"]:
             continue
         group = ""

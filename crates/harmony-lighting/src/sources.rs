@@ -56,16 +56,20 @@ const UNSEEN: &str = "daylight_";
 /// Slots of part models, and material names, that shine.
 const EMITTER_WORDS: [&str; 8] = ["shade", "bulb", "globe", "diffuser", "lampshade", "emit", "glow", "flame"];
 
+/// Bounds of the part of a mesh whose material emits, in the mesh's own frame.
+fn emissive_bounds(mesh: &Mesh) -> Option<Bounds> {
+    group_bounds(mesh, |m| mesh.materials.get(m).is_some_and(|m| m.emissive.iter().any(|e| *e > 0.0)))
+}
+
 /// Bounds of the part of a mesh that shines, in the mesh's own frame: emissive materials, else slots named so.
 pub fn emitter_bounds(mesh: &Mesh) -> Option<Bounds> {
-    let emissive = |m: usize| mesh.materials.get(m).is_some_and(|m| m.emissive.iter().any(|e| *e > 0.0));
     let named = |m: usize| {
         mesh.materials.get(m).is_some_and(|m| {
             let name = m.name.to_lowercase();
             EMITTER_WORDS.iter().any(|w| name.contains(w))
         })
     };
-    group_bounds(mesh, emissive).or_else(|| group_bounds(mesh, named))
+    emissive_bounds(mesh).or_else(|| group_bounds(mesh, named))
 }
 
 fn group_bounds(mesh: &Mesh, wanted: impl Fn(usize) -> bool) -> Option<Bounds> {
@@ -128,6 +132,13 @@ pub fn lights_from_scene<'m>(
             on: false,
             object: Some(object.id.clone()),
         });
+    }
+    // What shines by its material, though its kind need not: strips, coves, a pane behind a curtain.
+    for object in objects.iter().filter(|o| emission(&o.label).is_none()) {
+        let of_an_opening = room.openings.iter().any(|o| o.object.as_ref() == Some(&object.id));
+        if !of_an_opening && let Some(mesh) = mesh_of(&object.id) {
+            lights.extend(strip_light(room, object, mesh));
+        }
     }
     Lighting {
         lights,
@@ -271,6 +282,67 @@ fn object_bounds(object: &SceneObject, mesh: Option<&Mesh>) -> Bounds {
     })
 }
 
+/// Smallest side, metres, of a shining part that lights a room: digits of a clock don't.
+const LEAST_STRIP: f64 = 0.1;
+/// A strip or a field is at least this long, and at most this share of it thick, to give light as a rectangle: other shapes
+/// do as bulbs.
+const STRIP: (f64, f64) = (0.5, 0.35);
+/// Light of a strip or a field, watts a metre of its longest side.
+const STRIP_WATTS_PER_M: f64 = 12.0;
+
+/// A rectangle of light where an emitting part is long or wide and thin: off the wall, or down from the ceiling.
+fn rectangle(object: &SceneObject, emitter: &Bounds) -> Option<(DVec3, LightKind)> {
+    let corners: Vec<DVec3> = (0..8)
+        .map(|i| {
+            let pick = |axis: usize| if i >> axis & 1 == 0 { emitter.min[axis] } else { emitter.max[axis] };
+            object.pose.point(DVec3::new(pick(0), pick(1), pick(2)))
+        })
+        .collect();
+    let low = corners.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = corners.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let (size, centre) = (high - low, low.midpoint(high));
+    let direction = match object.level {
+        Level::Ceiling => DVec3::NEG_Y,
+        Level::Wall => (object.pose.point(DVec3::Z) - object.pose.point(DVec3::ZERO)).try_normalize()?,
+        _ => return None,
+    };
+    let thick = size.dot(direction.abs());
+    let size_m = match object.level {
+        Level::Ceiling => [size.x, size.z],
+        _ => [emitter.size().x * object.pose.stretch.x.abs() * object.pose.scale, size.y],
+    };
+    let longest = size_m[0].max(size_m[1]);
+    let is_strip = size.is_finite() && longest >= STRIP.0 && thick <= STRIP.1 * longest;
+    let kind = LightKind::Area { direction: direction.to_array(), size_m: size_m.map(|s| s.max(0.01)) };
+    is_strip.then(|| (centre + direction * (thick / 2.0 + PANE_GAP_M), kind))
+}
+
+/// The light of something that shines by its material alone.
+fn strip_light(room: &Room, object: &SceneObject, mesh: &Mesh) -> Option<Light> {
+    let emitter = emissive_bounds(mesh)?;
+    let size = emitter.size() * object.pose.stretch.abs() * object.pose.scale;
+    let longest = size.max_element();
+    if !size.is_finite() || longest < LEAST_STRIP {
+        return None;
+    }
+    let (position, kind) = rectangle(object, &emitter).unwrap_or_else(|| {
+        let radius_m = (size.min_element() / 4.0).clamp(0.015, 0.06);
+        (object.pose.point(emitter.centre()), LightKind::Point { radius_m })
+    });
+    let emitted = mesh.materials.iter().map(|m| m.emissive).max_by(|a, b| a[1].total_cmp(&b[1]))?;
+    let most = emitted.iter().copied().fold(1e-6, f32::max);
+    let margin = DVec3::splat(0.01);
+    Some(Light {
+        id: object.id.to_string(),
+        intensity: bounds::intensity(&kind, STRIP_WATTS_PER_M * longest),
+        kind,
+        position: position.max(margin).min((room.extents.as_vec() - margin).max(margin)).to_array(),
+        color: emitted.map(|c| f64::from(c / most)),
+        on: true,
+        object: Some(object.id.clone()),
+    })
+}
+
 fn lamp_light(room: &Room, object: &SceneObject, mesh: Option<&Mesh>) -> Light {
     let bulb_at = harmony_catalogue::kind(&object.label).and_then(|k| k.bulb_at);
     let all = object_bounds(object, mesh);
@@ -303,7 +375,11 @@ fn lamp_light(room: &Room, object: &SceneObject, mesh: Option<&Mesh>) -> Light {
         _ if object.size.height > 1.0 => (FLOOR_LAMP_WATTS, WARM_BULB),
         _ => (TABLE_LAMP_WATTS, WARM_BULB),
     };
-    let kind = LightKind::Point { radius_m };
+    let mut kind = LightKind::Point { radius_m };
+    // A strip, a luminous field or a cove is no bulb in its middle.
+    if let Some((below, field)) = mesh.and_then(emissive_bounds).and_then(|emitter| rectangle(object, &emitter)) {
+        (position, kind) = (below.max(margin).min(inside.max(margin)), field);
+    }
     Light {
         id: object.id.to_string(),
         intensity: bounds::intensity(&kind, watts),

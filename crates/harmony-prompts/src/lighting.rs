@@ -11,7 +11,8 @@ use crate::question::{Ask, fill, lines};
 pub struct LightsQuestion {
     /// The sources.
     pub lighting: Lighting,
-    /// Ids of the sources that are screens: rectangles of light as windows are, answered among them.
+    /// Ids of the sources that are screens, or strips and fields of light: rectangles of light as windows are, answered
+    /// among them.
     #[serde(skip)]
     pub screens: Vec<String>,
     /// Mean linear luminance of the photo.
@@ -56,7 +57,7 @@ impl Ask for LightsQuestion {
             .map(|light| {
                 let kind = match light.kind {
                     LightKind::Point { .. } => "lamp",
-                    LightKind::Area { .. } if self.screens.contains(&light.id) => "screen",
+                    LightKind::Area { .. } if self.screens.contains(&light.id) => "screen, strip or field",
                     LightKind::Area { .. } => "window",
                     LightKind::Sun { .. } => "sun",
                 };

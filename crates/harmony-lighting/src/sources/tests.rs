@@ -170,6 +170,53 @@ fn emissive_materials_beat_names() {
     assert!(emitter_bounds(&mesh).is_none());
 }
 
+/// A box whose material emits warm light.
+fn glowing(size: DVec3) -> Mesh {
+    let mut mesh = Mesh { materials: vec![Material::plain("led", [1.0; 3])], ..Mesh::default() };
+    mesh.materials[0].emissive = [8.0, 6.0, 4.0];
+    let h = (size / 2.0).as_vec3();
+    let corner = |i: u32| {
+        let pick = |bit: u32, v: f32| if i >> bit & 1 == 0 { -v } else { v };
+        glam::Vec3::new(pick(0, h.x), pick(1, h.y) + h.y, pick(2, h.z))
+    };
+    mesh.positions = (0..8).map(corner).collect();
+    mesh.groups.push(Group { material: 0, triangles: vec![[0, 1, 7], [2, 4, 6], [3, 5, 0]] });
+    mesh
+}
+
+#[test]
+fn what_shines_by_its_material_is_a_source_whatever_it_is_called() {
+    let (strip, size) = (Wall::Left.yaw(), DVec3::new(0.03, 2.4, 0.02));
+    let led = object("panel_01", "wall panel", Level::Wall, DVec3::new(0.01, 0.1, 1.5), strip, size);
+    let lighting = lights_from_scene(&room(Vec::new()), std::slice::from_ref(&led), |_| None);
+    assert!(lighting.lights.is_empty(), "nothing says that it shines");
+    let mesh = glowing(size);
+    let lighting = lights_from_scene(&room(Vec::new()), &[led], |_| Some(&mesh));
+    let light = &lighting.lights[0];
+    let LightKind::Area { direction, size_m } = light.kind else { panic!("{light:?}") };
+    assert!((DVec3::from_array(direction) - DVec3::X).length() < 1e-9);
+    assert!((size_m[0] - 0.03).abs() < 1e-6 && (size_m[1] - 2.4).abs() < 1e-6, "{size_m:?}");
+    assert!(light.position[0] > 0.02 && (light.position[1] - 1.3).abs() < 1e-6, "{:?}", light.position);
+    assert_eq!(light.color, [1.0, 0.75, 0.5]);
+    let digits = glowing(DVec3::new(0.06, 0.02, 0.002));
+    let clock = object("clock_01", "thermostat", Level::Wall, DVec3::new(1.0, 1.4, 0.01), 0.0, DVec3::splat(0.06));
+    assert!(lights_from_scene(&room(Vec::new()), &[clock], |_| Some(&digits)).lights.is_empty());
+}
+
+#[test]
+fn a_luminous_ceiling_field_shines_down_as_wide_as_it_is() {
+    let size = DVec3::new(1.6, 0.06, 0.8);
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let cove = object("cove_01", "ceiling light", Level::Ceiling, DVec3::new(2.0, 2.4, 2.5), quarter, size);
+    let mesh = glowing(size);
+    let lighting = lights_from_scene(&room(Vec::new()), &[cove], |_| Some(&mesh));
+    let light = &lighting.lights[0];
+    let LightKind::Area { direction, size_m } = light.kind else { panic!("{light:?}") };
+    assert_eq!(direction, [0.0, -1.0, 0.0]);
+    assert!((size_m[0] - 0.8).abs() < 1e-6 && (size_m[1] - 1.6).abs() < 1e-6, "turned by a quarter: {size_m:?}");
+    assert!(light.position[1] < 2.4);
+}
+
 #[test]
 fn a_screen_shines_ahead_and_a_fireplace_waits_to_be_lit() {
     let size = DVec3::new(1.0, 0.6, 0.1);

@@ -1,6 +1,5 @@
 //! Phase 6, materials and light. Paper Sec. 3.4 and App. C "Material and Lighting Estimation".
 
-use harmony_catalogue::{Emission, emission};
 use harmony_lighting::lights_from_scene;
 use harmony_prompts::{LightsQuestion, SeenObject};
 use harmony_roles::Picture;
@@ -59,7 +58,7 @@ async fn ask_sources(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &mut Ligh
     let objects = outputs::scene_objects(state);
     let question = LightsQuestion {
         lighting: lighting.clone(),
-        screens: lighting.lights.iter().filter(|l| shows_a_picture(&objects, l)).map(|l| l.id.clone()).collect(),
+        screens: lighting.lights.iter().filter(|l| is_no_window(&objects, l)).map(|l| l.id.clone()).collect(),
         photo_luminance: mean_luminance(&state.photo),
         seen: state
             .partial
@@ -82,10 +81,10 @@ async fn ask_sources(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &mut Ligh
     Ok(())
 }
 
-/// Whether a light is a television's or the like.
-fn shows_a_picture(objects: &[SceneObject], light: &Light) -> bool {
+/// Whether a rectangle of light is that of a screen, a strip or a luminous field, not of a window.
+fn is_no_window(objects: &[SceneObject], light: &Light) -> bool {
     let object = light.object.as_ref().and_then(|id| objects.iter().find(|o| o.id == *id));
-    object.is_some_and(|o| emission(&o.label) == Some(Emission::Screen))
+    object.is_some_and(|o| harmony_catalogue::opening(&o.label).is_none())
 }
 
 fn luminance(p: [u8; 3]) -> f64 {

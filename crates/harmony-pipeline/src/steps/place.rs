@@ -176,6 +176,7 @@ fn item(level: Level, state: &SceneState, object: &Object) -> Option<Item> {
             as_wide_as_deep: !is(Trait::Planar) && (o.size_m.width / o.size_m.depth - 1.0).abs() < 0.02,
             heavily_occluded: o.occlusion == Occlusion::Heavily,
             size_doubted: is_unusual(object),
+            corrected: false,
             has_front,
         },
         yaw,
