@@ -14,7 +14,7 @@ use meshopt::{SimplifyOptions, VertexDataAdapter};
 use rayon::prelude::*;
 
 use crate::World;
-use crate::world::{Face, Item};
+use crate::world::Face;
 
 /// A mesh keeps so many triangles, however small its share.
 const FEWEST: usize = 64;
@@ -81,7 +81,7 @@ impl World {
         let of =
             |mesh: &Arc<Mesh>| made.get(&(Arc::as_ptr(mesh) as usize)).map_or_else(|| Arc::clone(mesh), Arc::clone);
         let shell = self.shell.iter().map(|f| Face { name: f.name.clone(), mesh: of(&f.mesh) }).collect();
-        let items = self.items.iter().map(|i| Item::new(i.object.clone(), of(&i.mesh))).collect();
+        let items = self.items.iter().map(|i| i.with(i.object.clone(), of(&i.mesh))).collect();
         Self::new(self.scene.clone(), shell, items, self.notes.clone())
     }
 }

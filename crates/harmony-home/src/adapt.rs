@@ -235,7 +235,7 @@ pub fn adapt(world: &World, to: Extents) -> Result<(World, Adapted), HomeError> 
             object.pose.position += *by;
             object.seen_box = None;
             object.mask = None;
-            Item::new(object, Arc::clone(&item.mesh))
+            item.with(object, Arc::clone(&item.mesh))
         })
         .collect();
     let room = room(world, to, &by);

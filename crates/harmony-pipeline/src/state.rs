@@ -175,7 +175,8 @@ pub struct Layout {
 pub struct SceneState {
     /// The photo at working size.
     pub photo: Arc<RgbImage>,
-    /// The white or black frame that undistorted pictures have: nobody's pixels.
+    /// Nobody's pixels: the white or black frame that undistorted pictures have, and what the layout answer says is not in
+    /// the room (a watermark, a person).
     pub photo_frame: Arc<Mask>,
     /// How room and camera were found.
     pub layout: Layout,

@@ -93,6 +93,9 @@ pub struct LayoutAnswer {
     /// STEP 6: where the room is not a box (beyond the paper).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub shape: Vec<LayoutFeature>,
+    /// STEP 7: outlines of what is on the picture and not in the room, corner by corner (beyond the paper).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ignore: Vec<Vec<[f64; 2]>>,
 }
 
 /// Room type and dimensions.
@@ -412,6 +415,7 @@ impl LayoutAnswer {
                 reaches: vec![LayoutReach::Floor, LayoutReach::Ceiling],
                 low_m: None,
             }],
+            ignore: vec![],
         }
     }
 
@@ -442,6 +446,18 @@ impl LayoutAnswer {
         }
         for opening in self.walls.iter().flat_map(|w| &w.openings) {
             opening.check()?;
+        }
+        for outline in &self.ignore {
+            if outline.len() < 3 {
+                return Err(format!(
+                    "an outline of `ignore` has {} corner(s); three or more are needed",
+                    outline.len()
+                ));
+            }
+            for p in outline {
+                in_range("an ignored corner's x", p[0], -500.0, 1500.0)?;
+                in_range("an ignored corner's y", p[1], -500.0, 1500.0)?;
+            }
         }
         if let Some(p) = self.camera.corner_px {
             in_range("camera.corner_px x", p[0], -200.0, 1200.0)?;

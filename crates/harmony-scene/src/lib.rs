@@ -15,6 +15,7 @@ mod components;
 mod ids;
 mod light;
 mod material;
+mod moving;
 mod object;
 mod points;
 mod raster;
@@ -30,6 +31,7 @@ pub use components::components;
 pub use ids::{IdError, ObjectId};
 pub use light::{AlbedoCells, AlbedoField, Light, LightKind, Lighting, ViewTransform};
 pub use material::{MaterialCategory, PbrFactors, Physical, RigidEstimate, SurfaceMaterial};
+pub use moving::{Motion, MovingPart};
 pub use object::{
     Confidence, DepthPosition, Level, Placement, PlacementType, Pose, Relations, SceneObject, Size, Support,
     SurfacePosition, WallAffinity,

@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3, Vec2, Vec3};
 use harmony_mesh::{Bounds, Mesh};
-use harmony_scene::{Camera, Level, ObjectId, Scene, SceneObject};
+use harmony_scene::{Camera, Level, MovingPart, ObjectId, Scene, SceneObject};
 
 pub(crate) use looks::identifier;
 pub use looks::{Look, Looks, Picture, PictureFile, PictureKind};
@@ -61,6 +61,8 @@ pub struct Item {
     pub object: SceneObject,
     /// Canonical mesh; identical objects share it.
     pub mesh: Arc<Mesh>,
+    /// Parts that move, as its program says.
+    pub moving: Vec<MovingPart>,
     /// Parts that open.
     pub opens: Vec<Opens>,
     /// Why it stays rigid although things of its kind open.
@@ -117,14 +119,30 @@ pub enum Select {
 }
 
 impl Item {
-    /// An object with its mesh.
+    /// An object with its mesh, of which nobody has said what moves.
     pub fn new(object: SceneObject, mesh: Arc<Mesh>) -> Self {
+        Self::moving(object, mesh, Vec::new())
+    }
+
+    /// An object with its mesh and what moves of it; where nothing was said, its slots and its kind say.
+    pub fn moving(object: SceneObject, mesh: Arc<Mesh>, moving: Vec<MovingPart>) -> Self {
         let scale = object.pose.stretch * object.pose.scale;
-        let (opens, rigid) = match opens::opens(object.id.as_str(), &object.label, &mesh, scale) {
+        let said = opens::said(object.id.as_str(), &mesh, scale, &moving);
+        let found = match said.is_empty() {
+            true => opens::opens(object.id.as_str(), &object.label, &mesh, scale),
+            false => Ok(said),
+        };
+        let (opens, rigid) = match found {
             Ok(opens) => (opens, None),
             Err(why) => (Vec::new(), Some(why)),
         };
-        Self { object, mesh, opens, rigid }
+        Self { object, mesh, moving, opens, rigid }
+    }
+
+    /// The same thing with another mesh, or elsewhere.
+    #[must_use]
+    pub fn with(&self, object: SceneObject, mesh: Arc<Mesh>) -> Self {
+        Self::moving(object, mesh, self.moving.clone())
     }
 
     /// Whether a triangle (by group and number) is selected.

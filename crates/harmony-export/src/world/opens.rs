@@ -8,6 +8,8 @@
 //! # Frames
 //! The body frame of [`super::Item`]: metres, +Y up, front +Z. A hinge turns by the right hand about its axis.
 //!
+//! What a program models says its joints itself ([`MovingPart`]); then they are taken as they are.
+//!
 //! # Limits
 //! Fronts are panels without a box behind them: a drawer slides out as its front. Windows, lids, chairs and all meshes
 //! without named parts stay rigid; [`opens`] says why.
@@ -15,8 +17,9 @@
 use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};
-use harmony_catalogue::{Axis, Joint, Motion, kind};
+use harmony_catalogue::{Axis, Joint, Motion as KindMotion, kind};
 use harmony_mesh::Mesh;
+use harmony_scene::{Motion, MovingPart};
 
 use crate::connected::connected;
 
@@ -92,7 +95,7 @@ enum Slot {
 pub(super) fn opens(id: &str, label: &str, mesh: &Mesh, scale: DVec3) -> Result<Vec<Opens>, String> {
     let Some(kind) = kind(label) else { return Ok(Vec::new()) };
     let of_door = kind.opening == Some(harmony_scene::OpeningKind::Door);
-    let door = [Joint { part: "door".to_owned(), motion: Motion::Hinge, axis: Axis::Y }];
+    let door = [Joint { part: "door".to_owned(), motion: KindMotion::Hinge, axis: Axis::Y }];
     let joints: &[Joint] = if of_door && kind.joints.is_empty() { &door } else { &kind.joints };
     if joints.is_empty() {
         return Ok(Vec::new());
@@ -144,8 +147,8 @@ pub(super) fn opens(id: &str, label: &str, mesh: &Mesh, scale: DVec3) -> Result<
             let (l, h) = bounds(&handle);
             ((l.x + h.x) - (low.x + high.x)) / 2.0 / (high.x - low.x).max(1e-6)
         });
-        let wants = |motion: Motion| joints.iter().find(|j| j.motion == motion);
-        let joint = match (wants(Motion::Slide), wants(Motion::Hinge), aside) {
+        let wants = |motion: KindMotion| joints.iter().find(|j| j.motion == motion);
+        let joint = match (wants(KindMotion::Slide), wants(KindMotion::Hinge), aside) {
             (Some(slide), Some(hinge), Some(aside)) => {
                 if aside.abs() > ASIDE {
                     hinge
@@ -158,12 +161,14 @@ pub(super) fn opens(id: &str, label: &str, mesh: &Mesh, scale: DVec3) -> Result<
             _ => continue,
         };
         let (jointed, range) = match (joint.motion, joint.axis) {
-            (Motion::Slide, _) => (Jointed::Slide { axis: DVec3::Z }, [0.0, DRAWER * (object_high.z - object_low.z)]),
-            (Motion::Hinge, Axis::X) => {
+            (KindMotion::Slide, _) => {
+                (Jointed::Slide { axis: DVec3::Z }, [0.0, DRAWER * (object_high.z - object_low.z)])
+            }
+            (KindMotion::Hinge, Axis::X) => {
                 let pivot = DVec3::new(f64::midpoint(low.x, high.x), low.y, low.z);
                 (Jointed::Hinge { axis: DVec3::X, pivot }, [0.0, FLAP])
             }
-            (Motion::Hinge, _) => {
+            (KindMotion::Hinge, _) => {
                 // Hinged across from its handle; without one, at the side that is nearer to the object's own.
                 let middle = f64::midpoint(object_low.x, object_high.x);
                 let left = aside.map_or(f64::midpoint(low.x, high.x) <= middle, |a| a > 0.0);
@@ -171,9 +176,9 @@ pub(super) fn opens(id: &str, label: &str, mesh: &Mesh, scale: DVec3) -> Result<
                 (Jointed::Hinge { axis: DVec3::Y, pivot }, if left { [-DOOR, 0.0] } else { [0.0, DOOR] })
             }
         };
-        let number = count.entry(if joint.motion == Motion::Slide { "drawer" } else { "door" }).or_insert(0);
+        let number = count.entry(if joint.motion == KindMotion::Slide { "drawer" } else { "door" }).or_insert(0);
         *number += 1;
-        let word = if joint.motion == Motion::Slide { "drawer" } else { "door" };
+        let word = if joint.motion == KindMotion::Slide { "drawer" } else { "door" };
         let mut moving: Vec<Vec<bool>> = mesh.groups.iter().map(|g| vec![false; g.triangles.len()]).collect();
         for (g, t) in members.iter().flat_map(|p| &p.triangles) {
             moving[*g][*t] = true;
@@ -182,6 +187,71 @@ pub(super) fn opens(id: &str, label: &str, mesh: &Mesh, scale: DVec3) -> Result<
         out.push(Opens { name: format!("{id}_{word}_{number:02}"), joint: jointed, range, moving, low, high, share });
     }
     if out.is_empty() { Err("no front of its mesh can be told to be a door or a drawer".to_owned()) } else { Ok(out) }
+}
+
+/// Farthest that a triangle may be outside of the box of a moving piece, in the mesh's units: faces in one plane were
+/// moved apart by less.
+const BOX_SLACK: f64 = 1.5e-3;
+/// A part that is more than this share of the surface is the object.
+const WHOLE: f64 = 0.98;
+
+/// The moving parts as a program says them.
+///
+/// A door that was said to open into its own object opens the other way: hinges of a pair are easily given one range.
+pub(super) fn said(id: &str, mesh: &Mesh, scale: DVec3, moving: &[MovingPart]) -> Vec<Opens> {
+    let place = |p: Vec3| p.as_dvec3() * scale;
+    let whole = surface(mesh, &place, |_, _| true);
+    let (low, high) = bounds_of(mesh, &place);
+    let middle = low.midpoint(high);
+    let mut out: Vec<Opens> = Vec::new();
+    for part in moving {
+        let within = |i: &u32| {
+            let p = mesh.positions[*i as usize].as_dvec3();
+            move |b: &[DVec3; 2]| p.cmpge(b[0] - BOX_SLACK).all() && p.cmple(b[1] + BOX_SLACK).all()
+        };
+        let moves = |t: &[u32; 3]| part.boxes.iter().any(|b| t.iter().all(|i| within(i)(b)));
+        let flags: Vec<Vec<bool>> = mesh.groups.iter().map(|g| g.triangles.iter().map(moves).collect()).collect();
+        let share = surface(mesh, &place, |g, t| flags[g][t]) / whole.max(1e-9);
+        if !(1e-4..WHOLE).contains(&share) || part.range[0] >= part.range[1] {
+            continue;
+        }
+        let corners = mesh.groups.iter().zip(&flags).flat_map(|(g, f)| g.triangles.iter().zip(f).filter(|(_, f)| **f));
+        let (low, high) = corners
+            .flat_map(|(t, _)| t.iter())
+            .map(|i| place(mesh.positions[*i as usize]))
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+        let along = part.axis * scale;
+        let Some(axis) = along.try_normalize() else { continue };
+        let pivot = part.pivot * scale;
+        let (joint, mut range, word) = match part.motion {
+            Motion::Hinge => (Jointed::Hinge { axis, pivot }, part.range.map(f64::to_radians), "door"),
+            Motion::Slide => (Jointed::Slide { axis }, part.range.map(|v| v * along.length()), "drawer"),
+        };
+        // Outward of a panel is across it, away from the object's middle.
+        let (own, size) = (low.midpoint(high), high - low);
+        let across = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().min_by(|a, b| size.dot(*a).total_cmp(&size.dot(*b)));
+        let outward = across.map_or(DVec3::Z, |n| n * (own - middle).dot(n).signum());
+        let way = match joint {
+            Jointed::Hinge { axis, pivot } => axis.cross(own - pivot),
+            Jointed::Slide { axis } => axis,
+        };
+        // A swivel goes both ways; what opens goes one way.
+        let [less, more] = range.map(f64::abs);
+        let into = way.dot(outward) * (range[0] + range[1]) < 0.0;
+        if into && less.min(more) < 0.2 * less.max(more) {
+            range = [-range[1], -range[0]];
+        }
+        let words: String =
+            part.name.to_lowercase().chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+        let words = if words.trim_matches('_').is_empty() { word.to_owned() } else { words };
+        let mut name = format!("{id}_{words}");
+        let taken = out.iter().filter(|o| o.name.starts_with(&name)).count();
+        if taken > 0 || words == word {
+            name = format!("{name}_{:02}", taken + 1);
+        }
+        out.push(Opens { name, joint, range, moving: flags, low, high, share });
+    }
+    out
 }
 
 fn bounds_of(mesh: &Mesh, place: &dyn Fn(Vec3) -> DVec3) -> (DVec3, DVec3) {
@@ -249,6 +319,57 @@ mod tests {
         let size = Size { width: size[0], height: size[1], depth: size[2] };
         let mesh = template(label, &params, size).build(size).unwrap().mesh;
         opens("x_01", label, &mesh, DVec3::ONE)
+    }
+
+    /// A box between two corners, added to a mesh of one group.
+    fn add(mesh: &mut Mesh, low: [f32; 3], high: [f32; 3]) {
+        let base = mesh.positions.len() as u32;
+        let corner = |i: u32| {
+            let pick = |k: usize| if i >> k & 1 == 0 { low[k] } else { high[k] };
+            Vec3::new(pick(0), pick(1), pick(2))
+        };
+        mesh.positions.extend((0..8).map(corner));
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        for q in quads.map(|q: [u32; 4]| q.map(|i| base + i)) {
+            mesh.groups[0].triangles.extend([[q[0], q[1], q[2]], [q[0], q[2], q[3]]]);
+        }
+    }
+
+    #[test]
+    fn what_a_program_says_moves_as_it_says_and_a_pair_of_doors_opens_outward() {
+        let mut mesh = Mesh { groups: vec![harmony_mesh::Group::default()], ..Mesh::default() };
+        let doors = [([-0.4, 0.1, 0.2], [-0.001, 0.6, 0.22]), ([0.001, 0.1, 0.2], [0.4, 0.6, 0.22])];
+        add(&mut mesh, [-0.41, 0.0, -0.2], [0.41, 0.62, 0.199]);
+        doors.iter().for_each(|(low, high)| add(&mut mesh, *low, *high));
+        let part = |k: usize, name: &str, x: f64, motion, range| MovingPart {
+            name: name.into(),
+            motion,
+            axis: if motion == Motion::Hinge { DVec3::Y } else { DVec3::Z },
+            pivot: DVec3::new(x, 0.1, 0.2),
+            range,
+            boxes: vec![[doors[k].0, doors[k].1].map(|c| Vec3::from_array(c).as_dvec3())],
+        };
+        // Both were given the range of the right one.
+        let pair = [
+            part(0, "Door left", -0.4, Motion::Hinge, [0.0, 100.0]),
+            part(1, "Door right", 0.4, Motion::Hinge, [0.0, 100.0]),
+        ];
+        let scale = DVec3::new(2.0, 1.0, 1.0);
+        let all = said("x_01", &mesh, scale, &pair);
+        let names: Vec<&str> = all.iter().map(|o| o.name.as_str()).collect();
+        assert_eq!(names, ["x_01_door_left", "x_01_door_right"]);
+        for (opens, range) in all.iter().zip([[-100.0, 0.0], [0.0, 100.0_f64]]) {
+            assert!(opens.range.iter().zip(range).all(|(a, b)| (a.to_degrees() - b).abs() < 1e-9), "{:?}", opens.range);
+            assert_eq!(opens.moving[0].iter().filter(|m| **m).count(), 12);
+            let Jointed::Hinge { axis, pivot } = opens.joint else { panic!("{opens:?}") };
+            assert!(axis == DVec3::Y && (pivot.x.abs() - 0.8).abs() < 1e-9);
+        }
+        let drawers = said("x_01", &mesh, DVec3::splat(2.0), &[part(0, "", 0.0, Motion::Slide, [0.0, 0.3])]);
+        assert_eq!((drawers[0].name.as_str(), drawers[0].range), ("x_01_drawer_01", [0.0, 0.6]));
+        let swivel = said("x_01", &mesh, scale, &[part(0, "seat", 0.0, Motion::Hinge, [-180.0, 180.0])]);
+        assert!((swivel[0].range[0] + std::f64::consts::PI).abs() < 1e-9);
+        let nothing = MovingPart { boxes: vec![[DVec3::splat(5.0), DVec3::splat(6.0)]], ..pair[0].clone() };
+        assert!(said("x_01", &mesh, scale, &[nothing]).is_empty());
     }
 
     #[test]

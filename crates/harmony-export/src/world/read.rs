@@ -34,7 +34,7 @@ impl World {
         let (shell, items) = if glb.is_file() {
             let loaded = load_glb(&glb, &ReadLimits::default())
                 .map_err(|source| ExportError::Glb { file: "scene_full.glb".to_owned(), source })?;
-            from_scene_glb(&scene, loaded, &mut notes)?
+            from_scene_glb(run, &scene, loaded, &mut notes)?
         } else {
             notes.push("scene_full.glb is not there: the room's faces are plain and have no boards".to_owned());
             (bare_shell(&scene), from_meshes(run, &scene)?)
@@ -115,6 +115,7 @@ fn surface_name(surface: Surface) -> &'static str {
 
 /// Objects and shell of `scene_full.glb`, compared with `scene.json`.
 fn from_scene_glb(
+    run: &Path,
     scene: &Scene,
     glb: LoadedGlb,
     notes: &mut Vec<String>,
@@ -147,7 +148,7 @@ fn from_scene_glb(
     for object in &scene.objects {
         let missing = || ExportError::NoMesh { object: object.id.to_string(), file: "scene_full.glb".to_owned() };
         let node = by_name.get(object.id.as_str()).ok_or_else(missing)?;
-        let item = item(object, Arc::clone(&node.mesh))?;
+        let item = item(run, object, Arc::clone(&node.mesh))?;
         let bounds = node.mesh.bounds().ok_or_else(missing)?;
         let apart = [bounds.min, bounds.max, DVec3::new(bounds.min.x, bounds.max.y, bounds.min.z)]
             .into_iter()
@@ -166,12 +167,16 @@ fn from_scene_glb(
     Ok((shell, items))
 }
 
-fn item(object: &SceneObject, mesh: Arc<Mesh>) -> Result<Item, ExportError> {
+fn item(run: &Path, object: &SceneObject, mesh: Arc<Mesh>) -> Result<Item, ExportError> {
     mesh.check().map_err(|source| ExportError::Glb {
         file: object.mesh.clone(),
         source: harmony_io::GlbError::Mesh { node: object.id.to_string(), source },
     })?;
-    Ok(Item::new(object.clone(), mesh))
+    // Beside the mesh of a program; a folder from elsewhere may have none.
+    let file = run.join(object.level.folder()).join("meshes").join(format!("{}.joints.json", object.id));
+    let moving =
+        if file.is_file() && object.mesh_source.starts_with("program") { read_json(&file)? } else { Vec::new() };
+    Ok(Item::moving(object.clone(), mesh, moving))
 }
 
 /// Each object's own file; equal paths are read once.
@@ -188,7 +193,7 @@ fn from_meshes(run: &Path, scene: &Scene) -> Result<Vec<Item>, ExportError> {
             }
             let mesh = harmony_io::load_mesh_glb(&path, &ReadLimits::default())
                 .map_err(|source| ExportError::Glb { file: object.mesh.clone(), source })?;
-            item(object, Arc::new(mesh))
+            item(run, object, Arc::new(mesh))
         })
         .collect()
 }

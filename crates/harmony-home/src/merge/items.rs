@@ -188,7 +188,7 @@ impl Rooms<'_> {
             let id = home_id(&room.name, &item.object.id);
             let object = self.object(item, id.clone(), pose, room);
             ids.push((id, item.object.id.clone()));
-            items.push(Item::new(object, Arc::clone(&item.mesh)));
+            items.push(item.with(object, Arc::clone(&item.mesh)));
         }
         for item in &mut items {
             if let Support::Object { id } = &item.object.support

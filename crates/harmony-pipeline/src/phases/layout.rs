@@ -18,7 +18,8 @@ use harmony_prompts::{
 };
 use harmony_roles::{GeometryAnswer, GeometryRequest, Picture};
 use harmony_scene::{
-    Camera, Extents, ImageSize, Opening, PointMap, Room, RoomShape, Similarity, Surface, SurfaceTexture, WarningKind,
+    Camera, Extents, ImageSize, Mask, Opening, PointMap, Room, RoomShape, Similarity, Surface, SurfaceTexture,
+    WarningKind,
 };
 use image::RgbImage;
 use serde_json::{Value, json};
@@ -106,9 +107,10 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     }
     let mut partial = PartialScene::new(room, camera, room_points, Some(anchor));
     partial.posterior = posterior;
+    let nobodys = Border::of(&working).mask(camera.size).or(&ignored(&answer.ignore, camera.size));
     let layout = Layout { answer, evidence, method, confidence, because };
     let mut state = SceneState {
-        photo_frame: Arc::new(Border::of(&working).mask(camera.size)),
+        photo_frame: Arc::new(nobodys),
         photo: working,
         layout,
         partial,
@@ -126,6 +128,25 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     state.beyond = crate::steps::surfaces::beyond(&state);
     write_files(ctx, &state)?;
     Ok(state)
+}
+
+/// The pixels within outlines in thousandths of the photo, with what their edges mix in.
+fn ignored(outlines: &[Vec<[f64; 2]>], size: ImageSize) -> Mask {
+    /// Outlines by hand are a little off, share of the width.
+    const MARGIN: f64 = 0.004;
+    let all = outlines.iter().fold(Mask::empty(size), |all, outline| {
+        let scale = [f64::from(size.width) / 1000.0, f64::from(size.height) / 1000.0];
+        let corners: Vec<[f64; 2]> = outline.iter().map(|p| [p[0] * scale[0], p[1] * scale[1]]).collect();
+        let edges = || corners.iter().zip(corners.iter().cycle().skip(1));
+        all.or(&Mask::from_fn(size, |x, y| {
+            let [x, y] = [x, y].map(|v| f64::from(v) + 0.5);
+            // Even-odd: how many edges lie to the right.
+            let crossed = edges()
+                .filter(|(a, b)| (a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]));
+            crossed.count() % 2 == 1
+        }))
+    });
+    all.dilated((MARGIN * f64::from(size.width)).ceil() as i32)
 }
 
 /// Room and camera, and what speaks for them.
@@ -386,4 +407,18 @@ fn write_files(ctx: &PhaseCtx<'_>, state: &SceneState) -> Result<(), PhaseError>
     )?;
     ctx.write_json("manhattan.json", &state.layout.evidence)?;
     ctx.write_picture("layout_overlay.png", &crate::views::layout_overlay(state))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_in_the_room_is_nobodys() {
+        let size = ImageSize::new(200, 100);
+        let notch = vec![[100.0, 100.0], [900.0, 100.0], [900.0, 900.0], [500.0, 500.0], [100.0, 900.0]];
+        let mask = ignored(&[notch], size);
+        assert!(mask.get(30, 30) && mask.get(170, 60) && !mask.get(100, 80) && !mask.get(5, 5));
+        assert_eq!(ignored(&[], size).count(), 0);
+    }
 }

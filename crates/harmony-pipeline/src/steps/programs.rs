@@ -14,9 +14,10 @@ use harmony_placement::{Shape, reshape};
 use harmony_program::{ChildCommand, GUIDE, Inputs, Limits};
 use harmony_prompts::{ProgramsAnswer, ProgramsQuestion, ToModel, WithoutProgram};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture, Usage};
-use harmony_scene::{Camera, Extents, ImageSize, ObjectId, Size, WarningKind};
+use harmony_scene::{Camera, Extents, ImageSize, Motion, MovingPart, ObjectId, Size, WarningKind};
 use harmony_shape::ShapeTree;
-use harmony_shape::build::{BuildContext, BuiltShape, lazy_signs};
+use harmony_shape::build::{BuildContext, BuiltJoint, BuiltShape, lazy_signs};
+use harmony_shape::tree::JointKind;
 use image::RgbImage;
 
 use super::detect;
@@ -139,6 +140,8 @@ pub struct Modelled {
     pub said_slots: Vec<String>,
     /// The parts that it was built from.
     tree: ShapeTree,
+    /// Those of them that move.
+    moving: Vec<MovingPart>,
 }
 
 impl Modelled {
@@ -148,6 +151,7 @@ impl Modelled {
     /// Unwritable files.
     pub fn write(&self, ctx: &PhaseCtx<'_>, id: &ObjectId, program: &Program) -> Result<(), PhaseError> {
         ctx.write_json(&format!("meshes/{id}.tree.json"), &self.tree)?;
+        ctx.write_json(&format!("meshes/{id}.joints.json"), &self.moving)?;
         ctx.write_text(&format!("meshes/{id}.program.py"), &program.source)
     }
 }
@@ -157,6 +161,7 @@ fn modelled(shape: BuiltShape, tree: ShapeTree, program: &Program) -> Modelled {
     let plain = tree.materials.iter().filter(|m| !m.paint);
     let plain_slots = plain.clone().map(|m| m.name.clone()).collect();
     let said_slots = plain.filter(|m| m.photo.is_none()).map(|m| m.name.clone()).collect();
+    let moving = shape.joints.iter().filter_map(moving_part).collect();
     let mesh = GeneratedMesh {
         mesh: Arc::new(shape.mesh),
         convex: Some(shape.convex),
@@ -166,7 +171,18 @@ fn modelled(shape: BuiltShape, tree: ShapeTree, program: &Program) -> Modelled {
         notes: Vec::new(),
         usage: Usage::default(),
     };
-    Modelled { mesh, plain_slots, said_slots, tree }
+    Modelled { mesh, plain_slots, said_slots, tree, moving }
+}
+
+/// A joint as exports take it; a ball is none that a room's things have.
+fn moving_part(joint: &BuiltJoint) -> Option<MovingPart> {
+    let motion = match joint.kind {
+        JointKind::Hinge => Motion::Hinge,
+        JointKind::Slide => Motion::Slide,
+        JointKind::Ball => return None,
+    };
+    let BuiltJoint { name, axis, pivot, range, boxes, .. } = joint.clone();
+    Some(MovingPart { name, motion, axis, pivot, range, boxes })
 }
 
 /// Asks for programs for the objects of a level that matter, where no generator makes the meshes.

@@ -245,6 +245,7 @@ fn meshed(before: &Before<'_>, node: &Node) -> Result<Built, String> {
                 axis: DVec3::from_array(*axis).normalize_or(DVec3::Y),
                 pivot: DVec3::from_array(*pivot),
                 range: *range,
+                boxes: Vec::new(),
             };
             let count = out.parts.len();
             out.joints.push(JointAt { joint, first: 0, count });

@@ -104,6 +104,8 @@ pub struct BuiltJoint {
     pub pivot: DVec3,
     /// Least and greatest value: degrees, or metres for a slide.
     pub range: [f64; 2],
+    /// Lowest and highest corners of the pieces that move, in the mesh's frame.
+    pub boxes: Vec<[DVec3; 2]>,
 }
 
 /// A place on which things may stand.

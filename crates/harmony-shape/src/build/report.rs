@@ -4,6 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec3;
 
+use crate::tree::JointKind;
+
 use super::{Built, BuiltJoint, BuiltLight, BuiltPart, BuiltShape, BuiltSurface, Fit, Part};
 
 /// Boxes nearer than this touch, metres.
@@ -53,14 +55,14 @@ pub(super) fn fill(shape: &mut BuiltShape, root: &Built, parts: &[&Part]) {
         of_part.push(at);
     }
     // joints count all parts of the tree, those without triangles too
-    let place: Vec<Option<usize>> = {
+    let place: Vec<Option<(usize, (DVec3, DVec3))>> = {
         let mut next = 0;
         root.parts
             .iter()
             .map(|p| {
                 (!p.piece.triangles.is_empty()).then(|| {
                     next += 1;
-                    of_part[next - 1]
+                    (of_part[next - 1], boxes[next - 1])
                 })
             })
             .collect()
@@ -70,10 +72,12 @@ pub(super) fn fill(shape: &mut BuiltShape, root: &Built, parts: &[&Part]) {
         .iter()
         .map(|j| {
             let end = (j.first + j.count).min(place.len());
-            let mut moved: Vec<usize> = place[j.first.min(end)..end].iter().flatten().copied().collect();
+            let pieces = || place[j.first.min(end)..end].iter().flatten();
+            let mut moved: Vec<usize> = pieces().map(|(at, _)| *at).collect();
             moved.sort_unstable();
             moved.dedup();
-            BuiltJoint { parts: moved, pivot: j.joint.pivot + origin, ..j.joint.clone() }
+            let boxes = pieces().map(|(_, (low, high))| [*low, *high]).collect();
+            BuiltJoint { parts: moved, pivot: j.joint.pivot + origin, boxes, ..j.joint.clone() }
         })
         .collect();
     shape.lights = root.lights.iter().map(|l| BuiltLight { position: l.position + origin, ..l.clone() }).collect();
@@ -270,7 +274,12 @@ impl BuiltShape {
         }
         for j in &mut self.joints {
             j.pivot *= scale;
+            if j.kind == JointKind::Slide {
+                let longer = (j.axis * scale).length();
+                j.range = j.range.map(|v| v * longer);
+            }
             j.axis = (j.axis * scale).normalize_or(j.axis);
+            j.boxes.iter_mut().flatten().for_each(|corner| *corner *= scale);
         }
         for surface in &mut self.surfaces {
             surface.at *= scale;

@@ -85,6 +85,10 @@ fn a_table_is_canonical_with_groups_names_joints_and_hulls() {
     assert_eq!(shape.convex.len(), 6);
     let joint = &shape.joints[0];
     assert_eq!((joint.parts.as_slice(), joint.axis), (&[2][..], DVec3::Z));
+    assert_eq!(joint.boxes, [[shape.parts[2].low, shape.parts[2].high]]);
+    let mut wide = shape.clone();
+    wide.fit_to(DVec3::new(2.4, 0.74, 0.8));
+    assert!((wide.joints[0].boxes[0][1].x - 2.0 * joint.boxes[0][1].x).abs() < 1e-6);
     // a face's length in texture metres is its length
     for t in shape.mesh.triangles() {
         let [a, b, _] = t.map(|i| i as usize);

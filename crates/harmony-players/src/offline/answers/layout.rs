@@ -40,6 +40,7 @@ pub fn layout(question: &LayoutQuestion, photo: Option<&RgbImage>) -> LayoutAnsw
             ceiling_height_m: height,
         },
         shape: Vec::new(),
+        ignore: Vec::new(),
         walls: vec![LayoutWall {
             orientation: Wall::Back,
             length_m: width,
