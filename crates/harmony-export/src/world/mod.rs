@@ -128,10 +128,8 @@ impl Item {
     pub fn moving(object: SceneObject, mesh: Arc<Mesh>, moving: Vec<MovingPart>) -> Self {
         let scale = object.pose.stretch * object.pose.scale;
         let said = opens::said(object.id.as_str(), &mesh, scale, &moving);
-        let found = match said.is_empty() {
-            true => opens::opens(object.id.as_str(), &object.label, &mesh, scale),
-            false => Ok(said),
-        };
+        let found =
+            if said.is_empty() { opens::opens(object.id.as_str(), &object.label, &mesh, scale) } else { Ok(said) };
         let (opens, rigid) = match found {
             Ok(opens) => (opens, None),
             Err(why) => (Vec::new(), Some(why)),

@@ -340,7 +340,9 @@ mod tests {
         let mut mesh = Mesh { groups: vec![harmony_mesh::Group::default()], ..Mesh::default() };
         let doors = [([-0.4, 0.1, 0.2], [-0.001, 0.6, 0.22]), ([0.001, 0.1, 0.2], [0.4, 0.6, 0.22])];
         add(&mut mesh, [-0.41, 0.0, -0.2], [0.41, 0.62, 0.199]);
-        doors.iter().for_each(|(low, high)| add(&mut mesh, *low, *high));
+        for (low, high) in doors {
+            add(&mut mesh, low, high);
+        }
         let part = |k: usize, name: &str, x: f64, motion, range| MovingPart {
             name: name.into(),
             motion,
