@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`color`] | sRGB, linear light, CIE Lab; median and dominant colours of a mask |
 //! | [`segment`] | cuts an object out of a photo, from a box and perhaps a rough outline |
+//! | [`polygon`] | filled polygons |
 //! | [`outline`] | the outline of a mask as a polygon |
 //! | [`regions`] | proposes object regions that differ from floor, walls and ceiling |
 //! | [`inpaint`] | fills a hole from the rest of the photo |
@@ -20,7 +21,7 @@ mod components;
 mod distance;
 mod maxflow;
 mod noise;
-mod polygon;
+pub mod polygon;
 mod resample;
 
 pub mod border;

@@ -1,5 +1,13 @@
 //! Filled polygons.
 
+use harmony_scene::{ImageSize, Mask};
+
+/// The pixels of an image whose centres lie inside a polygon (even-odd); points that are not finite are skipped.
+pub fn filled(points: &[[f64; 2]], size: ImageSize) -> Mask {
+    let inside = rasterize(points, size.width as usize, size.height as usize);
+    Mask::from_fn(size, |x, y| inside[y as usize * size.width as usize + x as usize])
+}
+
 /// Pixels of a `width` x `height` grid whose centre lies inside the polygon (even-odd), row-major.
 ///
 /// Points that are not finite are skipped; fewer than three leave the grid empty.

@@ -47,6 +47,8 @@ PANE_WORDS = ("glass", "pane", "glazing", "view", "screen", "display")
 ROOM = "room"
 # Luminance, display-linear, that the bright part of a shining lampshade has at least.
 GLOW = 0.6
+# The same of what emits by its material, a globe or a strip: it is the source itself, not a cloth around it.
+EMITTED = 0.88
 
 
 def to_blender(v):
@@ -435,12 +437,13 @@ def is_strip(objects):
 def dress_lamp(light, objects, response):
     """The shade glows as the photo shows it, at least so that it looks lit, and lets the bulb's light out."""
     owned = own_materials(objects)
+    emitting = [material for _, material in owned if emits(material)]
     shining = []
     for name, material in owned:
         shader = principled(material)
         if shader is None:
             continue
-        if emits(material) or any(w in name.lower() for w in EMITTER_WORDS):
+        if material in emitting or any(w in name.lower() for w in EMITTER_WORDS):
             shining.append(material)
         # The bulb gives the light; an emissive slot would give it twice.
         shader.inputs["Emission Strength"].default_value = 0.0
@@ -462,7 +465,8 @@ def dress_lamp(light, objects, response):
                 tint = tint * np.array(shader.inputs["Base Color"].default_value[:3])
             # What is so bright is paler in a photo than its light is.
             tint = np.sqrt(np.maximum(tint / max(float(tint.max()), 1e-6), 0.05))
-            level = light_of(response, encode(np.minimum(tint * min(GLOW / float(tint @ LUMINANCE), 1.0 / tint.max()), 1.0)))
+            wanted = EMITTED if material in emitting else GLOW
+            level = light_of(response, encode(np.minimum(tint * min(wanted / float(tint @ LUMINANCE), 1.0 / tint.max()), 1.0)))
             top = max(float(level.max()), 1e-6)
             show_emission(material, tuple(float(v) / top for v in level), top, None, centre, radius * 1.6)
         let_shadow_rays_through(material)

@@ -1,6 +1,8 @@
 //! Duplicate and spurious detections (paper App. C, "Containment and fragment removal"; key `detect.filter`).
 //! Pure functions.
 
+use harmony_catalogue::Trait;
+use harmony_imaging::polygon::filled;
 use harmony_roles::Detection;
 use harmony_scene::{Mask, PixelBox};
 
@@ -224,6 +226,36 @@ pub fn filter_masks(found: &[(Detection, Mask)], settings: &FilterSettings) -> V
     verdict
 }
 
+/// Share of its outline that an opening's mask has at least, where nothing hangs before it; and share of the outline that
+/// what hangs before it takes.
+const SHOWS: f64 = 0.5;
+const VEILED: f64 = 0.4;
+
+/// Gives windows and doors the whole of their outline (or box) where a curtain took it: who named both saw the one
+/// through the other. Returns their labels.
+pub fn unveil(found: &mut [(Detection, Mask)]) -> Vec<String> {
+    let hangs: Vec<Mask> = found
+        .iter()
+        .filter(|(d, _)| {
+            harmony_catalogue::has(&d.label, Trait::Hangs) && harmony_catalogue::opening(&d.label).is_none()
+        })
+        .map(|(_, mask)| mask.clone())
+        .collect();
+    let mut unveiled = Vec::new();
+    for (detection, mask) in found.iter_mut().filter(|(d, _)| harmony_catalogue::opening(&d.label).is_some()) {
+        let PixelBox { x0, y0, x1, y1 } = detection.bounds;
+        let corners = detection.outline.clone().unwrap_or_else(|| vec![[x0, y0], [x1, y0], [x1, y1], [x0, y1]]);
+        let whole = filled(&corners, mask.size());
+        let area = whole.count() as f64;
+        let veiled = hangs.iter().any(|h| h.and(&whole).count() as f64 >= VEILED * area);
+        if veiled && (mask.count() as f64) < SHOWS * area {
+            *mask = whole;
+            unveiled.push(detection.label.clone());
+        }
+    }
+    unveiled
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -260,6 +292,26 @@ mod tests {
         assert_eq!(cut_to_boxes(&mut found).len(), 2);
         assert!(found[0].1.bounds().unwrap().x1 <= 56.0 && found[1].1.bounds().unwrap().x0 >= 47.0);
         assert!(cut_to_boxes(&mut found).is_empty());
+    }
+
+    #[test]
+    fn a_window_is_seen_through_its_curtain_and_one_beside_a_curtain_keeps_its_mask() {
+        let size = ImageSize::new(100, 50);
+        let rows = |x0: u32, x1: u32| Mask::from_fn(size, |x, y| (x0..x1).contains(&x) && (10..40).contains(&y));
+        let window = detection("window", [20.0, 12.0, 60.0, 38.0], None);
+        let mut found = vec![
+            (detection("sheer curtain", [10.0, 10.0, 70.0, 40.0], None), rows(10, 70)),
+            (window, Mask::empty(size)),
+        ];
+        assert_eq!(unveil(&mut found), ["window"]);
+        assert_eq!(found[1].1.bounds().unwrap(), PixelBox { x0: 20.0, y0: 12.0, x1: 60.0, y1: 38.0 });
+        assert_eq!(found[0].1, rows(10, 70), "the curtain keeps its own");
+        assert!(unveil(&mut found).is_empty());
+        let mut beside = vec![
+            (detection("curtain", [60.0, 10.0, 70.0, 40.0], None), rows(60, 70)),
+            (detection("window", [20.0, 12.0, 60.0, 38.0], None), rows(20, 30)),
+        ];
+        assert!(unveil(&mut beside).is_empty());
     }
 
     #[test]

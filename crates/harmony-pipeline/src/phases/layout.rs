@@ -9,6 +9,7 @@ use harmony_geometry::{
     estimate_room_box, estimate_view, measure_passages, measure_shape, room_unknowns,
 };
 use harmony_imaging::border::Border;
+use harmony_imaging::polygon::filled;
 use harmony_imaging::sheet::grid_overlay;
 use harmony_io::Photo;
 use harmony_placement::{PartialScene, RoomPoints};
@@ -134,17 +135,10 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
 fn ignored(outlines: &[Vec<[f64; 2]>], size: ImageSize) -> Mask {
     /// Outlines by hand are a little off, share of the width.
     const MARGIN: f64 = 0.004;
+    let scale = [f64::from(size.width) / 1000.0, f64::from(size.height) / 1000.0];
     let all = outlines.iter().fold(Mask::empty(size), |all, outline| {
-        let scale = [f64::from(size.width) / 1000.0, f64::from(size.height) / 1000.0];
         let corners: Vec<[f64; 2]> = outline.iter().map(|p| [p[0] * scale[0], p[1] * scale[1]]).collect();
-        let edges = || corners.iter().zip(corners.iter().cycle().skip(1));
-        all.or(&Mask::from_fn(size, |x, y| {
-            let [x, y] = [x, y].map(|v| f64::from(v) + 0.5);
-            // Even-odd: how many edges lie to the right.
-            let crossed = edges()
-                .filter(|(a, b)| (a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]));
-            crossed.count() % 2 == 1
-        }))
+        all.or(&filled(&corners, size))
     });
     all.dilated((MARGIN * f64::from(size.width)).ceil() as i32)
 }

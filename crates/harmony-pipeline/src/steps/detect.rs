@@ -13,7 +13,7 @@ use serde_json::json;
 use super::missing;
 use crate::before::{Before, stem};
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::filter::{Dropped, cut_to_boxes, filter_boxes, filter_masks, part_merged};
+use crate::filter::{Dropped, cut_to_boxes, filter_boxes, filter_masks, part_merged, unveil};
 use crate::state::{Object, SceneState};
 
 /// Overlap from which two boxes show one object.
@@ -89,6 +89,7 @@ pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> 
             let (mut pairs, scores): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
             let parted = part_merged(&mut pairs);
             let cut = cut_to_boxes(&mut pairs);
+            unveil(&mut pairs);
             let verdicts = filter_masks(&pairs, &filters);
             (pairs.into_iter().zip(scores).collect::<Vec<_>>(), verdicts, (parted, cut))
         })
