@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DVec3};
 use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_io::{LoadedGlb, ReadLimits, load_glb, picture, read_json, write_atomic};
-use harmony_render::{Instance, RenderOptions, RoomView, canonical_camera, orbit_cameras, render};
+use harmony_render::{Instance, OUTSIDE, RenderOptions, RoomView, canonical_camera, orbit_cameras, render};
 use harmony_scene::{Camera, ImageSize, Scene};
 use image::imageops::FilterType;
 use image::{DynamicImage, RgbImage};
@@ -26,8 +26,6 @@ use crate::add::{put_json, write_folder};
 
 /// Most runs of a gallery.
 const MAX_RUNS: usize = 10_000;
-/// Ground of renders, sRGB with alpha: that of the runs' own canonical views.
-const GROUND: [u8; 4] = [235, 238, 242, 255];
 /// Width over height of every picture.
 const SHAPE: f64 = 4.0 / 3.0;
 
@@ -234,7 +232,7 @@ fn picture_of(glb: &LoadedGlb, view: &RoomView) -> RgbImage {
             id: 0,
         })
         .collect();
-    let options = RenderOptions { multisample: true, background: GROUND, ..RenderOptions::default() };
+    let options = RenderOptions { multisample: true, background: OUTSIDE, ..RenderOptions::default() };
     DynamicImage::ImageRgba8(render(&view.camera, &instances, &options).color).to_rgb8()
 }
 

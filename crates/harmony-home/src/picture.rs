@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 use harmony_export::World;
 use harmony_export::world::{Face, Item};
-use harmony_render::{Instance, RenderOptions, canonical_camera, render};
+use harmony_render::{Instance, OUTSIDE, RenderOptions, canonical_camera, render};
 use harmony_scene::{Camera, ImageSize, Intrinsics, Level, SceneObject, Support, Surface};
 use image::{DynamicImage, RgbImage};
 
@@ -17,8 +17,6 @@ const ELEVATION: f64 = 1.05;
 const AZIMUTH: f64 = 0.3;
 /// Share of the picture that stays free on each side.
 const MARGIN: f64 = 0.04;
-/// Ground of the picture, that of the runs' own canonical views.
-const GROUND: [u8; 4] = [235, 238, 242, 255];
 
 /// The nearest camera of these angles that has all of a box in its picture, the box in the middle.
 fn camera(size: ImageSize, extents: DVec3) -> Camera {
@@ -91,6 +89,6 @@ fn drawn<'a>(
         translation: item.object.pose.position,
         id: 0,
     }));
-    let options = RenderOptions { multisample: true, background: GROUND, ..RenderOptions::default() };
+    let options = RenderOptions { multisample: true, background: OUTSIDE, ..RenderOptions::default() };
     DynamicImage::ImageRgba8(render(camera, &instances, &options).color).to_rgb8()
 }

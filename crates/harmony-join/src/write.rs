@@ -10,9 +10,8 @@ use harmony_io::{
 };
 use harmony_mesh::{Mesh, ShellOptions, Trims, room_shell_with};
 use harmony_pipeline::outputs::{objects_json, shell_nodes};
-use harmony_pipeline::views::OUTSIDE_RGB;
 use harmony_pipeline::{GENERATOR, JoinedRun, PhaseEntry, PhaseState, RunFile, hash_files};
-use harmony_render::{Instance, Lighting as Shading, RenderOptions, canonical_camera, render};
+use harmony_render::{Instance, Lighting as Shading, OUTSIDE, RenderOptions, canonical_camera, render};
 use harmony_scene::{
     Camera, ImageSize, Light, Lighting, Mask, ObjectId, Room, SCENE_VERSION, Scene, SceneCamera, Surface,
     ViewTransform, Warning, WarningKind,
@@ -167,7 +166,7 @@ fn moved(light: &Light, placing: &crate::Placing, object: Option<ObjectId>, numb
 const FLAT: RenderOptions = RenderOptions {
     lighting: Shading::Unlit,
     multisample: true,
-    background: [OUTSIDE_RGB[0], OUTSIDE_RGB[1], OUTSIDE_RGB[2], 255],
+    background: OUTSIDE,
     near: 0.05,
     glass: harmony_render::Glass::Solid,
 };

@@ -261,8 +261,9 @@ def let_shadow_rays_through(material, colour=(1.0, 1.0, 1.0, 1.0)):
     clear_for(material, lambda tree: tree.nodes.new("ShaderNodeLightPath").outputs["Is Shadow Ray"], colour)
 
 
-def show_emission(material, colour, strength, image_node=None, centre=None, radius=0.0):
-    """Makes a surface look luminous to the camera without lighting the room (the light beside it does that).
+def show_emission(material, colour, strength, image_node=None, centre=None, radius=0.0, radiance=None):
+    """Makes a surface look luminous to the camera; it lights the room by `radiance` (linear RGB), or not at all, where a
+    light beside it does.
 
     With a centre only what lies around it glows: a lamp that is one piece.
     """
@@ -270,6 +271,15 @@ def show_emission(material, colour, strength, image_node=None, centre=None, radi
     shader, surface = surface_socket(material)
     if shader is None:
         return
+    if radiance is not None:
+        light, both = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeAddShader")
+        top = max(max(radiance), 1e-9)
+        light.inputs["Color"].default_value = (*(float(v) / top for v in radiance), 1.0)
+        light.inputs["Strength"].default_value = top
+        tree.links.new(shader, both.inputs[0])
+        tree.links.new(light.outputs[0], both.inputs[1])
+        shader = both.outputs[0]
+        material.cycles.emission_sampling = "FRONT_BACK"
     emission = tree.nodes.new("ShaderNodeEmission")
     emission.inputs["Color"].default_value = (*colour, 1.0)
     emission.inputs["Strength"].default_value = strength
@@ -434,10 +444,38 @@ def is_strip(objects):
     return not shows and any(emits(material) for _, material in owned)
 
 
+def area_of(objects, materials):
+    """Area of the faces of these materials, square metres."""
+    area = 0.0
+    for obj in objects:
+        slots = {i for i, slot in enumerate(obj.material_slots) if slot.material in materials}
+        if not slots:
+            continue
+        places = np.empty(3 * len(obj.data.vertices), np.float32)
+        obj.data.vertices.foreach_get("co", places)
+        turn = np.array(obj.matrix_world, np.float32)[:3, :3]
+        places = places.reshape(-1, 3) @ turn.T
+        for polygon in obj.data.polygons:
+            if polygon.material_index in slots:
+                a, *rest = places[list(polygon.vertices)]
+                for b, c in zip(rest, rest[1:]):
+                    area += 0.5 * float(np.linalg.norm(np.cross(b - a, c - a)))
+    return area
+
+
 def dress_lamp(light, objects, response):
-    """The shade glows as the photo shows it, at least so that it looks lit, and lets the bulb's light out."""
+    """The shade glows as the photo shows it, at least so that it looks lit, and lets the bulb's light out.
+
+    What emits by its material gives the lamp's light itself, from where it is: a cove up to the ceiling, a strip along its
+    wall, each globe of a chandelier. The second value says whether it does.
+    """
     owned = own_materials(objects)
     emitting = [material for _, material in owned if emits(material)]
+    area = area_of(objects, emitting)
+    radiance = None
+    if area > 0.0:
+        # A face of P watts has radiance P / (pi * area).
+        radiance = [float(c) * light["intensity"] / (math.pi * area) for c in light["color"]]
     shining = []
     for name, material in owned:
         shader = principled(material)
@@ -448,7 +486,7 @@ def dress_lamp(light, objects, response):
         # The bulb gives the light; an emissive slot would give it twice.
         shader.inputs["Emission Strength"].default_value = 0.0
     if not light["on"]:
-        return set()
+        return set(), False
     spared = set()
     radius = 4.0 * light.get("radius_m", 0.05) + 0.05
     centre = None if shining else to_blender(light["position"])
@@ -458,7 +496,8 @@ def dress_lamp(light, objects, response):
         if node is not None:
             if shining:
                 spared.add(node.image.name)
-            show_emission(material, (1, 1, 1), 1.0, shown_as(node, response, GLOW), centre, radius * 1.6)
+            shown = shown_as(node, response, GLOW)
+            show_emission(material, (1, 1, 1), 1.0, shown, centre, radius * 1.6, radiance if material in emitting else None)
         else:
             tint = np.array(light["color"])
             if shader is not None and shining:
@@ -468,9 +507,11 @@ def dress_lamp(light, objects, response):
             wanted = EMITTED if material in emitting else GLOW
             level = light_of(response, encode(np.minimum(tint * min(wanted / float(tint @ LUMINANCE), 1.0 / tint.max()), 1.0)))
             top = max(float(level.max()), 1e-6)
-            show_emission(material, tuple(float(v) / top for v in level), top, None, centre, radius * 1.6)
-        let_shadow_rays_through(material)
-    return spared
+            own = radiance if material in emitting else None
+            show_emission(material, tuple(float(v) / top for v in level), top, None, centre, radius * 1.6, own)
+        if material not in emitting or radiance is None:
+            let_shadow_rays_through(material)
+    return spared, radiance is not None
 
 
 def add_lights(scene, response, groups):
@@ -479,8 +520,10 @@ def add_lights(scene, response, groups):
         objects = meshes_below(light["object"]) if light["object"] else []
         if light["object"] and not objects:
             NOTES.append(f"no node {light['object']} for the light {light['id']}")
+        shines = False
         if light["kind"] == "point" or is_strip(objects):
-            spared |= dress_lamp(light, objects, response)
+            own, shines = dress_lamp(light, objects, response)
+            spared |= own
         elif light["kind"] == "area":
             spared |= dress_window(light, objects, response)
         if not light["on"]:
@@ -491,6 +534,8 @@ def add_lights(scene, response, groups):
             groups.append(group)
             for obj in objects:
                 obj.lightgroup = group
+        if shines:
+            continue
         args = light["position"], light["intensity"], light["color"], group
         if light["kind"] == "area":
             add_rectangle(scene, f"light_{index}", args[0], light["direction"], light["size_m"], *args[1:])

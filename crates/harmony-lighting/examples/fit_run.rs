@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use harmony_lighting::{
-    Comparison, CyclesJob, CyclesRenderer, FieldNode, FitOptions, Measured, RenderMode, display_linear, fit_scene,
-    lights_from_scene, neutral_field, picture_error, updated_field,
+    Comparison, CyclesJob, CyclesRenderer, Emitter, FieldNode, FitOptions, Measured, RenderMode, display_linear,
+    fit_scene, lights_from_scene, neutral_field, picture_error, updated_field,
 };
 use harmony_scene::{Camera, ImageSize, Scene, ViewTransform};
 use image::RgbImage;
@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let cycles = CyclesRenderer::find().ok_or("no Blender was found")?;
     let camera = Camera::from(&scene.camera);
 
-    let mut lighting = lights_from_scene(&scene.room, &scene.objects, |_| None);
+    let mut lighting = lights_from_scene(&scene.room, &scene.objects, |_| Emitter::default());
     for light in &mut lighting.lights {
         if let Some(before) = scene.lighting.lights.iter().find(|l| l.id == light.id) {
             light.on = before.on;

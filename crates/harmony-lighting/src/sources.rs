@@ -85,16 +85,25 @@ fn group_bounds(mesh: &Mesh, wanted: impl Fn(usize) -> bool) -> Option<Bounds> {
     found
 }
 
+/// What is known of an object that may shine.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Emitter<'m> {
+    /// Its canonical mesh.
+    pub mesh: Option<&'m Mesh>,
+    /// Where its light comes from, in the mesh's frame, where its program says.
+    pub bulb: Option<DVec3>,
+}
+
 /// The lights of a room before anybody has looked at the photo: all windows and lamps on, at typical powers.
 ///
-/// `mesh_of` gives an object's canonical mesh where there is one; without it the label decides where in the object's
-/// box the bulb is. Openings without an object shine too; of doors those of glass. Screens shine from their front; a
+/// Without a mesh or a bulb that was said the label decides where in the object's box the bulb is. Openings without an object shine too; of doors those of glass. Screens shine from their front; a
 /// fireplace is listed unlit. Ids are the objects', or `window_<n>` for openings without one.
 pub fn lights_from_scene<'m>(
     room: &Room,
     objects: &[SceneObject],
-    mesh_of: impl Fn(&ObjectId) -> Option<&'m Mesh>,
+    emitter: impl Fn(&ObjectId) -> Emitter<'m>,
 ) -> Lighting {
+    let mesh_of = |id: &ObjectId| emitter(id).mesh;
     let mut lights = Vec::new();
     for (i, opening) in room.openings.iter().enumerate() {
         let object = opening.object.as_ref().and_then(|id| objects.iter().find(|o| o.id == *id));
@@ -115,7 +124,7 @@ pub fn lights_from_scene<'m>(
         objects.iter().filter(move |o| emission(&o.label).is_some_and(|own| wanted.contains(&own)))
     };
     for object in emitting(&[Emission::Lamp, Emission::Candle]) {
-        lights.push(lamp_light(room, object, mesh_of(&object.id)));
+        lights.push(lamp_light(room, object, emitter(&object.id)));
     }
     for object in emitting(&[Emission::Screen]) {
         lights.extend(screen_light(object, mesh_of(&object.id)));
@@ -136,9 +145,12 @@ pub fn lights_from_scene<'m>(
     // What shines by its material, though its kind need not: strips, coves, a pane behind a curtain.
     for object in objects.iter().filter(|o| emission(&o.label).is_none()) {
         let of_an_opening = room.openings.iter().any(|o| o.object.as_ref() == Some(&object.id));
-        if !of_an_opening && let Some(mesh) = mesh_of(&object.id) {
-            lights.extend(strip_light(room, object, mesh));
+        if of_an_opening {
+            continue;
         }
+        let known = emitter(&object.id);
+        let strip = known.mesh.and_then(|mesh| strip_light(room, object, mesh));
+        lights.extend(strip.or_else(|| known.bulb.map(|_| lamp_light(room, object, known))));
     }
     Lighting {
         lights,
@@ -343,24 +355,24 @@ fn strip_light(room: &Room, object: &SceneObject, mesh: &Mesh) -> Option<Light> 
     })
 }
 
-fn lamp_light(room: &Room, object: &SceneObject, mesh: Option<&Mesh>) -> Light {
+fn lamp_light(room: &Room, object: &SceneObject, known: Emitter<'_>) -> Light {
+    let mesh = known.mesh;
     let bulb_at = harmony_catalogue::kind(&object.label).and_then(|k| k.bulb_at);
     let all = object_bounds(object, mesh);
     let emitter = mesh.and_then(emitter_bounds);
+    let said = known.bulb.filter(|_| mesh.and_then(emissive_bounds).is_none());
     let at = |fraction: f64| DVec3::new(all.centre().x, all.min.y + fraction * all.size().y, all.centre().z);
-    let canonical = emitter.map_or_else(
-        || match (bulb_at, object.level) {
-            (Some(share), _) => at(share),
-            // A flush fixture shines from below its dish.
-            (None, Level::Ceiling) => DVec3::new(all.centre().x, all.min.y, all.centre().z),
-            (None, Level::Wall) => all.centre(),
-            _ if all.size().y > 3.0 * all.size().x.max(all.size().z) => at(0.88),
-            _ => at(0.72),
-        },
-        |b| b.centre(),
-    );
+    let by_label = || match (bulb_at, object.level) {
+        (Some(share), _) => at(share),
+        // A flush fixture shines from below its dish.
+        (None, Level::Ceiling) => DVec3::new(all.centre().x, all.min.y, all.centre().z),
+        (None, Level::Wall) => all.centre(),
+        _ if all.size().y > 3.0 * all.size().x.max(all.size().z) => at(0.88),
+        _ => at(0.72),
+    };
+    let canonical = said.or_else(|| emitter.map(|b| b.centre())).unwrap_or_else(by_label);
     let mut position = object.pose.point(canonical);
-    if object.level == Level::Ceiling && emitter.is_none() && bulb_at.is_none() {
+    if object.level == Level::Ceiling && emitter.is_none() && said.is_none() && bulb_at.is_none() {
         position.y -= 0.05;
     }
     let shade = emitter.unwrap_or(all).size() * object.pose.stretch.abs() * object.pose.scale;

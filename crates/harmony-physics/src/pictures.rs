@@ -11,7 +11,7 @@ use color_quant::NeuQuant;
 use harmony_io::LoadedGlb;
 use harmony_lighting::{CyclesJob, CyclesRenderer, LitError};
 use harmony_mesh::shell_material_name;
-use harmony_render::{Instance, RenderOptions, Renderer};
+use harmony_render::{Instance, OUTSIDE, RenderOptions, Renderer};
 use harmony_scene::{AlbedoField, Camera, Mat3, Scene, Surface, Vec3};
 use image::{DynamicImage, Rgb, RgbImage};
 
@@ -111,7 +111,7 @@ impl<'a> Painter<'a> {
                 }
             })
             .collect();
-        let options = RenderOptions { multisample: true, background: [235, 238, 242, 255], ..RenderOptions::default() };
+        let options = RenderOptions { multisample: true, background: OUTSIDE, ..RenderOptions::default() };
         let drawn = self.renderer.render(&self.camera, &instances, &options);
         DynamicImage::ImageRgba8(drawn.color).to_rgb8()
     }

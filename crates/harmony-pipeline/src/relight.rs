@@ -16,7 +16,7 @@ use harmony_lighting::{
 };
 use harmony_mesh::Mesh;
 use harmony_prompts::LightingReviewQuestion;
-use harmony_render::canonical_camera;
+use harmony_render::{OUTSIDE, canonical_camera};
 use harmony_roles::{LightMeasurement, LitImage, LitKind, LitRequest, Picture, RoleError};
 use harmony_scene::{AlbedoField, Camera, ImageSize, Lighting, Mask, ViewTransform, WarningKind};
 use image::RgbImage;
@@ -89,7 +89,7 @@ pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Optio
     let Some(photo_view) = stage.picture("final", camera, &lighting, &look.field, stage.s.final_samples).await? else {
         return Ok(None);
     };
-    let outside = look.view.light(views::OUTSIDE_RGB.map(|v| f32::from(v) / 255.0)).map(f64::from);
+    let outside = look.view.light([0, 1, 2].map(|c| f32::from(OUTSIDE[c]) / 255.0)).map(f64::from);
     let canonical = stage.canonical(&lighting, &look.field, outside).await?;
     state.lighting = Some(lighting);
     Ok(Some(LitPictures { photo_view, canonical, field: look.field, outside }))

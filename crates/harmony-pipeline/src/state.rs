@@ -8,7 +8,7 @@ use harmony_mesh::{Mesh, PartModel, Trims};
 use harmony_placement::{PartialScene, PlacementError, Shape};
 use harmony_prompts::{InspectedObject, InspectedSize, LayoutAnswer};
 use harmony_roles::Detection;
-use harmony_scene::{Level, Lighting, Mask, ObjectId, Size, Surface, SurfaceMaterial};
+use harmony_scene::{Level, Lighting, Mask, ObjectId, Size, Surface, SurfaceMaterial, Vec3};
 use image::{RgbImage, RgbaImage};
 use serde_json::Value;
 
@@ -98,6 +98,8 @@ pub struct Model {
     pub plain_slots: Vec<String>,
     /// Those of them whose colour was said, not cut from the photo: they are lit as the photo has it.
     pub said_slots: Vec<String>,
+    /// Where its program has its light, in the mesh's frame.
+    pub bulb: Option<Vec3>,
     /// Who made the mesh, in words.
     pub source: String,
     /// Material.

@@ -101,6 +101,7 @@ pub fn add(state: &mut SceneState, name: &str, level: Level, size: DVec3, at: DV
         program: None,
         plain_slots: Vec::new(),
         said_slots: Vec::new(),
+        bulb: None,
         source: "a box".to_owned(),
         material: harmony_lighting::material_for(&label, Size::from_vec(size), None).0,
     });

@@ -9,17 +9,13 @@ use harmony_mesh::{Bounds, Mesh, ShellOptions, Trims, room_shell_with};
 use harmony_placement::{Placed, may_be_seen};
 use harmony_prompts::{PlacedObject, RoomSummary};
 use harmony_render::{
-    Glass, Instance, Lighting, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window,
+    Glass, Instance, Lighting, OUTSIDE, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window,
 };
 use harmony_scene::{Camera, ImageSize, Intrinsics, PixelBox, Pose, Room, Size, Support, Surface};
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 
 use crate::state::{Object, SceneState};
 use crate::steps::surfaces::{Beyond, panes};
-
-/// Colour of what is outside the room.
-pub const OUTSIDE_RGB: [u8; 3] = [235, 238, 242];
-const OUTSIDE: [u8; 4] = [OUTSIDE_RGB[0], OUTSIDE_RGB[1], OUTSIDE_RGB[2], 255];
 
 /// The room shell with the textures made so far.
 pub fn shell(state: &SceneState, omit: Vec<Surface>) -> Mesh {

@@ -6,10 +6,11 @@ use harmony_scene::{Camera, Level, ObjectId, Pose, Support, Warning, WarningKind
 
 use crate::accept::{accepts, odds};
 use crate::contact::collision::{Collision, collisions, deepest, relax, solids};
+use crate::contact::layers::hang_in_layers;
 use crate::contact::rest::{back_onto_hosts, hangs_in_the_air, settle_all};
 use crate::contact::rows::narrow_rows;
 use crate::measure::{measure_all, measure_posterior};
-use crate::observe::{Window, drop_strangers};
+use crate::observe::{Contour, Window, drop_strangers, neighbours};
 use crate::propose::between_curtains;
 use crate::scene::attachment::{PoseConstraint, YawRule, angle_between, attachment_of};
 use crate::scene::subtree::{subtree, take_along};
@@ -26,6 +27,9 @@ const TOLD_INFLATION: f64 = 1.3;
 const IN_THE_AIR: f64 = 1e-4;
 /// Probability that a window whose ends are hidden is not in the middle of the curtains that hide them.
 const OFF_CURTAINS: f64 = 0.1;
+
+/// How deep an earlier object may come into others when it is placed anew, metres: they are parted after it.
+const MAX_INTO_M: f64 = 0.1;
 
 /// How one object fared.
 #[derive(Debug, Clone, PartialEq)]
@@ -115,6 +119,7 @@ pub fn place_level(
         drop_strangers(scene, item);
     }
     let finished = Finished::of(scene);
+    let ended = ends(scene, settings);
     let items: Vec<Arc<Item>> = items.into_iter().map(Arc::new).collect();
     report.order = crate::placement_order(scene, &items, given_order, settings);
     let mut waiting: Vec<Arc<Item>> = report.order.entries.iter().map(|e| Arc::clone(&items[e.item])).collect();
@@ -131,6 +136,7 @@ pub fn place_level(
     back_onto_hosts(scene);
     if settings.refinement {
         follow_hosts(scene, settings);
+        see_again(scene, &ended, settings);
     }
     if settings.collision {
         part(scene, settings, &mut report);
@@ -140,6 +146,7 @@ pub fn place_level(
     finished.hold(scene, scale, settings);
     report.shifted_x = scene.fit_loose_walls();
     settle_all(scene, settings);
+    hang_in_layers(scene, settings);
     measure_posterior(scene, settings);
     for object in &mut report.objects {
         if let Some(p) = scene.find(&object.id) {
@@ -196,6 +203,43 @@ impl Finished {
                 tracing::debug!(object = %id, "held where it was");
                 *scene = tried;
             }
+        }
+    }
+}
+
+/// The sides at which each placed object's mask ends by itself: left, top, right, bottom.
+fn ends(scene: &PartialScene, settings: &PlacementSettings) -> Vec<(ObjectId, [bool; 4])> {
+    let of = |(i, placed): (usize, &Placed)| {
+        let others = neighbours(scene, &placed.item, &[], Some(i));
+        (placed.item.id.clone(), Contour::new(scene, &placed.item.mask, &others, settings).free_sides())
+    };
+    scene.placed.iter().enumerate().map(of).collect()
+}
+
+/// Places finished objects anew where this level showed that they do not end where their masks do: a window whose lower part
+/// the sofa hides was placed when no sofa was known. What a reviewer has corrected stays.
+fn see_again(scene: &mut PartialScene, ended: &[(ObjectId, [bool; 4])], settings: &PlacementSettings) {
+    let now = ends(scene, settings);
+    for (id, before) in ended {
+        let hidden = |(other, free): &&(ObjectId, [bool; 4])| other == id && (0..4).any(|k| before[k] && !free[k]);
+        let Some(i) = now.iter().find(hidden).and_then(|_| scene.position(id)) else { continue };
+        let item = Arc::clone(&scene.placed[i].item);
+        if item.traits.corrected {
+            continue;
+        }
+        let Some(window) = Window::new(scene, &item, Some(i), &[], settings) else { continue };
+        let anew = solve(scene, &item, &window, settings);
+        if anew.objective.constraint.support() != scene.placed[i].support {
+            continue;
+        }
+        let energy = |scene: &PartialScene| placed_energy(scene, i, settings).map(|e| e.total());
+        let depth = |scene: &PartialScene| deepest(scene, &solids(scene), i, settings);
+        let mut tried = scene.clone();
+        take_along(&mut tried, i, anew.pose);
+        let better = energy(scene).zip(energy(&tried)).is_some_and(|(was, is)| accepts(was, is, 0.0));
+        if better && depth(&tried) <= depth(scene) + MAX_INTO_M {
+            tracing::debug!(object = %id, "placed anew: this level hides a part of it");
+            *scene = tried;
         }
     }
 }
@@ -375,6 +419,7 @@ mod tests {
     use harmony_scene::Vec3;
 
     use super::*;
+    use crate::Traits;
     use crate::testing::{boxed, empty_room};
 
     #[test]
@@ -397,6 +442,29 @@ mod tests {
         assert!(
             all.len() == 2 && all[0].contains("2.0 times less") && all[1].ends_with("from 80 to 160 nats"),
             "{all:?}"
+        );
+    }
+
+    /// A window from 0.9 m up to 2.1 m, before which a sofa of 1.3 m stands.
+    #[test]
+    fn what_a_later_level_hides_gets_its_whole_size_back() {
+        let settings = PlacementSettings { point_map: false, ..PlacementSettings::default() };
+        let mut scene = empty_room();
+        let mut window = boxed(&scene, Vec3::new(1.4, 1.2, 0.06), Vec3::new(2.0, 0.9, 0.03), 0.0);
+        (window.id, window.level) = (ObjectId::numbered("window", 1), Level::Wall);
+        window.traits = Traits { planar: true, opening: true, may_stretch: true, ..Traits::default() };
+        let mut sofa = boxed(&scene, Vec3::new(2.2, 1.3, 0.8), Vec3::new(2.0, 0.0, 1.0), 0.0);
+        (sofa.id, sofa.level) = (ObjectId::numbered("sofa", 1), Level::Furniture);
+        let whole = window.mask.clone();
+        window.mask = window.mask.minus(&sofa.mask).into();
+        assert!(window.mask.count() * 10 < whole.count() * 9, "the sofa hides a part of it");
+        place_level(&mut scene, vec![window], None, &settings);
+        let first = scene.placed[0].size().height;
+        place_level(&mut scene, vec![sofa], None, &settings);
+        let then = scene.find(&ObjectId::numbered("window", 1)).unwrap().size().height;
+        assert!(
+            (then - 1.2).abs() < (first - 1.2).abs() - 0.03 && (then - 1.2).abs() < 0.1,
+            "{first} m, then {then} m"
         );
     }
 

@@ -14,6 +14,10 @@ pub struct RoomView {
     pub omit: Vec<Surface>,
 }
 
+/// Colour of what is outside the room in views of it, sRGB and alpha: grey enough that white walls stand out and a lit room is not
+/// dull beside it.
+pub const OUTSIDE: [u8; 4] = [204, 206, 210, 255];
+
 /// Horizontal field of view of the standard cameras, radians (about 40 degrees: little perspective).
 const FOV: f64 = 0.7;
 
@@ -23,20 +27,75 @@ const ELEVATION: f64 = 0.75;
 /// Share of the image that stays free around what is shown.
 const MARGIN: f64 = 0.05;
 
-/// The elevated view of the whole room, ceiling and near walls removed, from the photo camera's side.
+/// Largest azimuth of the canonical view from straight onto the back wall, radians (50 degrees).
+const MAX_AZIMUTH: f64 = 0.87;
+
+/// Step in which larger azimuths are tried, radians, and by what share nearer the camera must come for one radian.
+const AZIMUTH_STEP: f64 = 0.05;
+const AZIMUTH_COST: f64 = 0.25;
+
+/// Rays on each axis of the photo that say what part of the room it shows.
+const SEEN_RAYS: u32 = 12;
+
+/// What the frame has beside that part, metres: things stand across the photo's edge.
+const BESIDE_SEEN_M: f64 = 0.3;
+
+/// The elevated view of the part of the room that the photo shows, ceiling and near walls removed, from the photo
+/// camera's side.
 ///
 /// Paper: "Canonical Views" in the appendix. The azimuth is that of the photo's camera, held to within
-/// 50 degrees of straight onto the back wall, so that the near walls are always those that the photo does not show.
+/// 50 degrees of straight onto the back wall, so that the near walls are always those that the photo does not show; it
+/// turns further aside, within these bounds, where a long room fills the picture better so. What lies behind the photo's
+/// camera may run out of the picture: nothing is known of it.
 pub fn canonical_camera(room: &Room, size: ImageSize, photo_camera: &Camera) -> RoomView {
     let forward = photo_camera.forward();
     let azimuth = (-forward.x).atan2(-forward.z);
-    let azimuth = if azimuth.is_finite() { azimuth.clamp(-0.87, 0.87) } else { 0.0 };
-    room_view(room, size, azimuth)
+    let azimuth = if azimuth.is_finite() { azimuth.clamp(-MAX_AZIMUTH, MAX_AZIMUTH) } else { 0.0 };
+    let (low, high) = seen_part(&room.extents, photo_camera);
+    let first = room_view(room, size, azimuth, low, high);
+    let target = (low + high) / 2.0;
+    let cost = |view: &RoomView, by: f64| (view.camera.centre() - target).length() * (1.0 + AZIMUTH_COST * by);
+    let mut best = (cost(&first, 0.0), first.clone());
+    let steps = ((MAX_AZIMUTH - azimuth.abs()) / AZIMUTH_STEP) as u32;
+    for by in (1..=steps).map(|k| AZIMUTH_STEP * f64::from(k)) {
+        let view = room_view(room, size, azimuth + by.copysign(azimuth), low, high);
+        // No further wall is given up for it.
+        if view.omit == first.omit && cost(&view, by) < best.0 {
+            best = (cost(&view, by), view);
+        }
+    }
+    best.1
+}
+
+/// Box of the part of the room that a camera in it shows, from the floor to the ceiling; the whole room if it shows none.
+fn seen_part(e: &Extents, camera: &Camera) -> (Vec3, Vec3) {
+    let (whole, eye, k) = (e.as_vec(), camera.centre(), &camera.intrinsics);
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for (i, j) in (0..SEEN_RAYS).flat_map(|i| (0..SEEN_RAYS).map(move |j| (i, j))) {
+        let at = |n: u32, pixels: u32| f64::from(n) / f64::from(SEEN_RAYS - 1) * f64::from(pixels);
+        let (x, y) = (at(i, camera.size.width), at(j, camera.size.height));
+        let ray = camera.forward() + camera.right() * ((x - k.cx) / k.fx) + camera.down() * ((y - k.cy) / k.fy);
+        // Where the ray leaves the room.
+        let leaves = (0..3).filter(|a| ray[*a].abs() > 1e-9).map(|a| {
+            let face = if ray[a] > 0.0 { whole[a] } else { 0.0 };
+            (face - eye[a]) / ray[a]
+        });
+        let point = eye + ray * leaves.fold(f64::INFINITY, f64::min);
+        if point.is_finite() && point.cmpge(Vec3::splat(-1e-6)).all() && point.cmple(whole + 1e-6).all() {
+            (low, high) = (low.min(point), high.max(point));
+        }
+    }
+    if !(low.cmplt(high).all()) {
+        return (Vec3::ZERO, whole);
+    }
+    let (low, high) = ((low - BESIDE_SEEN_M).max(Vec3::ZERO), (high + BESIDE_SEEN_M).min(whole));
+    (low.with_y(0.0), high.with_y(whole.y))
 }
 
 /// `n` elevated views around the room, the first from the front wall's side, counter-clockwise seen from above.
 pub fn orbit_cameras(room: &Room, size: ImageSize, n: usize) -> Vec<RoomView> {
-    (0..n).map(|i| room_view(room, size, TAU * i as f64 / n as f64)).collect()
+    let whole = room.extents.as_vec();
+    (0..n).map(|i| room_view(room, size, TAU * i as f64 / n as f64, Vec3::ZERO, whole)).collect()
 }
 
 /// View `yaw_index` (0 to 3 = A to D) of the four that show a canonical mesh turned by 0, 90, 180 and 270 degrees.
@@ -53,20 +112,34 @@ pub fn mesh_view_camera(bounds: &Bounds, yaw_index: usize, size: ImageSize) -> C
     camera_at(bounds.centre(), size, azimuth, 0.26, distance)
 }
 
-fn room_view(room: &Room, size: ImageSize, azimuth: f64) -> RoomView {
+/// The view at an azimuth that shows the box from `low` to `high`.
+fn room_view(room: &Room, size: ImageSize, azimuth: f64, low: Vec3, high: Vec3) -> RoomView {
     let e: &Extents = &room.extents;
-    let corners = corners(Vec3::ZERO, e.as_vec());
-    let camera = centred_camera(&corners, e.as_vec() / 2.0, size, azimuth, ELEVATION);
+    let corners = corners(low, high);
+    let camera = centred_camera(&corners, (low + high) / 2.0, size, azimuth, ELEVATION);
     let eye = camera.centre();
-    let omit = Surface::ALL
+    let omit: Vec<Surface> = Surface::ALL
         .into_iter()
         .filter(|s| *s == Surface::Ceiling || (eye - s.point(e, s.size(e) / 2.0)).dot(s.normal()) <= 0.0)
         .collect();
-    RoomView { camera, omit }
+    // Where no wall is left nothing stands up to the ceiling.
+    let stands = |c: &Vec3| {
+        let walls = [
+            if c.x > low.x { Surface::Right } else { Surface::Left },
+            if c.z > low.z { Surface::Front } else { Surface::Back },
+        ];
+        c.y <= low.y || walls.iter().any(|wall| !omit.contains(wall))
+    };
+    let shown: Vec<Vec3> = corners.into_iter().filter(stands).collect();
+    let nearer = centred_camera(&shown, (low + high) / 2.0, size, azimuth, ELEVATION);
+    // Near enough it could look over a wall that the farther one did not.
+    let sees = |s: &Surface| (nearer.centre() - s.point(e, s.size(e) / 2.0)).dot(s.normal()) > 0.0;
+    let same = Surface::ALL.iter().all(|s| *s == Surface::Ceiling || sees(s) != omit.contains(s));
+    RoomView { camera: if same { nearer } else { camera }, omit }
 }
 
 /// The nearest camera that shows every corner, moved sideways so that their box is in the middle of the image.
-fn centred_camera(corners: &[Vec3; 8], centre: Vec3, size: ImageSize, azimuth: f64, elevation: f64) -> Camera {
+fn centred_camera(corners: &[Vec3], centre: Vec3, size: ImageSize, azimuth: f64, elevation: f64) -> Camera {
     let mut target = centre;
     for _ in 0..6 {
         let distance = distance_to_fit(corners, target, size, azimuth, elevation);
@@ -108,7 +181,7 @@ fn camera_at(target: Vec3, size: ImageSize, azimuth: f64, elevation: f64, distan
 }
 
 /// The smallest distance from which every corner lies in the image with a margin.
-fn distance_to_fit(corners: &[Vec3; 8], target: Vec3, size: ImageSize, azimuth: f64, elevation: f64) -> f64 {
+fn distance_to_fit(corners: &[Vec3], target: Vec3, size: ImageSize, azimuth: f64, elevation: f64) -> f64 {
     let probe = camera_at(target, size, azimuth, elevation, 0.0);
     let k = &probe.intrinsics;
     let half = 0.5 - MARGIN;
@@ -148,27 +221,54 @@ mod tests {
         Camera::looking(size, Intrinsics::from_horizontal_fov(size, 1.1), Vec3::new(2.0, 1.5, 5.0), forward)
     }
 
+    /// Whether the points lie in the picture, fill it and are in its middle.
+    fn fills(view: &RoomView, points: &[Vec3]) {
+        let size = view.camera.size;
+        let (w, h) = (f64::from(size.width), f64::from(size.height));
+        let pixels: Vec<Vec2> = points.iter().map(|c| view.camera.project(*c).unwrap()).collect();
+        let spread = |f: fn(&Vec2) -> f64| {
+            let v = pixels.iter().map(f);
+            (v.clone().fold(f64::MAX, f64::min), v.fold(f64::MIN, f64::max))
+        };
+        let ((x0, x1), (y0, y1)) = (spread(|p| p.x), spread(|p| p.y));
+        assert!(x0 >= 0.0 && y0 >= 0.0 && x1 <= w && y1 <= h, "{x0} {x1} {y0} {y1}");
+        let fill = ((x1 - x0) / w).max((y1 - y0) / h);
+        assert!((0.85..=0.92).contains(&fill), "fills {fill}");
+        assert!((x0 + x1 - w).abs() <= 0.04 * w && (y0 + y1 - h).abs() <= 0.04 * h);
+    }
+
+    /// Corners of a box, but for those above the floor where no wall is left.
+    fn standing(low: Vec3, high: Vec3, omit: &[Surface]) -> Vec<Vec3> {
+        let left = |c: &Vec3| if c.x > low.x { Surface::Right } else { Surface::Left };
+        let back = |c: &Vec3| if c.z > low.z { Surface::Front } else { Surface::Back };
+        let stands = |c: &Vec3| c.y == 0.0 || !omit.contains(&left(c)) || !omit.contains(&back(c));
+        corners(low, high).into_iter().filter(stands).collect()
+    }
+
     #[test]
-    fn room_views_show_every_corner_and_fill_the_image() {
+    fn orbit_views_show_the_whole_room_and_fill_the_image() {
         let room = room();
         for size in [ImageSize::new(800, 600), ImageSize::new(300, 900), ImageSize::new(512, 512)] {
-            let mut views = orbit_cameras(&room, size, 7);
-            views.push(canonical_camera(&room, size, &photo(Vec3::new(0.4, -0.2, -1.0))));
-            for view in views {
-                let (w, h) = (f64::from(size.width), f64::from(size.height));
-                let all = corners(Vec3::ZERO, room.extents.as_vec());
-                let pixels: Vec<Vec2> = all.iter().map(|c| view.camera.project(*c).unwrap()).collect();
-                let spread = |f: fn(&Vec2) -> f64| {
-                    let v = pixels.iter().map(f);
-                    (v.clone().fold(f64::MAX, f64::min), v.fold(f64::MIN, f64::max))
-                };
-                let ((x0, x1), (y0, y1)) = (spread(|p| p.x), spread(|p| p.y));
-                assert!(x0 >= 0.0 && y0 >= 0.0 && x1 <= w && y1 <= h, "{x0} {x1} {y0} {y1}");
-                let fill = ((x1 - x0) / w).max((y1 - y0) / h);
-                assert!((0.85..=0.92).contains(&fill), "fills {fill}");
-                assert!((x0 + x1 - w).abs() <= 0.04 * w && (y0 + y1 - h).abs() <= 0.04 * h);
+            for view in orbit_cameras(&room, size, 7) {
+                fills(&view, &standing(Vec3::ZERO, room.extents.as_vec(), &view.omit));
             }
         }
+    }
+
+    #[test]
+    fn the_canonical_view_shows_what_the_photo_shows_of_a_long_room() {
+        let mut room = room();
+        room.extents.depth = 11.0;
+        let photo = photo(Vec3::new(0.4, -0.2, -1.0));
+        let (low, high) = seen_part(&room.extents, &photo);
+        assert!(low.z == 0.0 && high.z > 3.0 && high.z < 6.0 && high.y == 2.6, "from {low} to {high}");
+        for size in [ImageSize::new(800, 600), ImageSize::new(300, 900)] {
+            let view = canonical_camera(&room, size, &photo);
+            fills(&view, &standing(low, high, &view.omit));
+        }
+        // What looks out of the room shows nothing of it.
+        let away = Camera::looking(photo.size, photo.intrinsics, Vec3::new(2.0, 1.5, 20.0), Vec3::Z);
+        assert_eq!(seen_part(&room.extents, &away), (Vec3::ZERO, room.extents.as_vec()));
     }
 
     #[test]

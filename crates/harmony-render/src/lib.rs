@@ -37,7 +37,7 @@ mod shading;
 mod srgb;
 
 pub use bake::{BakeOptions, BakedMesh, SlotColour, bake_texture, slot_colors};
-pub use cameras::{RoomView, canonical_camera, mesh_view_camera, orbit_cameras};
+pub use cameras::{OUTSIDE, RoomView, canonical_camera, mesh_view_camera, orbit_cameras};
 pub use frame::{DepthFrame, Frame, Glass, Instance, Lighting, RenderOptions, Window, WindowFrame};
 pub use glass::{SOLID, opacity};
 pub use renderer::{Renderer, projected_window, render, render_depth_ids, render_window};

@@ -10,7 +10,7 @@ use harmony_export::World;
 use harmony_export::world::Select;
 use harmony_mesh::{Material, Mesh, shell_material_name};
 use harmony_physics::hull::hull_mesh;
-use harmony_render::{Instance, RenderOptions, Renderer};
+use harmony_render::{Instance, OUTSIDE, RenderOptions, Renderer};
 use harmony_scene::{Camera, ImageSize, Intrinsics, Level, SceneObject, Support, Surface};
 use image::{DynamicImage, RgbImage};
 
@@ -190,7 +190,7 @@ impl<'a> Painter<'a> {
     /// One frame.
     pub fn frame(&self, frame: usize) -> RgbImage {
         let robot = self.robot(frame);
-        let options = RenderOptions { multisample: true, background: [235, 238, 242, 255], ..RenderOptions::default() };
+        let options = RenderOptions { multisample: true, background: OUTSIDE, ..RenderOptions::default() };
         let drawn = self.renderer.render(&self.camera, &self.instances(frame, &robot), &options);
         DynamicImage::ImageRgba8(drawn.color).to_rgb8()
     }

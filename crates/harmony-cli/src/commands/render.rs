@@ -10,7 +10,7 @@ use harmony_export::world::Item;
 use harmony_io::{ReadLimits, load_glb, picture};
 use harmony_mesh::Mesh;
 use harmony_pipeline::views::inner_cameras;
-use harmony_render::{Instance, Lighting, RenderOptions, canonical_camera, orbit_cameras, render};
+use harmony_render::{Instance, Lighting, OUTSIDE, RenderOptions, canonical_camera, orbit_cameras, render};
 use harmony_scene::{Camera, ImageSize, Scene, Surface};
 use image::DynamicImage;
 
@@ -131,7 +131,7 @@ pub fn run(args: &Args) -> Result<u8> {
         let options = RenderOptions {
             multisample: true,
             lighting: if args.head_light { Lighting::HeadLight } else { Lighting::Unlit },
-            background: [235, 238, 242, 255],
+            background: OUTSIDE,
             ..RenderOptions::default()
         };
         let frame = render(&camera, &instances, &options);

@@ -19,7 +19,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3};
 use harmony_io::{GlbNode, GlbScene, NodeTransform, ReadLimits, load_glb, load_photo, picture};
 use harmony_mesh::{Mesh, shell_material_name};
-use harmony_render::{Instance, RenderOptions, canonical_camera, render};
+use harmony_render::{Instance, OUTSIDE, RenderOptions, canonical_camera, render};
 use harmony_scene::{Camera, ImageSize, Intrinsics, Scene, Surface};
 use image::{DynamicImage, RgbImage};
 use serde::{Deserialize, Serialize};
@@ -319,7 +319,7 @@ fn from_above(run: &OwnRun, parts: &[Part], shell: bool) -> RgbImage {
         .map(|p| instance(&p.mesh, 1))
         .chain(own_shell.map(|(_, mesh)| instance(mesh, SHELL)))
         .collect();
-    let options = RenderOptions { background: [235, 238, 242, 255], ..options() };
+    let options = RenderOptions { background: OUTSIDE, ..options() };
     DynamicImage::ImageRgba8(render(&view.camera, &instances, &options).color).into_rgb8()
 }
 

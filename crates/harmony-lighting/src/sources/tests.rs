@@ -8,6 +8,10 @@ use harmony_scene::{
 
 use super::*;
 
+fn of(mesh: &Mesh) -> Emitter<'_> {
+    Emitter { mesh: Some(mesh), bulb: None }
+}
+
 fn room(openings: Vec<Opening>) -> Room {
     Room {
         room_type: "bedroom".into(),
@@ -79,7 +83,7 @@ fn a_window_shines_into_the_room_from_just_inside_its_pane() {
         };
         let door = Opening { kind: OpeningKind::Door, ..opening.clone() };
         let room = room(vec![door, opening]);
-        let lighting = lights_from_scene(&room, &[], |_| None);
+        let lighting = lights_from_scene(&room, &[], |_| Emitter::default());
         assert_eq!(lighting.lights.len(), 1, "doors give no light");
         let light = &lighting.lights[0];
         assert_eq!(light.id, "window_02");
@@ -115,7 +119,7 @@ fn a_window_objects_frame_does_not_stand_before_its_light() {
         Wall::Left.yaw(),
         DVec3::new(1.0, 1.2, 0.08),
     );
-    let lighting = lights_from_scene(&room(vec![opening]), &[window], |_| None);
+    let lighting = lights_from_scene(&room(vec![opening]), &[window], |_| Emitter::default());
     assert_eq!(lighting.lights[0].object, Some(id));
     assert!((lighting.lights[0].position[0] - 0.09).abs() <= 1e-9, "{:?}", lighting.lights[0].position);
 }
@@ -132,12 +136,29 @@ fn a_bulb_sits_in_the_middle_of_its_shade() {
     );
     lamp.pose.scale = 1.6;
     let mesh = lamp_mesh();
-    let lighting = lights_from_scene(&room(Vec::new()), std::slice::from_ref(&lamp), |_| Some(&mesh));
+    let lighting = lights_from_scene(&room(Vec::new()), std::slice::from_ref(&lamp), |_| of(&mesh));
     let light = &lighting.lights[0];
     assert!((DVec3::from_array(light.position) - DVec3::new(3.0, 0.85 * 1.6, 1.0)).length() <= 1e-6, "{light:?}");
     assert_eq!(light.intensity, FLOOR_LAMP_WATTS);
-    let bare = lights_from_scene(&room(Vec::new()), &[lamp], |_| None);
+    let bare = lights_from_scene(&room(Vec::new()), &[lamp], |_| Emitter::default());
     assert!((bare.lights[0].position[1] - 0.88 * 1.6).abs() <= 1e-6, "by the label, without a mesh");
+}
+
+#[test]
+fn a_program_says_where_its_bulb_is_and_that_a_thing_shines() {
+    let at = DVec3::new(2.0, 0.0, 1.0);
+    let lamp = object("lamp_01", "floor lamp", Level::Furniture, at, 0.0, DVec3::new(0.4, 1.6, 0.4));
+    let shelf = object("shelf_01", "shelf", Level::Furniture, at, 0.0, DVec3::new(0.8, 1.6, 0.4));
+    let bulb = DVec3::new(0.1, 1.2, 0.0);
+    let mesh = lamp_mesh();
+    for thing in [lamp, shelf] {
+        let unsaid = lights_from_scene(&room(Vec::new()), std::slice::from_ref(&thing), |_| Emitter::default());
+        assert_eq!(unsaid.lights.len(), usize::from(thing.id.as_str() == "lamp_01"));
+        let said = Emitter { mesh: Some(&mesh), bulb: Some(bulb) };
+        let lighting = lights_from_scene(&room(Vec::new()), std::slice::from_ref(&thing), |_| said);
+        let position = DVec3::from_array(lighting.lights[0].position);
+        assert!((position - thing.pose.point(bulb)).length() <= 1e-6, "{position} {:?}", thing.id);
+    }
 }
 
 #[test]
@@ -153,7 +174,7 @@ fn ceiling_fixtures_shine_below_the_ceiling_and_never_outside() {
     let lost =
         object("pendant_01", "pendant", Level::Ceiling, DVec3::new(9.0, 7.0, -3.0), 0.0, DVec3::new(0.4, 0.8, 0.4));
     let room = room(Vec::new());
-    let lighting = lights_from_scene(&room, &[flush, lost], |_| None);
+    let lighting = lights_from_scene(&room, &[flush, lost], |_| Emitter::default());
     let y = lighting.lights[0].position[1];
     assert!((2.3..2.5).contains(&y), "{y}");
     assert!(room.extents.contains(DVec3::from_array(lighting.lights[1].position), 0.0));
@@ -188,10 +209,10 @@ fn glowing(size: DVec3) -> Mesh {
 fn what_shines_by_its_material_is_a_source_whatever_it_is_called() {
     let (strip, size) = (Wall::Left.yaw(), DVec3::new(0.03, 2.4, 0.02));
     let led = object("panel_01", "wall panel", Level::Wall, DVec3::new(0.01, 0.1, 1.5), strip, size);
-    let lighting = lights_from_scene(&room(Vec::new()), std::slice::from_ref(&led), |_| None);
+    let lighting = lights_from_scene(&room(Vec::new()), std::slice::from_ref(&led), |_| Emitter::default());
     assert!(lighting.lights.is_empty(), "nothing says that it shines");
     let mesh = glowing(size);
-    let lighting = lights_from_scene(&room(Vec::new()), &[led], |_| Some(&mesh));
+    let lighting = lights_from_scene(&room(Vec::new()), &[led], |_| of(&mesh));
     let light = &lighting.lights[0];
     let LightKind::Area { direction, size_m } = light.kind else { panic!("{light:?}") };
     assert!((DVec3::from_array(direction) - DVec3::X).length() < 1e-9);
@@ -200,7 +221,7 @@ fn what_shines_by_its_material_is_a_source_whatever_it_is_called() {
     assert_eq!(light.color, [1.0, 0.75, 0.5]);
     let digits = glowing(DVec3::new(0.06, 0.02, 0.002));
     let clock = object("clock_01", "thermostat", Level::Wall, DVec3::new(1.0, 1.4, 0.01), 0.0, DVec3::splat(0.06));
-    assert!(lights_from_scene(&room(Vec::new()), &[clock], |_| Some(&digits)).lights.is_empty());
+    assert!(lights_from_scene(&room(Vec::new()), &[clock], |_| of(&digits)).lights.is_empty());
 }
 
 #[test]
@@ -209,7 +230,7 @@ fn a_luminous_ceiling_field_shines_down_as_wide_as_it_is() {
     let quarter = std::f64::consts::FRAC_PI_2;
     let cove = object("cove_01", "ceiling light", Level::Ceiling, DVec3::new(2.0, 2.4, 2.5), quarter, size);
     let mesh = glowing(size);
-    let lighting = lights_from_scene(&room(Vec::new()), &[cove], |_| Some(&mesh));
+    let lighting = lights_from_scene(&room(Vec::new()), &[cove], |_| of(&mesh));
     let light = &lighting.lights[0];
     let LightKind::Area { direction, size_m } = light.kind else { panic!("{light:?}") };
     assert_eq!(direction, [0.0, -1.0, 0.0]);
@@ -222,7 +243,7 @@ fn a_screen_shines_ahead_and_a_fireplace_waits_to_be_lit() {
     let size = DVec3::new(1.0, 0.6, 0.1);
     let tv = object("tv_01", "flat-screen TV", Level::Furniture, DVec3::new(2.0, 0.5, 1.0), FRAC_PI_2, size);
     let fire = object("fireplace_01", "Fireplace", Level::Furniture, DVec3::new(1.0, 0.0, 1.0), 0.0, size);
-    let lighting = lights_from_scene(&room(Vec::new()), &[tv, fire], |_| None);
+    let lighting = lights_from_scene(&room(Vec::new()), &[tv, fire], |_| Emitter::default());
     assert_eq!(lighting.lights.len(), 2);
     let LightKind::Area { direction, size_m } = lighting.lights[0].kind else { panic!("{lighting:?}") };
     assert!((DVec3::from_array(direction) - DVec3::X).length() <= 1e-9, "a quarter turn takes +Z to +X");

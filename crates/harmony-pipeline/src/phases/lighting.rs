@@ -1,9 +1,9 @@
 //! Phase 6, materials and light. Paper Sec. 3.4 and App. C "Material and Lighting Estimation".
 
-use harmony_lighting::lights_from_scene;
+use harmony_lighting::{Emitter, lights_from_scene};
 use harmony_prompts::{LightsQuestion, SeenObject};
 use harmony_roles::Picture;
-use harmony_scene::{Light, Lighting, SceneObject, WarningKind};
+use harmony_scene::{Light, Lighting, ObjectId, SceneObject, WarningKind};
 use image::RgbImage;
 use serde_json::{Value, json};
 
@@ -23,7 +23,11 @@ pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneStat
     physical::estimate(ctx, &mut state).await?;
     write_materials(ctx, &state)?;
     let objects = outputs::scene_objects(&state);
-    let mut lighting = lights_from_scene(&state.partial.room, &objects, |id| state.mesh_of(id).map(|mesh| &**mesh));
+    let emitter = |id: &ObjectId| Emitter {
+        mesh: state.mesh_of(id).map(|mesh| &**mesh),
+        bulb: state.objects.get(id).and_then(|o| o.model.as_ref()?.bulb),
+    };
+    let mut lighting = lights_from_scene(&state.partial.room, &objects, emitter);
     ask_sources(ctx, &state, &mut lighting).await?;
     state.lighting = Some(lighting.clone());
     let lit = if ctx.path_tracer { relight(ctx, &mut state).await? } else { None };

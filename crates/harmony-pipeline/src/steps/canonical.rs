@@ -219,6 +219,7 @@ pub async fn assemble(
     let model = Model {
         plain_slots: g.part_model.as_ref().map_or(c.plain_slots, plain),
         said_slots: c.said_slots,
+        bulb: c.bulb,
         material: material_of(ctx, &id, &c.object.said),
         mesh: g.mesh.clone(),
         shape,

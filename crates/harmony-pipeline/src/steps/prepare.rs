@@ -10,7 +10,7 @@ use futures::future::join_all;
 use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
 use harmony_prompts::{CompletedQuestion, NamedObject, Occlusion};
 use harmony_roles::{EditKind, EditRequest, GeneratedMesh, MeshRequest, Picture};
-use harmony_scene::{Level, ObjectId, WarningKind};
+use harmony_scene::{Level, ObjectId, Vec3, WarningKind};
 use image::RgbaImage;
 use serde_json::{Value, json};
 
@@ -35,6 +35,8 @@ pub struct Completed {
     pub plain_slots: Vec<String>,
     /// Those of them whose colour was said.
     pub said_slots: Vec<String>,
+    /// Where its program has its light, in the mesh's frame.
+    pub bulb: Option<Vec3>,
 }
 
 /// How one object came out of its chain: with a model, or without one and why.
@@ -129,7 +131,7 @@ async fn chain(
         ctx.write_picture_rgba(&format!("crops/{}.png", object.id), &crop)?;
         let program = programs.get(&object.id).cloned().map(Arc::new);
         let (plain_slots, said_slots) = (Vec::new(), Vec::new());
-        members.push(Completed { object, image: Arc::new(crop), program, plain_slots, said_slots });
+        members.push(Completed { object, image: Arc::new(crop), program, plain_slots, said_slots, bulb: None });
     }
     let mut made = None;
     for member in &mut members {
@@ -144,6 +146,7 @@ async fn chain(
         let mesh = if let Some(modelled) = programmed {
             member.plain_slots = modelled.plain_slots;
             member.said_slots = modelled.said_slots;
+            member.bulb = modelled.bulb;
             Some(modelled.mesh)
         } else {
             member.program = None;

@@ -14,9 +14,9 @@ use harmony_placement::{Shape, reshape};
 use harmony_program::{ChildCommand, GUIDE, Inputs, Limits};
 use harmony_prompts::{ProgramsAnswer, ProgramsQuestion, ToModel, WithoutProgram};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture, Usage};
-use harmony_scene::{Camera, Extents, ImageSize, Motion, MovingPart, ObjectId, Size, WarningKind};
+use harmony_scene::{Camera, Extents, ImageSize, Motion, MovingPart, ObjectId, Size, Vec3, WarningKind};
 use harmony_shape::ShapeTree;
-use harmony_shape::build::{BuildContext, BuiltJoint, BuiltShape, lazy_signs};
+use harmony_shape::build::{BuildContext, BuiltJoint, BuiltLight, BuiltShape, lazy_signs};
 use harmony_shape::tree::JointKind;
 use image::RgbImage;
 
@@ -142,6 +142,8 @@ pub struct Modelled {
     tree: ShapeTree,
     /// Those of them that move.
     moving: Vec<MovingPart>,
+    /// Where its light comes from, in the mesh's frame.
+    pub bulb: Option<Vec3>,
 }
 
 impl Modelled {
@@ -162,6 +164,7 @@ fn modelled(shape: BuiltShape, tree: ShapeTree, program: &Program) -> Modelled {
     let plain_slots = plain.clone().map(|m| m.name.clone()).collect();
     let said_slots = plain.filter(|m| m.photo.is_none()).map(|m| m.name.clone()).collect();
     let moving = shape.joints.iter().filter_map(moving_part).collect();
+    let bulb = middle_of(&shape.lights);
     let mesh = GeneratedMesh {
         mesh: Arc::new(shape.mesh),
         convex: Some(shape.convex),
@@ -171,7 +174,13 @@ fn modelled(shape: BuiltShape, tree: ShapeTree, program: &Program) -> Modelled {
         notes: Vec::new(),
         usage: Usage::default(),
     };
-    Modelled { mesh, plain_slots, said_slots, tree, moving }
+    Modelled { mesh, plain_slots, said_slots, tree, moving, bulb }
+}
+
+/// The middle of a shape's lights, weighted by what they give.
+fn middle_of(lights: &[BuiltLight]) -> Option<Vec3> {
+    let flux: f64 = lights.iter().map(|l| l.lumens).sum();
+    (flux > 0.0).then(|| lights.iter().map(|l| l.position * l.lumens).sum::<Vec3>() / flux)
 }
 
 /// A joint as exports take it; a ball is none that a room's things have.
@@ -366,6 +375,7 @@ pub fn adopt(state: &mut SceneState, id: &ObjectId, made: Modelled, shape: Arc<S
             program: Some(program),
             plain_slots: made.plain_slots,
             said_slots: made.said_slots,
+            bulb: made.bulb,
             source: made.mesh.source,
             material: model.material,
         };

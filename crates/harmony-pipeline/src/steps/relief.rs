@@ -287,6 +287,7 @@ fn add(state: &mut SceneState, id: ObjectId, relief: Relief) {
         program: None,
         plain_slots: Vec::new(),
         said_slots: Vec::new(),
+        bulb: None,
         source: "relief of the point map".to_owned(),
         material: harmony_lighting::material_for(LABEL, size, None).0,
     });

@@ -16,7 +16,7 @@ use harmony_scene::{ImageSize, Level, Mask, PixelBox};
 
 use crate::{Item, PartialScene};
 
-pub(crate) use contour::DIRECTIONS;
+pub(crate) use contour::{Contour, DIRECTIONS};
 pub(crate) use outline::Outline;
 pub(crate) use strangers::drop_strangers;
 pub use window::may_be_seen;
@@ -61,7 +61,8 @@ pub(crate) fn neighbours<'a>(
         (Level::Furniture, Level::Furniture) => {
             item.traits.flat || bottom(&other.mask) >= own_bottom - slack || inside(&other.mask)
         }
-        (Level::Wall, Level::Wall) => other.traits.hangs,
+        // What a sheer hangs before is seen through it.
+        (Level::Wall, Level::Wall) => other.traits.hangs && !other.shape.is_see_through(),
         (Level::Decoration, Level::Decoration) => bottom(&other.mask) >= own_bottom - slack,
         (_, Level::Wall) => false,
         _ => true,

@@ -24,6 +24,15 @@ pub struct Proxy {
 }
 
 impl Proxy {
+    /// Area of its faces, square canonical units.
+    pub(crate) fn area(&self) -> f64 {
+        let half = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|i| self.points[i as usize]);
+            0.5 * f64::from((b - a).cross(c - a).length())
+        };
+        self.triangles.iter().map(half).sum()
+    }
+
     /// From the [`harmony_mesh::simple_form`] of a mesh.
     pub(crate) fn new(form: &Mesh) -> Self {
         let proxy = Self::welded(form);

@@ -23,6 +23,9 @@ pub struct Shape {
     opaque: Option<Arc<Proxy>>,
 }
 
+/// Share of opaque surface below which a thing is see-through.
+const MOSTLY_CLEAR: f64 = 0.3;
+
 /// Share of light that a material keeps back below which one sees through it.
 const SEE_THROUGH: f32 = 0.5;
 
@@ -87,6 +90,11 @@ impl Shape {
     /// What hides others: all but glass; `None` when that is the whole [`Shape::proxy`].
     pub(crate) fn opaque(&self) -> Option<&Proxy> {
         self.opaque.as_deref()
+    }
+
+    /// Whether what is behind it is seen through it but for a rod or a frame: a sheer curtain, a pane.
+    pub(crate) fn is_see_through(&self) -> bool {
+        self.opaque.as_ref().is_some_and(|opaque| opaque.area() < MOSTLY_CLEAR * self.proxy.area())
     }
 
     /// Hull points of the convex parts, canonical constraint.
