@@ -22,6 +22,9 @@ use crate::views;
 const POOR_IOU: f64 = 0.6;
 /// Depth residual from which a reviewer is told, metres; and as a share of the distance from the camera.
 const FAR_OFF: (f64, f64) = (0.12, 0.04);
+/// Margin around a mask's box in which another is beside it, share of its size; and pairs that are tried together, at most.
+const BESIDE: f64 = 0.05;
+const MAX_PAIRS: usize = 8;
 /// Penetration from which a reviewer is told, metres.
 const DEEP: f64 = 0.02;
 
@@ -42,11 +45,31 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
         let answer = ask(ctx, level, state, &name, std::mem::take(&mut tried)).await?;
         let mut results = Vec::new();
         let mut kept = 0;
-        for together in grouped(&answer.actions) {
-            let result = try_together(ctx, state, &together).await?;
+        let groups = grouped(&answer.actions);
+        let mut refused = Vec::new();
+        for (k, together) in groups.iter().enumerate() {
+            let result = try_together(ctx, state, together).await?;
             kept += usize::from(result.kept);
+            refused.extend(result.refused.clone().map(|why| (k, why)));
             tried.push(result.told);
             results.push(result.record);
+        }
+        let which: Vec<usize> = refused.iter().map(|(k, _)| *k).collect();
+        for (a, b) in beside_each_other(state, &groups, &which) {
+            if [a, b].iter().any(|k| refused.iter().all(|(other, _)| other != k)) {
+                continue;
+            }
+            let both: Vec<&ReviewActionAnswer> = groups[a].iter().chain(&groups[b]).copied().collect();
+            let result = try_together(ctx, state, &both).await?;
+            if result.kept {
+                kept += 1;
+                tried.push(result.told);
+                results.push(result.record);
+                refused.retain(|(k, _)| *k != a && *k != b);
+            }
+        }
+        for (k, why) in refused {
+            ctx.warn(WarningKind::ActionRefused, ObjectId::new(&groups[k][0].id).ok(), why);
         }
         ctx.write_json(
             &format!("{name}.json"),
@@ -166,9 +189,34 @@ fn grouped(actions: &[ReviewActionAnswer]) -> Vec<Vec<&ReviewActionAnswer>> {
     groups
 }
 
+/// Pairs of refused groups that change one object each, where the two are seen side by side: what hides one another is right
+/// together or not at all.
+fn beside_each_other(
+    state: &SceneState,
+    groups: &[Vec<&ReviewActionAnswer>],
+    refused: &[usize],
+) -> Vec<(usize, usize)> {
+    let size = state.partial.camera.size;
+    let seen_at = |k: usize| {
+        let group = &groups[k];
+        let changes = group.iter().all(|a| {
+            use ReviewActionKind::{Move, Rehost, Rescale, Rotate};
+            matches!(a.action, Move | Rotate | Rescale | Rehost)
+        });
+        let placed = changes.then(|| state.partial.find(&ObjectId::new(&group[0].id).ok()?)).flatten()?;
+        Some(placed.item.mask.bounds()?.padded(BESIDE, size))
+    };
+    let places: Vec<_> = refused.iter().filter_map(|k| Some((*k, seen_at(*k)?))).collect();
+    let pairs = places.iter().enumerate().flat_map(|(i, p)| places[i + 1..].iter().map(move |q| (p, q)));
+    let touching = pairs.filter(|(p, q)| groups[p.0][0].id != groups[q.0][0].id && p.1.intersection(&q.1).area() > 0.0);
+    touching.map(|(p, q)| (p.0, q.0)).take(MAX_PAIRS).collect()
+}
+
 /// What came of actions that were tried together.
 struct Tried {
     kept: bool,
+    /// Why nothing of it was kept, where it was measured.
+    refused: Option<String>,
     /// For `review_<n>.json`.
     record: Value,
     /// For the next round's question.
@@ -189,7 +237,6 @@ async fn try_together(
         }
     }
     let name = answers.iter().map(|a| format!("{:?}", a.action)).collect::<Vec<_>>().join(" + ");
-    let object = ObjectId::new(&answers[0].id).ok();
     let before = shown(state, answers);
     let together = attempt(ctx, state, actions.clone()).await?;
     let (verdict, alone) = match together {
@@ -212,27 +259,24 @@ async fn try_together(
         }
     };
     let kept = verdict.kept || !alone.is_empty();
-    if !kept {
-        let message = format!("{name} was proposed and refused: {}", verdict.reason);
-        ctx.warn(WarningKind::ActionRefused, object, message);
-    }
+    let refused = (!kept).then(|| format!("{name} was proposed and refused: {}", verdict.reason));
     let came = match (verdict.kept, alone.as_slice()) {
         (true, _) => "kept".to_owned(),
         (false, []) => format!("refused, {}", verdict.reason),
         (false, single) => format!("refused together, {}; kept alone: {}", verdict.reason, single.join(", ")),
     };
     let record = json!({
-        "asked": answers, "kept": kept, "kept_alone": alone, "verdict": verdict,
+        "asked": answers, "kept": kept, "kept_alone": alone, "together": verdict,
         "before": before, "after": shown(state, answers),
     });
     let asked: Vec<String> = answers.iter().map(|a| in_words(a)).collect();
-    Ok(Tried { kept, record, told: format!("- {}: {came}", asked.join(" and ")) })
+    Ok(Tried { kept, refused, record, told: format!("- {}: {came}", asked.join(" and ")) })
 }
 
 fn untried(answers: &[&ReviewActionAnswer], reason: &str) -> Tried {
     let asked: Vec<String> = answers.iter().map(|a| in_words(a)).collect();
     let told = format!("- {}: not tried, {reason}", asked.join(" and "));
-    Tried { kept: false, record: json!({ "asked": answers, "kept": false, "reason": reason }), told }
+    Tried { kept: false, refused: None, record: json!({ "asked": answers, "kept": false, "reason": reason }), told }
 }
 
 /// An action as it was asked for.
@@ -406,6 +450,26 @@ mod tests {
                 vec!["Add chair_01"],
             ]
         );
+    }
+
+    #[test]
+    fn refused_changes_of_things_seen_side_by_side_are_tried_together() {
+        use ReviewActionKind::{Move, Remove};
+        let mut state = empty_room();
+        for (name, x) in [("cushion_01", 1.5), ("cushion_02", 1.7), ("lamp_01", 3.5)] {
+            let (size, at) = (DVec3::new(0.4, 0.4, 0.3), DVec3::new(x, 0.0, 1.5));
+            add(&mut state, name, Level::Furniture, size, at, Support::Floor);
+        }
+        let all = [
+            action(Move, "cushion_01"),
+            action(Move, "lamp_01"),
+            action(Move, "cushion_02"),
+            action(Remove, "cushion_02"),
+            action(Move, "gone_01"),
+        ];
+        let groups = grouped(&all);
+        assert_eq!(beside_each_other(&state, &groups, &[0, 1, 2, 3, 4]), [(0, 2)]);
+        assert!(beside_each_other(&state, &groups, &[0, 1]).is_empty(), "the other one was kept");
     }
 
     #[test]
