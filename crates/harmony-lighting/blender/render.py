@@ -138,6 +138,49 @@ def hide_from_camera():
             hide_back(material)
 
 
+# What ends this close below the ceiling gets no light on its top, metres.
+UNDER_CEILING = 0.15
+
+
+def show_tops(response):
+    """Without the ceiling the camera sees tops that no light reaches: of tall cupboards, cornices, lamps' roses.
+
+    They show their own colour, a little shaded, to the camera alone.
+    """
+    if not JOB["hidden_nodes"] or not JOB["room"]:
+        return
+    level = JOB["room"][1] - UNDER_CEILING
+    tall = [o for o in all_meshes() if o.visible_camera and max((o.matrix_world @ Vector(c)).z for c in o.bound_box) > level]
+    strength = 0.7 * float(light_of(response, 0.5)) / float(decode(np.float32(0.5)))
+    for _, material in own_materials(tall):
+        shader = principled(material)
+        if shader is None:
+            continue
+
+        def on_top(tree):
+            geometry, path = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeLightPath")
+            share = path.outputs["Is Camera Ray"]
+            for name, least in (("Position", level), ("True Normal", 0.5)):
+                split, above, both = (tree.nodes.new(f"ShaderNode{k}") for k in ("SeparateXYZ", "Math", "Math"))
+                above.operation, both.operation = "GREATER_THAN", "MULTIPLY"
+                above.inputs[1].default_value = least
+                tree.links.new(geometry.outputs[name], split.inputs[0])
+                tree.links.new(split.outputs["Z"], above.inputs[0])
+                tree.links.new(share, both.inputs[0])
+                tree.links.new(above.outputs[0], both.inputs[1])
+                share = both.outputs[0]
+            return share
+
+        tree = material.node_tree
+        emission = tree.nodes.new("ShaderNodeEmission")
+        emission.inputs["Strength"].default_value = strength
+        colour = shader.inputs["Base Color"]
+        emission.inputs["Color"].default_value = colour.default_value[:]
+        if colour.links:
+            tree.links.new(colour.links[0].from_socket, emission.inputs["Color"])
+        mix_in(material, on_top, emission)
+
+
 # ---------------------------------------------------------------- camera
 
 
@@ -231,16 +274,21 @@ def surface_socket(material):
 
 def clear_for(material, share_of, colour=(1.0, 1.0, 1.0, 1.0)):
     """Mixes transparency into a surface; `share_of` makes the socket that says how much, in the material's tree."""
+    clear = material.node_tree.nodes.new("ShaderNodeBsdfTransparent")
+    clear.inputs["Color"].default_value = colour
+    mix_in(material, share_of, clear)
+
+
+def mix_in(material, share_of, node):
+    """Mixes another shader into a surface; `share_of` makes the socket that says how much."""
     tree = material.node_tree
     shader, surface = surface_socket(material)
     if shader is None:
         return
-    clear = tree.nodes.new("ShaderNodeBsdfTransparent")
-    clear.inputs["Color"].default_value = colour
     mix = tree.nodes.new("ShaderNodeMixShader")
     tree.links.new(share_of(tree), mix.inputs["Fac"])
     tree.links.new(shader, mix.inputs[1])
-    tree.links.new(clear.outputs[0], mix.inputs[2])
+    tree.links.new(node.outputs[0], mix.inputs[2])
     tree.links.new(mix.outputs[0], surface)
 
 
@@ -352,7 +400,7 @@ def add_rectangle(scene, name, position, direction, size, energy, colour, group)
     return obj
 
 
-def add_ambient(scene, group):
+def add_ambient(scene, group, response):
     """Uniform light from the six faces of the room box, unseen by camera and mirrors; the world's in no room."""
     lighting = JOB["lighting"]
     world = bpy.data.worlds.new("ambient")
@@ -366,7 +414,8 @@ def add_ambient(scene, group):
     colour, level = lighting["ambient_color"], lighting["ambient_intensity"]
     ambient.inputs["Color"].default_value = (*colour, 1.0)
     ambient.inputs["Strength"].default_value = 0.0 if JOB["room"] else level
-    seen.inputs["Color"].default_value = (*(JOB["background"] or colour), 1.0)
+    outside = [float(v) for v in light_of(response, JOB["background"])] if JOB["background"] else colour
+    seen.inputs["Color"].default_value = (*outside, 1.0)
     seen.inputs["Strength"].default_value = 1.0 if JOB["background"] else level
     tree.links.new(path.outputs["Is Camera Ray"], mix.inputs["Fac"])
     tree.links.new(ambient.outputs[0], mix.inputs[1])
@@ -669,13 +718,14 @@ def main():
     if JOB["mode"] != "ids":
         response = sample_response(scene, JOB["folder"])
         spared = add_lights(scene, response, groups)
-        add_ambient(scene, "ambient" if groups is not None else "")
+        add_ambient(scene, "ambient" if groups is not None else "", response)
         true = {m.name for n in JOB["true_colors"] for _, m in own_materials(meshes_below(n))}
         if JOB["delight"]:
             gain = bright_gain(JOB["delight"], spared, true)
         if JOB["delight"] or JOB["albedo"]:
             apply_albedo(gain, JOB["albedo"], {n: part_of(n) for n in (JOB["albedo"] or {}).get("nodes", {})}, true)
         clear_glass()
+        show_tops(response)
     loaded = time.time()
     if JOB["mode"] == "ids":
         render_ids(scene)

@@ -104,6 +104,34 @@ fn light_adds_up_and_each_source_reaches_the_room() {
 }
 
 #[test]
+fn what_shines_by_its_material_lights_the_room_from_where_it_is() {
+    let Some(cycles) = renderer() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let fixture = Fixture { glb: folder.path().join("room.glb"), _folder: folder };
+    let all: Vec<support::Node> = nodes().into_iter().chain([support::cove()]).collect();
+    write_glb(&all, &fixture.glb);
+    let mut job = CyclesJob { samples: 32, mode: RenderMode::PerLight, ..job(&fixture, 120) };
+    job.lighting.ambient_intensity = 0.0;
+    job.lighting.lights.truncate(1);
+    let light = &mut job.lighting.lights[0];
+    // As `lights_from_scene` lists it: a rectangle below, which would light the floor.
+    (light.id, light.object) = ("cove_01".to_owned(), Some(harmony_scene::ObjectId::new("cove_01").unwrap()));
+    (light.position, light.intensity) = ([2.0, 2.26, 0.8], 30.0);
+    light.kind = harmony_scene::LightKind::Area { direction: [0.0, -1.0, 0.0], size_m: [1.8, 0.1] };
+    let ids: BTreeMap<String, u32> = all.iter().map(|n| (n.name.to_owned(), n.id)).collect();
+    job.node_ids.clone_from(&ids);
+    let image = cycles.render(&job).unwrap().lights.remove(0).image;
+    let seen = cycles.render(&CyclesJob { denoise: false, ..job.ids(ids) }).unwrap().ids.unwrap();
+    let mean = |id: u32, albedo: f32| {
+        let of: Vec<f32> = image.rgb.iter().zip(&seen).filter(|(_, i)| **i == id).map(|(p, _)| p[1]).collect();
+        assert!(of.len() > 50, "{} pixels of {id}", of.len());
+        of.iter().sum::<f32>() / of.len() as f32 / albedo
+    };
+    let (ceiling, floor) = (mean(2, 0.8), mean(1, 0.22));
+    assert!(ceiling > 3.0 * floor && floor > 0.0, "ceiling {ceiling}, floor {floor}");
+}
+
+#[test]
 fn a_closed_shade_lets_the_bulb_out() {
     let Some(cycles) = renderer() else { return };
     let fixture = scene();
@@ -233,6 +261,14 @@ fn walls_can_be_hidden_and_the_same_job_gives_the_same_bytes() {
     let picture = open.image.unwrap();
     keep("open.png", &picture);
     assert_ne!(picture, closed);
+    // A cupboard up to the ceiling shows its own colour from above.
+    let tall: Vec<support::Node> = nodes().into_iter().chain([support::tall_cupboard()]).collect();
+    write_glb(&tall, &fixture.glb);
+    let with_top = cycles.render(&job).unwrap().image.unwrap();
+    let top = job.camera.project(glam::DVec3::new(0.5, 2.59, 0.5)).unwrap();
+    let shown = with_top.get_pixel(top.x as u32, top.y as u32).0;
+    assert!(shown[0] > 60 && shown[0] > shown[2], "the cupboard's top is {shown:?}");
+    write_glb(&nodes(), &fixture.glb);
     assert_eq!(picture.get_pixel(0, 0).0, [255; 3], "white where nothing is");
     assert_eq!(cycles.render(&job).unwrap().image.unwrap(), picture);
 }

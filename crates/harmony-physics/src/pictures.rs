@@ -334,6 +334,8 @@ impl Lit<'_> {
         job.albedo = albedo.map(std::sync::Arc::new);
         job.hidden_nodes.clone_from(&view.hidden);
         job.true_colors.clone_from(&view.true_colors);
+        let outside = [0, 1, 2].map(|c| f64::from(OUTSIDE[c]) / 255.0);
+        job.background = (!view.hidden.is_empty()).then_some(outside);
         let picture = self.renderer.render(&job)?.image.ok_or(PictureError::None)?;
         if let Some(path) = &kept {
             harmony_io::picture::write_rgb_png(path, &picture).map_err(|e| PictureError::Io {

@@ -49,8 +49,6 @@ pub struct LitPictures {
     pub canonical: Option<RgbImage>,
     /// What the colours were lit with.
     field: Arc<AlbedoField>,
-    /// Light of what is outside the room in the canonical view, before exposure.
-    outside: [f64; 3],
 }
 
 /// Everything that stays the same from render to render.
@@ -89,10 +87,9 @@ pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Optio
     let Some(photo_view) = stage.picture("final", camera, &lighting, &look.field, stage.s.final_samples).await? else {
         return Ok(None);
     };
-    let outside = look.view.light([0, 1, 2].map(|c| f32::from(OUTSIDE[c]) / 255.0)).map(f64::from);
-    let canonical = stage.canonical(&lighting, &look.field, outside).await?;
+    let canonical = stage.canonical(&lighting, &look.field).await?;
     state.lighting = Some(lighting);
-    Ok(Some(LitPictures { photo_view, canonical, field: look.field, outside }))
+    Ok(Some(LitPictures { photo_view, canonical, field: look.field }))
 }
 
 /// Renders a lit scene again with another light and keeps it, unless it then agrees less with the photo; the reason
@@ -122,7 +119,7 @@ pub async fn retouch(
         if verdict != Judgement::Keep {
             return Ok(Some((verdict, before.clone())));
         }
-        let canonical = stage.canonical(&tried, &before.field, before.outside).await?;
+        let canonical = stage.canonical(&tried, &before.field).await?;
         pictures = LitPictures { photo_view, canonical, ..before.clone() };
     }
     state.lighting = Some(tried);
@@ -401,12 +398,7 @@ impl Stage<'_, '_> {
     }
 
     /// The lit canonical view; near walls and ceiling are left out for the eye but bounce light.
-    async fn canonical(
-        &self,
-        lighting: &Lighting,
-        field: &Arc<AlbedoField>,
-        outside: [f64; 3],
-    ) -> Result<Option<RgbImage>, PhaseError> {
+    async fn canonical(&self, lighting: &Lighting, field: &Arc<AlbedoField>) -> Result<Option<RgbImage>, PhaseError> {
         if self.s.canonical_px == 0 {
             return Ok(None);
         }
@@ -415,12 +407,9 @@ impl Stage<'_, '_> {
         let view = canonical_camera(&self.state.partial.room, size, &self.state.partial.camera);
         let mut request = self.request("canonical", view.camera, lighting, self.s.canonical_samples);
         request.albedo = Some(Arc::clone(field));
-        let faces = view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s).to_owned());
-        let flush = views::of_the_ceiling(self.state).map(|p| p.item.id.to_string());
-        // Its upper side lies on the ceiling, where no light comes.
-        let cornice = self.state.trims.cornice.map(|_| harmony_mesh::CORNICE.to_owned());
-        request.hidden_nodes = faces.chain(flush).chain(cornice).collect();
-        request.background = Some(outside.map(|v| v * (-lighting.exposure).exp2()));
+        let flush = views::of_the_ceiling(self.state).map(|p| p.item.id.as_str());
+        request.hidden_nodes = views::hidden_nodes(&view.omit, flush, self.state.trims.cornice.is_some());
+        request.background = Some([0, 1, 2].map(|c| f64::from(OUTSIDE[c]) / 255.0));
         Ok(render(self.ctx, &request).await?.map(|lit| lit.image))
     }
 }

@@ -11,7 +11,7 @@ use harmony_prompts::{PlacedObject, RoomSummary};
 use harmony_render::{
     Glass, Instance, Lighting, OUTSIDE, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window,
 };
-use harmony_scene::{Camera, ImageSize, Intrinsics, PixelBox, Pose, Room, Size, Support, Surface};
+use harmony_scene::{Camera, ImageSize, Intrinsics, PixelBox, Pose, Room, SceneObject, Size, Support, Surface};
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 
 use crate::state::{Object, SceneState};
@@ -65,6 +65,20 @@ pub fn scene_from(state: &SceneState, camera: &Camera, omit: Vec<Surface>) -> Rg
 /// Height up to which a thing under the ceiling belongs to it rather than hanging in the room, metres: smoke detectors,
 /// flush lights, vents, beams. From above, without the ceiling, only their backs would be seen.
 const FLUSH_M: f64 = 0.15;
+
+/// Nodes of the scene's file that a camera outside the room does not see: the faces left out, and what goes with the ceiling,
+/// whose upper side lies where no light comes.
+pub fn hidden_nodes<'i>(omit: &[Surface], flush: impl Iterator<Item = &'i str>, has_cornice: bool) -> Vec<String> {
+    let faces = omit.iter().map(|s| harmony_mesh::shell_material_name(*s));
+    let with_ceiling = omit.contains(&Surface::Ceiling);
+    let cornice = (with_ceiling && has_cornice).then_some(harmony_mesh::CORNICE);
+    faces.chain(flush.filter(|_| with_ceiling)).chain(cornice).map(str::to_owned).collect()
+}
+
+/// Whether a finished scene's object goes with the ceiling, as [`of_the_ceiling`].
+pub fn is_of_the_ceiling(object: &SceneObject) -> bool {
+    object.support == Support::Ceiling && object.size.height <= FLUSH_M
+}
 
 /// What goes with the ceiling when that is left out of a view.
 pub fn of_the_ceiling(state: &SceneState) -> impl Iterator<Item = &Placed> {

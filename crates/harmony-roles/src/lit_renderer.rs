@@ -32,7 +32,7 @@ pub struct LitRequest {
     pub albedo: Option<Arc<AlbedoField>>,
     /// Nodes that the camera does not see but that still bounce light: near walls of a canonical view.
     pub hidden_nodes: Vec<String>,
-    /// Linear RGB where there is no geometry; `None` = the ambient light.
+    /// What the picture shows where there is no geometry, sRGB 0 to 1; `None` = the ambient light.
     pub background: Option<[f64; 3]>,
     /// What is wanted.
     pub kind: LitKind,

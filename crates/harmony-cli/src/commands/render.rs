@@ -8,11 +8,13 @@ use glam::{DMat3, DVec3};
 use harmony_export::World;
 use harmony_export::world::Item;
 use harmony_io::{ReadLimits, load_glb, picture};
+use harmony_lighting::CyclesRenderer;
 use harmony_mesh::Mesh;
-use harmony_pipeline::views::inner_cameras;
+use harmony_physics::pictures::{Lit, LitView, run_albedo};
+use harmony_pipeline::views::{hidden_nodes, inner_cameras, is_of_the_ceiling};
 use harmony_render::{Instance, Lighting, OUTSIDE, RenderOptions, canonical_camera, orbit_cameras, render};
-use harmony_scene::{Camera, ImageSize, Scene, Surface};
-use image::DynamicImage;
+use harmony_scene::{AlbedoField, Camera, ImageSize, Scene, Surface};
+use image::{DynamicImage, RgbImage};
 
 use crate::display::hinted;
 use crate::{EXIT_OK, say, tell};
@@ -36,7 +38,8 @@ pub enum View {
 Examples:
   harmony render run --camera canonical --out above.png
   harmony render run --camera orbit --views 12
-  harmony render run --camera inner --out side.png")]
+  harmony render run --camera inner --out side.png
+  harmony render run --camera inner --lit --out lit.png")]
 pub struct Args {
     /// Run folder.
     run: PathBuf,
@@ -52,6 +55,12 @@ pub struct Args {
     /// Shade with a light at the camera instead of showing the textures as they are.
     #[arg(long)]
     head_light: bool,
+    /// Path-trace with the scene's own light, as `render_lit.png` is (Blender; a run that went through phase 6).
+    #[arg(long, conflicts_with_all = ["head_light", "open", "ids"])]
+    lit: bool,
+    /// Samples a pixel with --lit.
+    #[arg(long, default_value_t = 48, requires = "lit", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    samples: u32,
     /// Open doors and drawers by a share of their ranges, 0 to 1; without a number all the way.
     #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "1", value_parser = share)]
     open: Option<f64>,
@@ -115,7 +124,22 @@ pub fn run(args: &Args) -> Result<u8> {
             .map(|(i, camera)| (camera, Vec::new(), format!("inner_{i:02}")))
             .collect(),
     };
+    let traced = args.lit.then(|| Traced::new(args, &scene)).transpose()?;
     for (camera, omit, name) in views {
+        let path = match (&args.out, several) {
+            (Some(out), true) => {
+                let stem = out.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+                out.with_file_name(format!("{stem}_{name}.png"))
+            }
+            (Some(out), _) => out.clone(),
+            (None, _) => args.run.join(format!("render_{}{name}.png", if args.lit { "lit_" } else { "" })),
+        };
+        if let Some(traced) = &traced {
+            tell!("path-tracing {name}");
+            picture::write_rgb_png(&path, &traced.picture(&scene, camera, &omit)?)?;
+            say!("{}", path.display())?;
+            continue;
+        }
         let hidden: Vec<&str> = omit.iter().map(|s| harmony_mesh::shell_material_name(*s)).collect();
         let instances: Vec<Instance<'_>> = glb
             .nodes
@@ -138,18 +162,44 @@ pub fn run(args: &Args) -> Result<u8> {
         if let Some(path) = &args.ids {
             picture::write_ids_png(path, camera.size, &frame.ids)?;
         }
-        let path = match (&args.out, several) {
-            (Some(out), true) => {
-                let stem = out.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-                out.with_file_name(format!("{stem}_{name}.png"))
-            }
-            (Some(out), _) => out.clone(),
-            (None, _) => args.run.join(format!("render_{name}.png")),
-        };
         picture::write_rgb_png(&path, &DynamicImage::ImageRgba8(frame.color).to_rgb8())?;
         say!("{}", path.display())?;
     }
     Ok(EXIT_OK)
+}
+
+/// The path tracer with a run's scene and light.
+struct Traced {
+    renderer: CyclesRenderer,
+    glb: Vec<u8>,
+    albedo: Option<AlbedoField>,
+    samples: u32,
+}
+
+impl Traced {
+    fn new(args: &Args, scene: &Scene) -> Result<Self> {
+        if scene.lighting.lights.is_empty() && scene.lighting.ambient_intensity <= 0.0 {
+            return Err(hinted(
+                "this scene has no light".to_owned(),
+                Some("reconstruct without --no-lit; --continue goes on with a run that stopped before"),
+            ));
+        }
+        let glb = match super::simulate::scene_for_light(&args.run)? {
+            Some(bytes) => bytes,
+            None => harmony_io::read_bounded(&args.run.join("scene_full.glb"), ReadLimits::default().bytes)?,
+        };
+        let albedo = run_albedo(&args.run);
+        Ok(Self { renderer: super::simulate::blender()?, glb, albedo, samples: args.samples })
+    }
+
+    fn picture(&self, scene: &Scene, camera: Camera, omit: &[Surface]) -> Result<RgbImage> {
+        let flush = scene.objects.iter().filter(|o| is_of_the_ceiling(o)).map(|o| o.id.as_str());
+        let hidden = hidden_nodes(omit, flush, true);
+        let view = LitView { camera, hidden, true_colors: Vec::new() };
+        let lit =
+            Lit { renderer: &self.renderer, scene, albedo: self.albedo.clone(), samples: self.samples, kept: None };
+        Ok(lit.picture(&self.glb, &[], &view)?)
+    }
 }
 
 /// The number of a node's object; the room has none.

@@ -282,7 +282,7 @@ fn shake_run(
 }
 
 /// The file that the run's own lit render was made of: the scene without the photo's light in its vertices.
-fn scene_for_light(run: &Path) -> Result<Option<Vec<u8>>> {
+pub(super) fn scene_for_light(run: &Path) -> Result<Option<Vec<u8>>> {
     let path = run.join("6_lighting/scene_for_light.glb");
     if path.exists() { Ok(Some(read_bounded(&path, ReadLimits::default().bytes)?)) } else { Ok(None) }
 }

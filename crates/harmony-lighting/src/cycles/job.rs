@@ -61,7 +61,7 @@ pub struct CyclesJob {
     /// Ids to write, by node name; descendants follow, other nodes get 0. `node/material` names one material of a node
     /// (per-light images only).
     pub node_ids: BTreeMap<String, u32>,
-    /// Linear RGB that the camera sees where there is no geometry; `None` = the ambient light.
+    /// What the picture shows where there is no geometry, sRGB 0 to 1; `None` = the ambient light.
     pub background: Option<[f64; 3]>,
     /// Base colours to reflectances, for the whole scene; `None` leaves them as they are.
     pub delight: Option<Delight>,

@@ -83,6 +83,20 @@ pub fn nodes() -> Vec<Node> {
     ]
 }
 
+/// A red cupboard in the left corner, up to the ceiling.
+pub fn tall_cupboard() -> Node {
+    boxed("cupboard_01", 16, [0.6, 0.3, 0.2], [0.05, 0.0, 0.05], [1.0, 2.59, 1.0])
+}
+
+/// A board under the ceiling with a strip on it that shines up.
+pub fn cove() -> Node {
+    let mut mesh = Mesh::default();
+    add_box(&mut mesh, "board", [0.6, 0.6, 0.6], DVec3::new(1.0, 2.28, 0.6), DVec3::new(3.0, 2.3, 1.0));
+    add_box(&mut mesh, "strip", [0.9, 0.9, 0.9], DVec3::new(1.1, 2.3, 0.75), DVec3::new(2.9, 2.31, 0.85));
+    mesh.materials[1].emissive = [1.0, 0.8, 0.5];
+    Node { name: "cove_01", id: 15, mesh }
+}
+
 /// Looks into the back of the room, a little down, with an off-centre lens and unequal focal lengths.
 pub fn camera(width: u32) -> Camera {
     let size = ImageSize::new(640, 480);
@@ -149,7 +163,7 @@ pub fn write_glb(nodes: &[Node], path: &Path) {
             let bytes = flat.iter().flat_map(|i| i.to_le_bytes()).collect();
             let indices = push(bytes, 5125, flat.len(), "SCALAR", None);
             let material = &m.materials[group.material];
-            materials.push(json!({"name": material.name, "pbrMetallicRoughness":
+            materials.push(json!({"name": material.name, "emissiveFactor": material.emissive, "pbrMetallicRoughness":
                 {"baseColorFactor": material.base_color, "metallicFactor": 0.0, "roughnessFactor": material.roughness}}));
             primitives.push(json!({"attributes": {"POSITION": position, "NORMAL": normal}, "indices": indices,
                 "material": materials.len() - 1}));

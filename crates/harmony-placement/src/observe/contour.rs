@@ -103,10 +103,11 @@ impl Contour {
             band += 1;
             free += usize::from(*end == End::Free);
         }
-        // Along an axis a majority: corners of what hides belong to both. Aslant two sides meet there, and if one is hidden
-        // the corner is not the object's own.
+        // A majority: corners of what hides belong to both. Aslant two sides meet, and if one is hidden the corner is not the
+        // object's own.
         let aslant = d.x.abs().min(d.y.abs()) > 0.1;
-        (reach, 5 * free > if aslant { 4 * band } else { 2 * band })
+        let sides = [Vec2::X * d.x.signum(), Vec2::Y * d.y.signum()];
+        (reach, 5 * free > 2 * band && (!aslant || sides.iter().all(|side| self.reach(*side).1)))
     }
 
     /// Whether the mask ends by itself at each side of a box around it: left, top, right, bottom.
