@@ -174,7 +174,7 @@ impl Default for LightingSettings {
             preview_px: 480,
             preview_samples: 12,
             final_px: 960,
-            final_samples: 40,
+            final_samples: 24,
             canonical_px: 800,
             canonical_samples: 24,
         }

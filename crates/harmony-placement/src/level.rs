@@ -211,7 +211,7 @@ impl Finished {
 fn ends(scene: &PartialScene, settings: &PlacementSettings) -> Vec<(ObjectId, [bool; 4])> {
     let of = |(i, placed): (usize, &Placed)| {
         let others = neighbours(scene, &placed.item, &[], Some(i));
-        (placed.item.id.clone(), Contour::new(scene, &placed.item.mask, &others, settings).free_sides())
+        (placed.item.id.clone(), Contour::new(scene, &placed.item, &others, settings).free_sides())
     };
     scene.placed.iter().enumerate().map(of).collect()
 }

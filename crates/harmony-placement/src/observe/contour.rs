@@ -1,9 +1,9 @@
 //! The outline of a mask, and why it ends where it does: ONE answer a sample, from which everything else is read.
 
-use harmony_scene::{ImageSize, Mask, PixelBox, Vec2};
+use harmony_scene::{ImageSize, Level, Mask, PixelBox, Vec2};
 
 use super::{Neighbour, border_px};
-use crate::{PartialScene, PlacementSettings};
+use crate::{Item, PartialScene, PlacementSettings};
 
 /// Directions in which the reach of outlines is compared; every fourth is a side of the image.
 pub(crate) const DIRECTIONS: usize = 16;
@@ -42,6 +42,9 @@ pub(crate) struct Contour {
     samples: Vec<Sample>,
     /// Depth of the band in which an outermost part is looked at, pixels.
     band: f64,
+    /// Whether an aslant corner of which something else makes one side is nobody's: of flat things on walls. Outlines of
+    /// furniture are no rectangles, and tell aslant what their hidden sides do not.
+    cornered: bool,
 }
 
 /// Unit vector of a direction: 0 is right in the image, a quarter of them down.
@@ -50,8 +53,9 @@ pub(crate) fn direction(k: usize) -> Vec2 {
 }
 
 impl Contour {
-    /// Walks the outline of a mask; `others` are the masks of other objects.
-    pub(crate) fn new(scene: &PartialScene, mask: &Mask, others: &[Neighbour], settings: &PlacementSettings) -> Self {
+    /// Walks the outline of an item's mask; `others` are the masks of other objects.
+    pub(crate) fn new(scene: &PartialScene, item: &Item, others: &[Neighbour], settings: &PlacementSettings) -> Self {
+        let mask: &Mask = &item.mask;
         let (size, nearer) = (mask.size(), settings.noise.nearer);
         let depth_at = |(x, y): (i64, i64)| if settings.point_map { scene.depth_at(x, y) } else { None };
         let edge = edge_pixels(mask);
@@ -86,28 +90,31 @@ impl Contour {
             Sample { at: Vec2::new(p.0 as f64 + 0.5, p.1 as f64 + 0.5), normal, end: reason(p, normal) }
         };
         let samples = edge.into_iter().step_by(step).map(sample).collect();
-        Self { samples, band: band_px(size) }
+        Self { samples, band: band_px(size), cornered: item.level == Level::Wall }
     }
 
     /// How far the mask reaches in a direction, pixels, and whether it ends there by itself; strays do not count.
     pub(crate) fn reach(&self, d: Vec2) -> (f64, bool) {
-        let mut along: Vec<(f64, End)> =
-            self.samples.iter().map(|s| (s.at.dot(d) + 0.5 * (d.x.abs() + d.y.abs()), s.end)).collect();
+        let at = |s: &Sample| s.at.dot(d) + 0.5 * (d.x.abs() + d.y.abs());
+        let mut along: Vec<f64> = self.samples.iter().map(at).collect();
         if along.is_empty() {
             return (f64::NEG_INFINITY, false);
         }
         let stray = along.len() / 300;
-        let reach = along.select_nth_unstable_by(stray, |a, b| b.0.total_cmp(&a.0)).1.0;
-        let (mut band, mut free) = (0, 0);
-        for (_, end) in along.iter().filter(|a| a.0 > reach - self.band) {
-            band += 1;
-            free += usize::from(*end == End::Free);
-        }
-        // A majority: corners of what hides belong to both. Aslant two sides meet, and if one is hidden the corner is not the
-        // object's own.
-        let aslant = d.x.abs().min(d.y.abs()) > 0.1;
+        let reach = *along.select_nth_unstable_by(stray, |a, b| b.total_cmp(a)).1;
+        // Two sides meet at an aslant corner: if what hides the object made one of them, the corner is not its own.
         let sides = [Vec2::X * d.x.signum(), Vec2::Y * d.y.signum()];
-        (reach, 5 * free > 2 * band && (!aslant || sides.iter().all(|side| self.reach(*side).1)))
+        let (mut band, mut free) = ([0, 0], [0, 0]);
+        for s in self.samples.iter().filter(|s| at(s) > reach - self.band) {
+            let side = usize::from(s.normal.dot(sides[1]) > s.normal.dot(sides[0]));
+            band[side] += 1;
+            free[side] += usize::from(s.end == End::Free);
+        }
+        let aslant = self.cornered && d.x.abs().min(d.y.abs()) > 0.1;
+        // A majority: corners of what hides belong to both.
+        let own = |free: usize, band: usize| 5 * free > 2 * band;
+        let all = own(free[0] + free[1], band[0] + band[1]);
+        (reach, all && (!aslant || (0..2).all(|k| band[k] == 0 || own(free[k], band[k]))))
     }
 
     /// Whether the mask ends by itself at each side of a box around it: left, top, right, bottom.
@@ -163,17 +170,21 @@ mod tests {
 
     use super::*;
     use crate::RoomPoints;
-    use crate::testing::empty_room;
+    use crate::testing::{boxed, empty_room};
 
     fn rectangle(size: ImageSize, x: std::ops::Range<u32>, y: std::ops::Range<u32>) -> Mask {
         Mask::from_fn(size, |u, v| x.contains(&u) && y.contains(&v))
+    }
+
+    fn seen(scene: &PartialScene, mask: &Mask, level: Level) -> Item {
+        Item { mask: mask.clone().into(), level, ..boxed(scene, Vec3::ONE, Vec3::new(2.0, 0.0, 2.0), 0.0) }
     }
 
     #[test]
     fn a_mask_reaches_as_far_as_its_box_and_ends_by_itself() {
         let scene = empty_room();
         let mask = rectangle(scene.camera.size, 100..180, 90..150);
-        let contour = Contour::new(&scene, &mask, &[], &PlacementSettings::default());
+        let contour = Contour::new(&scene, &seen(&scene, &mask, Level::Furniture), &[], &PlacementSettings::default());
         assert_eq!(contour.free_sides(), [true; 4]);
         assert_eq!(contour.reach(Vec2::X), (180.0, true));
         assert_eq!(contour.reach(Vec2::NEG_Y), (-90.0, true));
@@ -187,14 +198,22 @@ mod tests {
         let before = rectangle(size, 20..60, 150..170);
         let cut = |may_hide: bool| {
             let other = Neighbour { mask: &before, may_hide, may_carry: false, placed: false };
-            Contour::new(&scene, &mask, &[other], &PlacementSettings::default()).free_sides()
+            Contour::new(&scene, &seen(&scene, &mask, Level::Furniture), &[other], &PlacementSettings::default())
+                .free_sides()
         };
         assert_eq!(cut(true), [false, true, true, true], "half of the lower side is free");
         let wide = rectangle(size, 0..80, 150..170);
         let other = Neighbour { mask: &wide, may_hide: true, may_carry: false, placed: false };
-        let contour = Contour::new(&scene, &mask, &[other], &PlacementSettings::default());
+        let contour =
+            Contour::new(&scene, &seen(&scene, &mask, Level::Furniture), &[other], &PlacementSettings::default());
         assert_eq!(contour.free_sides(), [false, true, true, false]);
         assert_eq!(cut(false), [false, true, true, true]);
+        // Where the hidden side meets a free one the corner is not a window's own.
+        for (level, own) in [(Level::Wall, false), (Level::Furniture, true)] {
+            let contour = Contour::new(&scene, &seen(&scene, &mask, level), &[other], &PlacementSettings::default());
+            assert_eq!(contour.reach(Vec2::new(0.9, 0.4).normalize()).1, own);
+            assert!(contour.reach(Vec2::new(0.9, -0.4).normalize()).1, "the upper corner is");
+        }
     }
 
     #[test]
@@ -221,7 +240,8 @@ mod tests {
             Some(RoomPoints { kind: PointMapKind::Relative, size, xyz, confidence: vec![1.0; size.pixels()] });
         let below = rectangle(size, 90..190, 150..170);
         let other = Neighbour { mask: &below, may_hide: true, may_carry: false, placed: false };
-        let contour = Contour::new(&scene, &mask, &[other], &PlacementSettings::default());
+        let contour =
+            Contour::new(&scene, &seen(&scene, &mask, Level::Furniture), &[other], &PlacementSettings::default());
         assert_eq!(contour.free_sides(), [true, true, false, true]);
     }
 }

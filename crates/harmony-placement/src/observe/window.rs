@@ -121,7 +121,7 @@ impl Window {
             },
             ..scene.camera
         };
-        let contour = Contour::new(scene, mask, &neighbours, settings);
+        let contour = Contour::new(scene, item, &neighbours, settings);
         let n = size.pixels();
         let mut window = Self {
             camera,
