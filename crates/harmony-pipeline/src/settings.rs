@@ -175,7 +175,7 @@ impl Default for LightingSettings {
             preview_samples: 12,
             final_px: 960,
             final_samples: 24,
-            canonical_px: 800,
+            canonical_px: 960,
             canonical_samples: 24,
         }
     }

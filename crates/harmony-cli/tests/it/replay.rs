@@ -50,7 +50,30 @@ fn the_bundled_example_replays_and_a_second_run_changes_no_byte() {
     assert!(second.status.success());
     assert!(String::from_utf8_lossy(&second.stdout).contains("finished already"));
     assert!(files(&run) == before, "the second run changed the run folder");
+    the_scene_is_path_traced_from_above(&run);
     a_program_is_tried_before_there_is_a_scene(&run);
+}
+
+fn the_scene_is_path_traced_from_above(run: &Path) {
+    let render = |more: &[&str], out: &Path| {
+        let given = ["render", run.to_str().unwrap(), "--size", "160", "--out", out.to_str().unwrap()];
+        harmony(&[&given, more].concat())
+    };
+    let (flat, lit) = (run.with_file_name("flat.png"), run.with_file_name("lit.png"));
+    assert!(render(&[], &flat).status.success());
+    let traced = render(&["--lit", "--samples", "4"], &lit);
+    if said(&traced).contains("--lit needs Blender") {
+        harmony_testing::skip("render --lit: no Blender here");
+        return;
+    }
+    assert!(traced.status.success(), "{}", said(&traced));
+    let [flat, lit] = [&flat, &lit].map(|path| image::open(path).unwrap().to_rgb8());
+    assert_eq!(flat.dimensions(), lit.dimensions());
+    // Nothing is outside; inside it is the same room in another light.
+    let off = (0..3).map(|c| flat.get_pixel(1, 1)[c].abs_diff(lit.get_pixel(1, 1)[c])).max();
+    assert!(off <= Some(3), "{off:?}");
+    let centre = |picture: &image::RgbImage| *picture.get_pixel(80, 70);
+    assert!(centre(&flat) != centre(&lit) && centre(&lit).0.iter().any(|v| *v > 20), "{:?}", centre(&lit));
 }
 
 fn a_program_is_tried_before_there_is_a_scene(run: &Path) {

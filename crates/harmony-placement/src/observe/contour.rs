@@ -42,7 +42,7 @@ pub(crate) struct Contour {
     samples: Vec<Sample>,
     /// Depth of the band in which an outermost part is looked at, pixels.
     band: f64,
-    /// Whether an aslant corner of which something else makes one side is nobody's: of flat things on walls. Outlines of
+    /// Whether an aslant corner of which something nearer makes one side is nobody's: of flat things on walls. Outlines of
     /// furniture are no rectangles, and tell aslant what their hidden sides do not.
     cornered: bool,
 }
@@ -104,17 +104,18 @@ impl Contour {
         let reach = *along.select_nth_unstable_by(stray, |a, b| b.total_cmp(a)).1;
         // Two sides meet at an aslant corner: if what hides the object made one of them, the corner is not its own.
         let sides = [Vec2::X * d.x.signum(), Vec2::Y * d.y.signum()];
-        let (mut band, mut free) = ([0, 0], [0, 0]);
+        let (mut band, mut free, mut shown) = ([0, 0], [0, 0], [0, 0]);
         for s in self.samples.iter().filter(|s| at(s) > reach - self.band) {
             let side = usize::from(s.normal.dot(sides[1]) > s.normal.dot(sides[0]));
             band[side] += 1;
             free[side] += usize::from(s.end == End::Free);
+            shown[side] += usize::from(s.end != End::Occluded);
         }
         let aslant = self.cornered && d.x.abs().min(d.y.abs()) > 0.1;
         // A majority: corners of what hides belong to both.
-        let own = |free: usize, band: usize| 5 * free > 2 * band;
-        let all = own(free[0] + free[1], band[0] + band[1]);
-        (reach, all && (!aslant || (0..2).all(|k| band[k] == 0 || own(free[k], band[k]))))
+        let most = |some: usize, band: usize| 5 * some > 2 * band;
+        let free = most(free[0] + free[1], band[0] + band[1]);
+        (reach, free && (!aslant || (0..2).all(|k| band[k] == 0 || most(shown[k], band[k]))))
     }
 
     /// Whether the mask ends by itself at each side of a box around it: left, top, right, bottom.
