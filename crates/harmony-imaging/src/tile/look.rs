@@ -28,6 +28,11 @@ const SETTLING: f64 = 1.5;
 const LITTLE_REACH: f64 = 0.5;
 /// Soft border between photo and material, metres.
 const FEATHER: f64 = 0.03;
+/// Side of the squares in which photo and material are compared at their border, metres, how far the difference is carried
+/// on, metres, and its most, as a logarithm.
+const SEAM_CELL: f64 = 0.03;
+const SEAM_REACH: f64 = 0.3;
+const MOST_SEAM: f32 = 0.5;
 /// Alpha from which a texel is kept; less than that, and 128 or more, tells the light only.
 const KEPT: u8 = 224;
 /// Sides of the tile that are tried, texels: little that was seen makes a small one.
@@ -400,9 +405,12 @@ impl Survey {
                 .map(|i| look.times((i % width) as u32, (i / width) as u32, [1.0; 3]))
                 .collect::<Vec<_>>()
         });
+        let seam = Seam::of(&self.texture, self.px_per_m, |x, y| material(x, y, 0.0));
         RgbaImage::from_fn(width as u32, height as u32, |x, y| {
             let i = y as usize * width + x as usize;
+            let joined = seam.at(x, y, away[i]);
             let material = material(x, y, away[i]);
+            let material: Color = std::array::from_fn(|c| material[c] * joined[c]);
             let photo = self.texture.get_pixel(x, y).0;
             let weight = if unseen[i] { 0.0 } else { smoothstep((depth[i] - 0.5) / feather) };
             let fine = match &lost {
@@ -495,6 +503,89 @@ fn believed(texture: &RgbaImage, look: &Look, field: &Base) -> RgbaImage {
         }
     }
     kept
+}
+
+/// How much what was seen differs from the material at the border between the two, carried a little way into what was not
+/// seen: a shadow on a wall ends softly behind the chair before it, and not in the chair's outline.
+struct Seam {
+    cell: usize,
+    width: usize,
+    height: usize,
+    /// Logarithms of photo over material.
+    values: Vec<Color>,
+    reach: f32,
+}
+
+impl Seam {
+    fn of(texture: &RgbaImage, px_per_m: f64, material: impl Fn(u32, u32) -> Color) -> Self {
+        let cell = ((SEAM_CELL * px_per_m).round() as usize).max(1);
+        let (width, height) = ((texture.width() as usize).div_ceil(cell), (texture.height() as usize).div_ceil(cell));
+        let mut cells: Vec<(Color, f32)> = vec![([0.0; 3], 0.0); width * height];
+        for (x, y, p) in texture.enumerate_pixels().filter(|(_, _, p)| p.0[3] >= KEPT) {
+            let (at, here) = (&mut cells[y as usize / cell * width + x as usize / cell], material(x, y));
+            for (sum, (seen, said)) in at.0.iter_mut().zip(p.0.iter().zip(here)) {
+                let ratio = (f32::from(*seen) + DARKEST) / (said.max(0.0) + DARKEST);
+                *sum += ratio.ln().clamp(-MOST_SEAM, MOST_SEAM);
+            }
+            at.1 += 1.0;
+        }
+        Self { cell, width, height, values: spread_out(&cells, width, height), reach: (SEAM_REACH * px_per_m) as f32 }
+    }
+
+    /// Factors on the material at a texel so far from what was seen.
+    fn at(&self, x: u32, y: u32, away: f32) -> Color {
+        let share = 1.0 - smoothstep(away / self.reach);
+        if share <= 0.0 {
+            return [1.0; 3];
+        }
+        let place = |v: u32, n: usize| {
+            let at = ((f64::from(v) + 0.5) / self.cell as f64 - 0.5).clamp(0.0, (n - 1) as f64);
+            let low = (at as usize).min(n.saturating_sub(2));
+            (low, (low + 1).min(n - 1), (at - low as f64) as f32)
+        };
+        let ((x0, x1, u), (y0, y1, v)) = (place(x, self.width), place(y, self.height));
+        let value = |x: usize, y: usize| self.values[y * self.width + x];
+        std::array::from_fn(|c| {
+            let upper = value(x0, y0)[c] * (1.0 - u) + value(x1, y0)[c] * u;
+            let lower = value(x0, y1)[c] * (1.0 - u) + value(x1, y1)[c] * u;
+            (share * (upper * (1.0 - v) + lower * v)).exp()
+        })
+    }
+}
+
+/// Means of cells (sum and weight), and in empty ones those of ever larger surroundings.
+fn spread_out(cells: &[(Color, f32)], width: usize, height: usize) -> Vec<Color> {
+    if width <= 1 && height <= 1 {
+        let (sum, weight) = cells.first().copied().unwrap_or(([0.0; 3], 0.0));
+        return vec![sum.map(|v| v / weight.max(1e-6))];
+    }
+    let (w, h) = (width.div_ceil(2), height.div_ceil(2));
+    let mut coarse: Vec<(Color, f32)> = vec![([0.0; 3], 0.0); w * h];
+    for (i, (sum, weight)) in cells.iter().enumerate() {
+        let at = &mut coarse[i / width / 2 * w + i % width / 2];
+        at.0.iter_mut().zip(sum).for_each(|(a, s)| *a += s);
+        at.1 += weight;
+    }
+    let below = spread_out(&coarse, w, h);
+    let place = |v: usize, n: usize| {
+        let at = (v as f32 * 0.5 - 0.25).clamp(0.0, (n - 1) as f32);
+        let low = (at as usize).min(n.saturating_sub(2));
+        (low, (low + 1).min(n - 1), at - low as f32)
+    };
+    let full = cells.iter().map(|c| c.1).fold(0.0, f32::max).max(1e-6);
+    (0..width * height)
+        .map(|i| {
+            let ((x0, x1, u), (y0, y1, v)) = (place(i % width, w), place(i / width, h));
+            let (sum, weight) = cells[i];
+            let own = (weight / (0.5 * full)).min(1.0);
+            std::array::from_fn(|c| {
+                let upper = below[y0 * w + x0][c] * (1.0 - u) + below[y0 * w + x1][c] * u;
+                let lower = below[y1 * w + x0][c] * (1.0 - u) + below[y1 * w + x1][c] * u;
+                let around = upper * (1.0 - v) + lower * v;
+                around + own * (sum[c] / weight.max(1e-6) - around)
+            })
+        })
+        .collect()
 }
 
 /// A quadratic surface through each channel of what was seen.

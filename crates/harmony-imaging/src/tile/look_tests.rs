@@ -176,3 +176,30 @@ fn a_tile_that_was_made_even_still_meets_itself() {
         assert!(step(side - 1) < 1.5 * inside + 0.002, "{grain:?}: {} at the edge, {inside} inside", step(side - 1));
     }
 }
+
+/// A wall with the shadow of something that stood before it, 6 cm wider than that on each side.
+#[test]
+fn a_shadow_does_not_end_in_the_outline_of_what_stood_before_it() {
+    let from_middle = |x: u32, y: u32| (f64::from(x) - 150.0).abs().max((f64::from(y) - 100.0).abs());
+    let mut wall = RgbaImage::from_fn(300, 200, |x, y| {
+        let tone = if from_middle(x, y) < 20.0 { 110.0 } else { 180.0 };
+        let grain = (hash(u64::from(y) << 32 | u64::from(x)) % 5) as f32 - 2.0;
+        opaque([tone + grain; 3])
+    });
+    for (_, _, p) in wall.enumerate_pixels_mut().filter(|(x, y, _)| from_middle(*x, *y) < 14.0) {
+        *p = Rgba([0; 4]);
+    }
+    let whole = survey(&wall).complete();
+    let mean = |ring: std::ops::Range<i32>| {
+        let of: Vec<f64> = whole
+            .enumerate_pixels()
+            .filter(|(x, y, _)| ring.contains(&(from_middle(*x, *y) as i32)))
+            .map(|(_, _, p)| f64::from(p.0[0]))
+            .collect();
+        of.iter().sum::<f64>() / of.len() as f64
+    };
+    let (inside, beside) = (mean(9..13), mean(15..19));
+    assert!((beside - 110.0).abs() < 12.0, "the shadow that was seen stays: {beside}");
+    assert!((inside - beside).abs() < 14.0, "and goes on: {inside} beside {beside}");
+    assert!((mean(60..90) - 180.0).abs() < 4.0);
+}
