@@ -181,7 +181,7 @@ impl Traced {
         if scene.lighting.lights.is_empty() && scene.lighting.ambient_intensity <= 0.0 {
             return Err(hinted(
                 "this scene has no light".to_owned(),
-                Some("reconstruct without --no-lit; --continue goes on with a run that stopped before"),
+                Some("`harmony reconstruct` with the same photo and --out goes on where the run stopped"),
             ));
         }
         let glb = match super::simulate::scene_for_light(&args.run)? {

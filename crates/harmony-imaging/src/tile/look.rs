@@ -538,19 +538,23 @@ impl Seam {
         if share <= 0.0 {
             return [1.0; 3];
         }
-        let place = |v: u32, n: usize| {
-            let at = ((f64::from(v) + 0.5) / self.cell as f64 - 0.5).clamp(0.0, (n - 1) as f64);
-            let low = (at as usize).min(n.saturating_sub(2));
-            (low, (low + 1).min(n - 1), (at - low as f64) as f32)
-        };
-        let ((x0, x1, u), (y0, y1, v)) = (place(x, self.width), place(y, self.height));
-        let value = |x: usize, y: usize| self.values[y * self.width + x];
-        std::array::from_fn(|c| {
-            let upper = value(x0, y0)[c] * (1.0 - u) + value(x1, y0)[c] * u;
-            let lower = value(x0, y1)[c] * (1.0 - u) + value(x1, y1)[c] * u;
-            (share * (upper * (1.0 - v) + lower * v)).exp()
-        })
+        let [x, y] = [x, y].map(|v| (v as f32 + 0.5) / self.cell as f32 - 0.5);
+        between(&self.values, self.width, self.height, x, y).map(|v| (share * v).exp())
     }
+}
+
+/// Bilinear value at a place in cells, whose middles are whole numbers.
+fn between(values: &[Color], width: usize, height: usize, x: f32, y: f32) -> Color {
+    let place = |at: f32, n: usize| {
+        let at = at.clamp(0.0, (n - 1) as f32);
+        let low = (at as usize).min(n.saturating_sub(2));
+        (low, (low + 1).min(n - 1), at - low as f32)
+    };
+    let ((x0, x1, u), (y0, y1, v)) = (place(x, width), place(y, height));
+    std::array::from_fn(|c| {
+        let row = |y: usize| values[y * width + x0][c] * (1.0 - u) + values[y * width + x1][c] * u;
+        row(y0) * (1.0 - v) + row(y1) * v
+    })
 }
 
 /// Means of cells (sum and weight), and in empty ones those of ever larger surroundings.
@@ -567,23 +571,14 @@ fn spread_out(cells: &[(Color, f32)], width: usize, height: usize) -> Vec<Color>
         at.1 += weight;
     }
     let below = spread_out(&coarse, w, h);
-    let place = |v: usize, n: usize| {
-        let at = (v as f32 * 0.5 - 0.25).clamp(0.0, (n - 1) as f32);
-        let low = (at as usize).min(n.saturating_sub(2));
-        (low, (low + 1).min(n - 1), at - low as f32)
-    };
     let full = cells.iter().map(|c| c.1).fold(0.0, f32::max).max(1e-6);
     (0..width * height)
         .map(|i| {
-            let ((x0, x1, u), (y0, y1, v)) = (place(i % width, w), place(i / width, h));
+            let [x, y] = [i % width, i / width].map(|v| v as f32 * 0.5 - 0.25);
+            let around = between(&below, w, h, x, y);
             let (sum, weight) = cells[i];
             let own = (weight / (0.5 * full)).min(1.0);
-            std::array::from_fn(|c| {
-                let upper = below[y0 * w + x0][c] * (1.0 - u) + below[y0 * w + x1][c] * u;
-                let lower = below[y1 * w + x0][c] * (1.0 - u) + below[y1 * w + x1][c] * u;
-                let around = upper * (1.0 - v) + lower * v;
-                around + own * (sum[c] / weight.max(1e-6) - around)
-            })
+            std::array::from_fn(|c| around[c] + own * (sum[c] / weight.max(1e-6) - around[c]))
         })
         .collect()
 }
