@@ -20,6 +20,9 @@ use crate::view::median;
 pub const COLUMNS: u32 = 48;
 /// Widths of the smoothing, shares of the image width.
 const SIGMAS: [f64; 2] = [0.06, 0.02];
+/// The same on the room's faces, whose textures come without the photo's light: what is left is light that the fit lacks,
+/// and an outline of it on the floor would be seen from above.
+const FACE_SIGMAS: [f64; 2] = [0.12, 0.06];
 /// Largest factor of a field, and its inverse the smallest, stops.
 const MOST_STOPS: f32 = 2.5;
 /// A channel this near to the smallest factor, stops, wants less than the surface's gloss gives; so much of it is left
@@ -116,7 +119,8 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
                 ratio.iter().zip(&weights).filter(|(_, w)| **w > 0.0).map(|(r, _)| f64::from(r[c])).collect();
             median(&mut all) as f32
         });
-        let step = local_step(&ratio, &weights, middle, size);
+        let sigmas = if node.kind == "object" { SIGMAS } else { FACE_SIGMAS };
+        let step = local_step(&ratio, &weights, middle, size, sigmas);
         let before = field.nodes.get(&node.name);
         let old_mean = before.map_or(field.other, |b| b.mean).map(f32::log2);
         let mean = within_veil([0, 1, 2].map(|c| old_mean[c] + middle[c]), middle_light(seen.photo, &weights));
@@ -153,11 +157,17 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
 }
 
 /// What a node's ratios have beside their middle, smooth.
-fn local_step(ratio: &[[f32; 3]], weights: &[f32], middle: [f32; 3], size: harmony_scene::ImageSize) -> Vec<[f32; 3]> {
+fn local_step(
+    ratio: &[[f32; 3]],
+    weights: &[f32],
+    middle: [f32; 3],
+    size: harmony_scene::ImageSize,
+    sigmas: [f64; 2],
+) -> Vec<[f32; 3]> {
     let mut rest: Vec<[f32; 3]> =
         ratio.iter().map(|r| [0, 1, 2].map(|c| (r[c] - middle[c]).clamp(-MOST_STEP, MOST_STEP))).collect();
     let mut step = vec![[0.0f32; 3]; ratio.len()];
-    for sigma in SIGMAS {
+    for sigma in sigmas {
         let smooth = smoothed(&rest, weights, size, (sigma * f64::from(size.width)).max(0.7));
         for ((s, r), add) in step.iter_mut().zip(&mut rest).zip(&smooth) {
             for c in 0..3 {

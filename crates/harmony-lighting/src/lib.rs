@@ -24,6 +24,7 @@ mod schema;
 mod smooth;
 pub mod sources;
 pub mod spec;
+pub mod sun;
 pub mod view;
 
 pub use albedo::{Comparison, FieldNode, neutral_field, updated_field};
@@ -40,4 +41,5 @@ pub use scene_fit::{Measured, SceneFit, fit_scene};
 pub use schema::strict_schema;
 pub use sources::{Emitter, emitter_bounds, is_unseen_window, lights_from_scene, unseen_windows};
 pub use spec::{AmbientSpec, DirectionalSpec, LightingSpec, PointLightSpec, WindowSpec};
+pub use sun::{FoundSun, Place, Places, find_sun, is_found_sun};
 pub use view::{PictureError, ViewTable, display_linear, picture_error};

@@ -179,7 +179,7 @@ pub fn write_scene_glb(path: &Path, state: &SceneState, scene: Option<&Scene>) -
             })
         })
         .collect();
-    let shell = views::shell(state, Vec::new());
+    let shell = if scene.is_some() { views::shell(state, Vec::new()) } else { views::shell_for_light(state) };
     let glb = GlbScene {
         objects: nodes,
         shell: shell_nodes(&shell),

@@ -10,15 +10,15 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use harmony_lighting::{
-    Assessment, Comparison, FieldNode, FitOptions, Judgement, LightPass, LightingDelta, LinearImage, Measured,
-    PictureError, SceneFit, ViewTable, assess, display_linear, fit_scene, is_unseen_window, judge, neutral_field,
-    picture_error, propose, unseen_windows, updated_field,
+    Assessment, Comparison, FieldNode, FitOptions, FoundSun, Judgement, LightPass, LightingDelta, LinearImage,
+    Measured, PictureError, SceneFit, ViewTable, assess, display_linear, fit_scene, is_found_sun, is_unseen_window,
+    judge, neutral_field, picture_error, propose, unseen_windows, updated_field,
 };
 use harmony_mesh::Mesh;
 use harmony_prompts::LightingReviewQuestion;
 use harmony_render::{OUTSIDE, canonical_camera};
 use harmony_roles::{LightMeasurement, LitImage, LitKind, LitRequest, Picture, RoleError};
-use harmony_scene::{AlbedoField, Camera, ImageSize, Lighting, Mask, ViewTransform, WarningKind};
+use harmony_scene::{AlbedoField, Camera, ImageSize, LightKind, Lighting, Mask, ViewTransform, WarningKind};
 use image::RgbImage;
 use image::imageops::{FilterType, resize};
 use serde_json::{Value, json};
@@ -70,8 +70,10 @@ pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Optio
     outputs::write_scene_glb(&glb, state, None)?;
     let glb_hash = blake3::hash(&harmony_io::read_bounded(&glb, 1 << 31)?).to_hex().to_string();
     let Some(mut lighting) = state.lighting.clone() else { return Ok(None) };
-    lighting.lights.retain(|light| !is_unseen_window(light));
+    lighting.lights.retain(|light| !is_unseen_window(light) && !is_found_sun(light));
     lighting.lights.extend(unseen_windows(&state.partial.room, &state.partial.camera));
+    let sun = sun_of(ctx, state, &lighting).await?;
+    lighting.lights.extend(sun.as_ref().map(|sun| sun.light.clone()));
     let stage = Stage { ctx, state, glb, glb_hash, nodes: field_nodes(state), s: ctx.settings.lighting };
     ctx.step("measuring each light");
     let Some(light) = stage.measure(&lighting).await? else { return Ok(None) };
@@ -90,6 +92,19 @@ pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Optio
     let canonical = stage.canonical(&lighting, &look.field).await?;
     state.lighting = Some(lighting);
     Ok(Some(LitPictures { photo_view, canonical, field: look.field }))
+}
+
+/// The sun, unless an answer has told of one already.
+async fn sun_of(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &Lighting) -> Result<Option<FoundSun>, PhaseError> {
+    if lighting.lights.iter().any(|light| matches!(light.kind, LightKind::Sun { .. })) {
+        return Ok(None);
+    }
+    let (state, lighting) = (state.clone(), lighting.clone());
+    let found = ctx.computed(move || crate::steps::sun::found(&state, &lighting)).await?;
+    if let Some(sun) = &found {
+        ctx.write_json("sun.json", &json!({ "light": sun.light, "step_stops": sun.step, "explained": sun.explained }))?;
+    }
+    Ok(found)
 }
 
 /// Renders a lit scene again with another light and keeps it, unless it then agrees less with the photo; the reason
@@ -237,7 +252,10 @@ impl Stage<'_, '_> {
         let ids = measured.ids.clone();
         // One that is not in the fit has level 0.
         let level = |id: &str| fitted.as_ref().map_or(0.0, |fitted| fitted.level(id));
-        lighting.lights.retain(|light| !is_unseen_window(light) || level(&light.id) >= UNSEEN_LEAST);
+        lighting.lights.retain(|light| {
+            let assumed = is_unseen_window(light) || is_found_sun(light);
+            !assumed || level(&light.id) >= UNSEEN_LEAST
+        });
         for light in lighting.lights.iter().filter(|light| is_unseen_window(light)) {
             let message = format!(
                 "{}: light of a window that the photo does not show; its place and size are assumed, its strength is fitted",

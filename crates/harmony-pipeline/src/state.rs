@@ -186,8 +186,10 @@ pub struct SceneState {
     pub partial: PartialScene,
     /// All modelled objects by id, placed or not.
     pub objects: BTreeMap<ObjectId, Object>,
-    /// Textures of the room's faces.
+    /// Textures of the room's faces, in the photo's light.
     pub surfaces: BTreeMap<Surface, Arc<RgbaImage>>,
+    /// The same under even light, for the path tracer; a face that is not there has the other one.
+    pub even_surfaces: BTreeMap<Surface, Arc<RgbaImage>>,
     /// What the photo shows through passages.
     pub beyond: Vec<Beyond>,
     /// Boards along the walls.

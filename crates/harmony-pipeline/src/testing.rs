@@ -50,6 +50,7 @@ pub fn empty_room() -> SceneState {
         partial: PartialScene::new(room, camera, None, None),
         objects: BTreeMap::new(),
         surfaces: BTreeMap::new(),
+        even_surfaces: BTreeMap::new(),
         beyond: Vec::new(),
         trims: harmony_mesh::Trims::default(),
         rejected: Vec::new(),

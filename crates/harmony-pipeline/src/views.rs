@@ -19,11 +19,19 @@ use crate::steps::surfaces::{Beyond, panes};
 
 /// The room shell with the textures made so far.
 pub fn shell(state: &SceneState, omit: Vec<Surface>) -> Mesh {
-    let textures = |surface: Surface| state.surfaces.get(&surface).cloned();
+    shell_with(state, omit, &|surface| state.surfaces.get(&surface).cloned())
+}
+
+/// The room shell for the path tracer: without the photo's light where that could be taken out.
+pub fn shell_for_light(state: &SceneState) -> Mesh {
+    shell_with(state, Vec::new(), &|s| state.even_surfaces.get(&s).or_else(|| state.surfaces.get(&s)).cloned())
+}
+
+fn shell_with(state: &SceneState, omit: Vec<Surface>, textures: &dyn Fn(Surface) -> Option<Arc<RgbaImage>>) -> Mesh {
     let options = ShellOptions { omit, trims: state.trims, ..ShellOptions::default() };
     let omitted = |o: &Beyond| options.omit.contains(&o.opening.wall.surface());
     let beyond: Vec<Beyond> = state.beyond.iter().filter(|o| !omitted(o)).cloned().collect();
-    let mut shell = room_shell_with(&state.partial.room, &textures, &options);
+    let mut shell = room_shell_with(&state.partial.room, textures, &options);
     if !beyond.is_empty() {
         shell.append(&panes(&beyond, &state.partial.room.extents));
     }

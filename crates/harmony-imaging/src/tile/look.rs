@@ -10,6 +10,7 @@ use glam::{DMat2, DVec2};
 use image::{Rgba, RgbaImage};
 
 use super::base::{self, Base, Color, Smoothing};
+use super::even;
 use super::fineness::Fineness;
 use super::lattice::{Lattice, Ratios};
 use super::{LEAST_OBSERVED, opaque, quilt, scatter, without_odd_islands};
@@ -56,6 +57,9 @@ const ODD: f32 = 28.0;
 const PIECE: f64 = 0.05;
 /// Fewest squares whose spread says something.
 const LEAST_SQUARES: usize = 30;
+/// Spread of such squares that boards or tiles of one floor have at most, as a logarithm, and what any surface may have.
+const MOST_PIECES: f32 = 0.12;
+const USUAL_PIECES: f32 = 0.03;
 
 /// What the grain of a material is like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -155,6 +159,12 @@ impl Look {
     /// A surface of that material under even light; `width` x `height` texels of the size that it was seen at.
     pub fn paint(&self, width: u32, height: u32) -> RgbaImage {
         RgbaImage::from_fn(width, height, |x, y| opaque(self.times(x, y, self.color)))
+    }
+
+    /// Its colour at a texel, with its pattern and without its grain.
+    fn piece(&self, x: u32, y: u32) -> Color {
+        let pattern = self.pattern.as_ref().map_or([1.0; 3], |p| p.at(f64::from(x) + 0.5, f64::from(y) + 0.5));
+        std::array::from_fn(|c| self.color[c] * pattern[c])
     }
 
     fn times(&self, x: u32, y: u32, light: Color) -> Color {
@@ -333,6 +343,19 @@ impl Survey {
     /// [`Survey::complete`] with another pattern under the light that was seen.
     pub fn complete_as(&self, look: &Look) -> RgbaImage {
         self.completed(look, |x, y, away| look.times(x, y, self.light(x, y, away)))
+    }
+
+    /// The whole surface in a material under even light, for whoever lights it again: what was seen without its light,
+    /// and the material elsewhere; opaque. On a floor (`Grain::Coarse`) boards or tiles differ by as much as the look's do,
+    /// or [`MOST_PIECES`]; what differs by more is light. Elsewhere what differs as much as all that was seen does may be a
+    /// pattern.
+    pub fn even(&self, look: &Look, grain: Grain) -> RgbaImage {
+        let own = self.unevenness().map_or(USUAL_PIECES, |u| u.pieces);
+        let named = self.unevenness_in(look).map_or(0.0, |u| u.pieces);
+        let pieces = if grain == Grain::Coarse { own.min(named.max(MOST_PIECES)) } else { own.max(USUAL_PIECES) };
+        let seen = even::Seen { texture: &self.texture, kept: KEPT, px_per_m: self.px_per_m, pieces };
+        let texture = even::even(&seen, |x, y| look.piece(x, y));
+        Self { texture, ..self.clone() }.completed(look, |x, y, _| look.times(x, y, look.color))
     }
 
     /// How uneven what was seen is; `None` when too little was.

@@ -7,6 +7,7 @@
 
 mod base;
 mod detail;
+mod even;
 mod fineness;
 mod lattice;
 mod look;

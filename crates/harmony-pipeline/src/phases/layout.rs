@@ -117,6 +117,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         partial,
         objects: BTreeMap::new(),
         surfaces: BTreeMap::new(),
+        even_surfaces: BTreeMap::new(),
         beyond: Vec::new(),
         trims: harmony_mesh::Trims::default(),
         rejected: Vec::new(),

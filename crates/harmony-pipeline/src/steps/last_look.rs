@@ -298,16 +298,20 @@ fn recolor_surface(state: &mut SceneState, action: &LastAction) -> (bool, String
         return (false, "there is no colour".to_owned());
     };
     let factor = factors(mean_linear(&old), linear_rgb(rgb));
-    let image = RgbaImage::from_fn(old.width(), old.height(), |x, y| {
-        let [r, g, b, a] = old.get_pixel(x, y).0;
-        let [r, g, b] = scaled([r, g, b], factor);
-        image::Rgba([r, g, b, a])
-    });
+    let recolored = |old: &RgbaImage| {
+        Arc::new(RgbaImage::from_fn(old.width(), old.height(), |x, y| {
+            let [r, g, b, a] = old.get_pixel(x, y).0;
+            let [r, g, b] = scaled([r, g, b], factor);
+            image::Rgba([r, g, b, a])
+        }))
+    };
     let before = difference(state, |own| own == 0);
-    state.surfaces.insert(surface, Arc::new(image));
+    state.surfaces.insert(surface, recolored(&old));
     let (kept, reason) = weighed(before, difference(state, |own| own == 0));
     if !kept {
         state.surfaces.insert(surface, old);
+    } else if let Some(even) = state.even_surfaces.get_mut(&surface) {
+        *even = recolored(even);
     }
     (kept, reason)
 }

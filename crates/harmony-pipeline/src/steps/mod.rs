@@ -19,6 +19,7 @@ pub mod relief;
 pub mod review;
 pub mod second_look;
 pub mod shading;
+pub mod sun;
 pub mod surfaces;
 pub mod texture;
 pub mod turns;

@@ -169,6 +169,7 @@ pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<Rg
         ctx.write_picture_in(Phase::Layout, &format!("textures/{}.png", surface.name()), &opaque)?;
         state.surfaces.insert(surface, Arc::new(image));
     }
+    state.even_surfaces = painted.even.into_iter().map(|(surface, image)| (surface, Arc::new(image))).collect();
     let board = |t: harmony_mesh::Trim| json!({ "height_m": t.height, "depth_m": t.depth, "linear_color": t.color });
     ctx.write_json_in(
         Phase::Layout,

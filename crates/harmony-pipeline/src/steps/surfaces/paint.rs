@@ -44,13 +44,24 @@ struct Piece {
     rows: [u32; 2],
     size: [u32; 2],
     survey: Option<Survey>,
+    grain: Grain,
     px_per_m: f64,
+}
+
+/// A strip's textures and a line about it.
+struct PaintedPiece {
+    image: RgbaImage,
+    even: RgbaImage,
+    note: Value,
 }
 
 /// The faces' textures and a line about each.
 pub struct Painted {
-    /// Opaque.
+    /// In the photo's light; opaque.
     pub textures: BTreeMap<Surface, RgbaImage>,
+    /// Under even light, for whoever lights them again; empty where nobody looked at the photo, for what stands in the
+    /// room is paint on the faces then.
+    pub even: BTreeMap<Surface, RgbaImage>,
     /// What each was made from.
     pub notes: Vec<Value>,
 }
@@ -71,19 +82,23 @@ pub fn paint(faces: &[Face], answer: &[LayoutSurface], room: &Room, is_seen: boo
     let light = Light::of(&pieces, answer);
     let plain = Plain::of(&pieces, room);
     of_one_paint(&mut pieces, answer);
-    let painted: Vec<(RgbaImage, Value)> =
+    let painted: Vec<PaintedPiece> =
         pieces.par_iter().map(|piece| piece.painted(&pieces, &plain, &light, answer)).collect();
-    let mut textures = BTreeMap::new();
-    let mut notes = Vec::new();
-    for face in faces {
-        let mut whole = RgbaImage::new(face.texture.width(), face.texture.height());
-        for (piece, (image, note)) in pieces.iter().zip(&painted).filter(|(p, _)| p.surface == face.surface) {
-            imageops::replace(&mut whole, image, 0, i64::from(piece.rows[0]));
-            notes.push(note.clone());
-        }
-        textures.insert(face.surface, whole);
+    let whole = |of: fn(&PaintedPiece) -> &RgbaImage| {
+        let face = |face: &Face| {
+            let mut whole = RgbaImage::new(face.texture.width(), face.texture.height());
+            for (piece, painted) in pieces.iter().zip(&painted).filter(|(p, _)| p.surface == face.surface) {
+                imageops::replace(&mut whole, of(painted), 0, i64::from(piece.rows[0]));
+            }
+            (face.surface, whole)
+        };
+        faces.iter().map(face).collect::<BTreeMap<_, _>>()
+    };
+    Painted {
+        textures: whole(|p| &p.image),
+        even: if is_seen { whole(|p| &p.even) } else { BTreeMap::new() },
+        notes: painted.iter().map(|p| p.note.clone()).collect(),
     }
-    Painted { textures, notes }
 }
 
 /// The strips of every face. A wainscot goes round the room, whichever wall it was named on.
@@ -141,29 +156,37 @@ impl Piece {
         let grain = if coarse { Grain::Coarse } else { Grain::Fine };
         let fineness = face.fineness.from_row(rows[0] as usize);
         let survey = Survey::of(&texture, &fineness, face.px_per_m, grain, SEED ^ face.surface as u64);
-        Self { surface: face.surface, strip, rows, size: [width, tall], survey, px_per_m: face.px_per_m }
+        Self { surface: face.surface, strip, rows, size: [width, tall], survey, grain, px_per_m: face.px_per_m }
     }
 
     fn seen(&self) -> Option<&Survey> {
         self.survey.as_ref().filter(|s| s.seen_area >= LEAST_SEEN)
     }
 
-    /// The strip's texture.
-    fn painted(&self, all: &[Self], plain: &Plain, light: &Light, answer: &[LayoutSurface]) -> (RgbaImage, Value) {
+    /// The strip's textures.
+    fn painted(&self, all: &[Self], plain: &Plain, light: &Light, answer: &[LayoutSurface]) -> PaintedPiece {
         let named = self.named_pattern(answer);
-        let (image, from) = if let Some(own) = self.seen() {
+        let (look, image, from) = if let Some(own) = self.seen() {
             match named.and_then(|n| named_look(n, &own.look, Some(own), self.px_per_m, SEED)) {
-                Some(look) => (own.complete_as(&look), "what was seen of it, in the named pattern"),
-                None => (own.complete(), "what was seen of it"),
+                Some(look) => {
+                    let image = own.complete_as(&look);
+                    (look, image, "what was seen of it, in the named pattern")
+                }
+                None => (own.look.clone(), own.complete(), "what was seen of it"),
             }
         } else {
             let (look, from) = self.borrowed(all, plain, light, answer);
             let look = named.and_then(|n| named_look(n, &look, None, self.px_per_m, SEED)).unwrap_or(look);
-            match &self.survey {
+            let image = match &self.survey {
                 // The little that was seen stays.
-                Some(survey) => (survey.complete_in(&look), from),
-                None => (look.paint(self.size[0], self.size[1]), from),
-            }
+                Some(survey) => survey.complete_in(&look),
+                None => look.paint(self.size[0], self.size[1]),
+            };
+            (look, image, from)
+        };
+        let even = match &self.survey {
+            Some(survey) => survey.even(&look, self.grain),
+            None => image.clone(),
         };
         let look = self.survey.as_ref().map(|s| &s.look);
         let note = json!({
@@ -172,7 +195,7 @@ impl Piece {
             "from": from, "color": look.map(|l| l.color.map(|c| c.round() as u8)),
             "periods_px": look.and_then(Look::periods).map(|p| p.map(|v| [v.x, v.y])),
         });
-        (image, note)
+        PaintedPiece { image, even, note }
     }
 
     /// The pattern that the answer gives this strip.
