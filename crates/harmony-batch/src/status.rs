@@ -18,8 +18,9 @@ const LISTED: i64 = 200;
 /// Size of the small pictures, pixels.
 const THUMB: u32 = 240;
 
-/// Scenes in `scenes.csv` at most.
-const MOST_ROWS: i64 = 10_000_000;
+/// Numbers of scenes that are read at a time for `scenes.csv`: rows as they come from the database take ten times the
+/// memory of their lines.
+const AT_ONCE: i64 = 10_000;
 
 /// See the module.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -156,27 +157,42 @@ impl Status {
 /// # Errors
 /// [`BatchError::Database`], [`BatchError::File`].
 pub async fn write_table(queue: &Queue, set: &SetRow, folder: &SetFolder) -> Result<(), BatchError> {
-    let mut rows = queue.scenes(set.id, "", MOST_ROWS).await?;
-    rows.sort_by(|a, b| a.scene.cmp(&b.scene));
-    let mut text = String::from("scene,state,stage,cause,seconds,paid_usd,bill_usd,calls,failed,lost,photo\n");
-    for row in rows {
-        let bill = row.bill_usd.map_or_else(String::new, |usd| format!("{usd:.4}"));
-        let (stage, cause) = if row.state == "done" { ("", "") } else { (row.stage.as_str(), row.cause.as_str()) };
-        text += &format!(
-            "{},{},{},{},{:.3},{:.4},{bill},{},{},{},{}\n",
-            quoted(&row.scene),
-            row.state,
-            quoted(stage),
-            quoted(cause),
-            row.busy_ms as f64 / 1000.0,
-            row.paid_usd,
-            row.calls,
-            row.attempts,
-            row.losses,
-            quoted(&row.photo),
-        );
+    let mut lines: Vec<(String, String)> = Vec::new();
+    if let Some((first, last)) = queue.numbers(set.id).await? {
+        let mut begin = first;
+        while begin <= last {
+            let end = begin.saturating_add(AT_ONCE - 1).min(last);
+            let rows = queue.scenes_between(set.id, begin, end).await?;
+            for row in rows {
+                let line = line(&row);
+                lines.push((row.scene, line));
+            }
+            begin = end.saturating_add(1);
+        }
     }
+    lines.sort_unstable();
+    let mut text = String::from("scene,state,stage,cause,seconds,paid_usd,bill_usd,calls,failed,lost,photo\n");
+    text.extend(lines.drain(..).map(|(_, line)| line));
     Ok(harmony_io::write_atomic(&folder.path().join("scenes.csv"), text.as_bytes())?)
+}
+
+/// A scene's line of `scenes.csv`.
+fn line(row: &SceneRow) -> String {
+    let bill = row.bill_usd.map_or_else(String::new, |usd| format!("{usd:.4}"));
+    let (stage, cause) = if row.state == "done" { ("", "") } else { (row.stage.as_str(), row.cause.as_str()) };
+    format!(
+        "{},{},{},{},{:.3},{:.4},{bill},{},{},{},{}\n",
+        quoted(&row.scene),
+        row.state,
+        quoted(stage),
+        quoted(cause),
+        row.busy_ms as f64 / 1000.0,
+        row.paid_usd,
+        row.calls,
+        row.attempts,
+        row.losses,
+        quoted(&row.photo),
+    )
 }
 
 /// A field of a CSV file.

@@ -30,6 +30,7 @@ pub struct Origin {
     /// Where unset, what the licence says; an unknown licence: no.
     pub redistributable: Option<bool>,
     pub blur: String,
+    pub faces: String,
     pub note: String,
 }
 
@@ -80,6 +81,7 @@ pub fn add(
         sha256: hash,
         redistributable: if may { YesNo::Yes } else { YesNo::No },
         blur: origin.blur.clone(),
+        faces: origin.faces.clone(),
         note: origin.note.clone(),
     });
     if let Err(error) = sources::save(root, &rows) {

@@ -204,6 +204,11 @@ fn scene(root: &Path, id: &SceneId, row: Option<&Source>, config: &Config, relea
     };
     let size = photo_of(&folder, row, released, notes);
     licence(row, config, notes);
+    if row.redistributable == YesNo::Yes && !row.is_looked_at() {
+        let what = "nobody looked for faces in the photo, which is published: `harmony dataset faces`, or look and say so in \
+                    the column faces of sources.csv";
+        notes.add(Severity::Warning, Kind::Missing, what);
+    }
     if !complete {
         return;
     }

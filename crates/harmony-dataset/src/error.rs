@@ -52,6 +52,12 @@ pub enum DatasetError {
     /// The folder holds no data set.
     #[error("{0} holds no data set (dataset.json is missing)")]
     NoDataset(PathBuf),
+    /// A scene's folder holds no photo.
+    #[error("there is no photo in {0}")]
+    NoPhoto(PathBuf),
+    /// The photo in a scene's folder is not the one that the list of sources is about.
+    #[error("{0} has another photo than the one whose hash sources.csv has")]
+    OtherPhoto(String),
     /// The folder holds no finished run.
     #[error("{folder} is no finished run: {missing} is missing")]
     NoRun {
@@ -94,6 +100,9 @@ impl DatasetError {
             Self::Picture { source, .. } => source.hint(),
             Self::Exists(_) => Some("choose another folder, or move this one away; nothing was overwritten"),
             Self::NoDataset(_) => Some("make one with `harmony dataset init`"),
+            Self::NoPhoto(_) | Self::OtherPhoto(_) => {
+                Some("`harmony dataset check` lists what else is missing or wrong")
+            }
             Self::NoRun { .. } => Some("give the folder of a run that `harmony reconstruct` finished"),
             Self::NoRuns(_) => Some("give folders of runs, or a folder that holds them"),
             Self::Faults(_) => Some("`harmony dataset check` lists them"),

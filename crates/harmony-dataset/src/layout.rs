@@ -68,6 +68,8 @@ pub const MASKS: &str = "masks";
 pub const DATASET: &str = "dataset.json";
 /// Where each photo is from.
 pub const SOURCES: &str = "sources.csv";
+/// Folder of the answers to the question where faces are, in the working folder alone.
+pub const FACES: &str = "faces";
 
 /// Files that every scene must have, beside its photo.
 pub const REQUIRED: [&str; 8] =

@@ -15,6 +15,7 @@
 //! | [`sources`] | `sources.csv`: where each photo is from and what may be done with it |
 //! | [`licences`] | what known licences allow |
 //! | [`add`] | a finished run becomes a scene |
+//! | [`faces`] | faces that somebody found become regions to blur |
 //! | [`photo`] | photos without metadata, blurred regions |
 //! | [`records`] | what the files of a scene say |
 //! | [`check`] | what is missing, wrong or not licensed |
@@ -29,6 +30,7 @@ pub mod check;
 pub mod config;
 pub mod croissant;
 mod error;
+pub mod faces;
 pub mod gallery;
 pub mod layout;
 pub mod licences;

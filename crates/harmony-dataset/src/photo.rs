@@ -55,7 +55,7 @@ pub fn export(bytes: &[u8], blur: &[[u32; 4]]) -> Result<Exported, PictureError>
 }
 
 /// Decodes within limits, and turns as EXIF says; whether it turned.
-fn upright(bytes: &[u8]) -> Result<(RgbImage, bool), PictureError> {
+pub(crate) fn upright(bytes: &[u8]) -> Result<(RgbImage, bool), PictureError> {
     // The limits are those of every picture; the second look is for the orientation alone.
     let mut image = picture::decode(bytes)?;
     let orientation = ImageReader::new(Cursor::new(bytes))

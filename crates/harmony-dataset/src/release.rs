@@ -255,7 +255,7 @@ fn manifest(config: &Config, records: &[Record]) -> Value {
                 "photo": {
                     "included": r.photo.is_some(), "sha256_of_original": s.sha256, "source": s.source, "url": s.source_url,
                     "author": s.author, "licence": s.licence, "licence_url": url, "retrieved_at": s.retrieved_at,
-                    "blurred_regions": s.boxes().map_or(0, |b| b.len()),
+                    "blurred_regions": s.boxes().map_or(0, |b| b.len()), "looked_for_faces": s.faces,
                 },
                 // Textures of the scene are cut from the photo and follow its licence, too.
                 "textures": { "licence": s.licence, "made_from": "the photo, and whoever is named as image_editor" },

@@ -2,7 +2,7 @@
 //! Key `data.sources`.
 //!
 //! Paper: "Per-scene source URLs are listed in the csv file included in the dataset." One row a scene; the columns are
-//! those of [`Source`], in any order, and no others.
+//! those of [`Source`], in any order, and no others. `faces` may be missing: lists of earlier versions have none.
 
 use std::path::Path;
 
@@ -47,6 +47,10 @@ pub struct Source {
     pub redistributable: YesNo,
     /// Regions that are blurred on export, `x0 y0 x1 y1` in pixels of the upright photo, separated by `;`.
     pub blur: String,
+    /// Who looked for faces in the photo, separated by `;`: a detector and its model, `by hand`, ... Empty = nobody did, as
+    /// far as anybody knows. A photo without a face has a name here and no region in `blur`.
+    #[serde(default)]
+    pub faces: String,
     /// Anything else.
     pub note: String,
 }
@@ -73,6 +77,11 @@ impl Source {
     /// Text that is no list of boxes.
     pub fn boxes(&self) -> Result<Vec<[u32; 4]>, DatasetError> {
         parse_boxes(&self.blur)
+    }
+
+    /// Whether somebody looked for faces: it is written so, or there are regions.
+    pub fn is_looked_at(&self) -> bool {
+        !self.faces.trim().is_empty() || !self.blur.trim().is_empty()
     }
 }
 
@@ -152,7 +161,7 @@ pub fn save(root: &Path, rows: &[Source]) -> Result<(), DatasetError> {
 }
 
 /// The columns.
-pub const COLUMNS: [&str; 15] = [
+pub const COLUMNS: [&str; 16] = [
     "split",
     "name",
     "source",
@@ -167,6 +176,7 @@ pub const COLUMNS: [&str; 15] = [
     "sha256",
     "redistributable",
     "blur",
+    "faces",
     "note",
 ];
 
@@ -204,6 +214,7 @@ mod tests {
             sha256: "00".into(),
             redistributable: YesNo::Yes,
             blur: String::new(),
+            faces: String::new(),
             note: String::new(),
         };
         save(folder.path(), std::slice::from_ref(&row)).unwrap();
@@ -215,15 +226,28 @@ mod tests {
     }
 
     #[test]
+    fn a_list_of_before_the_column_of_faces_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let old: Vec<&str> = COLUMNS.into_iter().filter(|c| *c != "faces").collect();
+        let rows = "easy,b_01,,,,,,,,1,1,,yes,1 2 3 4,first\neasy,b_02,,,,,,,,1,1,,yes,,\n";
+        std::fs::write(folder.path().join(SOURCES), format!("{}\n{rows}", old.join(","))).unwrap();
+        let rows = load(folder.path()).unwrap();
+        assert_eq!((rows[0].faces.as_str(), rows[0].note.as_str(), rows[0].is_looked_at()), ("", "first", true));
+        assert!(!rows[1].is_looked_at(), "no regions, and nobody's name");
+        save(folder.path(), &rows).unwrap();
+        assert_eq!(load(folder.path()).unwrap(), rows);
+    }
+
+    #[test]
     fn a_broken_list_is_refused_with_its_line() {
         let folder = tempfile::tempdir().unwrap();
         let head = COLUMNS.join(",");
         for (text, wanted) in [
-            (format!("{head}\nhard,bedroom_01,,,,,,,,1,1,,yes,,\n"), "line 2"),
-            (format!("{head}\neasy,bedroom_01,a\n"), "3 fields in place of 15"),
-            (format!("{head}\neasy,b_01,,,,,,,,x,1,,yes,,\n"), "line 2"),
+            (format!("{head}\nhard,bedroom_01,,,,,,,,1,1,,yes,,,\n"), "line 2"),
+            (format!("{head}\neasy,bedroom_01,a\n"), "3 fields in place of 16"),
+            (format!("{head}\neasy,b_01,,,,,,,,x,1,,yes,,,\n"), "line 2"),
             ("split,name\neasy,b_01\n".to_owned(), "missing field"),
-            (format!("{head},extra\neasy,b_01,,,,,,,,1,1,,yes,,,z\n"), "extra"),
+            (format!("{head},extra\neasy,b_01,,,,,,,,1,1,,yes,,,,z\n"), "extra"),
         ] {
             std::fs::write(folder.path().join(SOURCES), text).unwrap();
             let error = load(folder.path()).unwrap_err();

@@ -184,15 +184,42 @@ impl Queue {
             .collect()
     }
 
-    /// Scenes of a set in a state (empty = all), the last to end first, at most so many.
+    /// Scenes of a set in a state (empty = all), the last to end first, at most so many. Of a state they are the end of an
+    /// index, however many there are; of all they are sorted.
     ///
     /// # Errors
     /// [`BatchError::Database`].
     pub async fn scenes(&self, set: i64, state: &str, most: i64) -> Result<Vec<SceneRow>, BatchError> {
+        let of_state = if state.is_empty() { "$2 = ''" } else { "state = $2" };
         let query = self.sql(&format!(
-            "SELECT {SCENE} FROM harmony_jobs WHERE set_id = $1 AND ($2 = '' OR state = $2) ORDER BY ended DESC, id LIMIT $3"
+            "SELECT {SCENE} FROM harmony_jobs WHERE set_id = $1 AND {of_state} ORDER BY ended DESC, id LIMIT $3"
         ));
         let rows = sqlx::query(query).bind(set).bind(state).bind(most).fetch_all(&self.pool).await;
+        rows.map_err(|e| self.fail(&e))?.iter().map(|row| self.scene_row(row)).collect()
+    }
+
+    /// The first and the last number of a set's scenes; `None` when it has none.
+    ///
+    /// # Errors
+    /// [`BatchError::Database`].
+    pub async fn numbers(&self, set: i64) -> Result<Option<(i64, i64)>, BatchError> {
+        let query = sqlx::query(
+            "SELECT COALESCE(min(id), 0) AS first, COALESCE(max(id), -1) AS last FROM harmony_jobs WHERE set_id = $1",
+        );
+        let row = query.bind(set).fetch_one(&self.pool).await.map_err(|e| self.fail(&e))?;
+        let (first, last) = (self.read(&row, "first")?, self.read(&row, "last")?);
+        Ok((first <= last).then_some((first, last)))
+    }
+
+    /// Scenes of a set whose numbers are in a range, both ends among them: a part of a set that would not fit into memory.
+    ///
+    /// # Errors
+    /// [`BatchError::Database`].
+    pub async fn scenes_between(&self, set: i64, first: i64, last: i64) -> Result<Vec<SceneRow>, BatchError> {
+        // `+`: without it SQLite takes an index of the set and looks at all its scenes for each range.
+        let query = self
+            .sql(&format!("SELECT {SCENE} FROM harmony_jobs WHERE +set_id = $1 AND id BETWEEN $2 AND $3 ORDER BY id"));
+        let rows = sqlx::query(query).bind(set).bind(first).bind(last).fetch_all(&self.pool).await;
         rows.map_err(|e| self.fail(&e))?.iter().map(|row| self.scene_row(row)).collect()
     }
 

@@ -1,13 +1,19 @@
 //! What a job costs the queue, however many there are.
 
-use std::path::PathBuf;
-use std::time::Instant;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-use harmony_batch::queue::{Ended, NewJob, NewSet};
-use harmony_batch::{Queue, QueueAddress};
+use harmony_batch::queue::{Ended, NewJob, NewSet, SetRow, SharedPlayers};
+use harmony_batch::status::{Status, write_table};
+use harmony_batch::{Queue, QueueAddress, SetFolder};
+use harmony_calls::{PlayerLimits, SharedAsk, SharedLimits as _, SharedOver, SharedTurn};
+use harmony_roles::Role;
 
 use crate::fleet::folder;
 use crate::server::Server;
+
+/// Turns that are timed.
+const TURNS: u32 = 500;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -72,6 +78,7 @@ pub async fn run(args: &Args) -> Result<(), String> {
     }
     let ends = args.end.unwrap_or(args.jobs).min(args.jobs);
     let part = (ends / 10).max(1);
+    let turn = turns(&queue, &set).await?;
     let mut ended = Vec::new();
     let mut done = 0;
     let mut before = i64::MAX;
@@ -97,11 +104,17 @@ pub async fn run(args: &Args) -> Result<(), String> {
     if counts.done != ends as i64 || counts.all() != args.jobs as i64 {
         return Err(format!("{counts:?}"));
     }
+    drop(jobs);
+    let looked = looks(&queue, &set, &root).await?;
     let row = |values: &[f64]| values.iter().map(|v| format!("{v:.3}")).collect::<Vec<_>>().join(" ");
     println!("{} jobs, {}", args.jobs, if args.postgres { "PostgreSQL" } else { "SQLite" });
     println!("queued, ms a job by tenths:            {}", row(&queued));
     println!("claimed and ended, ms a job by tenths: {}", row(&ended));
+    println!("a turn at a player and its end: {turn:.3} ms");
     println!("status of all: {counted:.1} ms");
+    for (what, ms, mib) in looked {
+        println!("{what}: {ms:.1} ms, {mib}");
+    }
     if args.postgres {
         queue.close().await;
     } else {
@@ -114,4 +127,64 @@ pub async fn run(args: &Args) -> Result<(), String> {
         return Err(format!("the last tenth costs {ratio:.2} times the first"));
     }
     Ok(())
+}
+
+/// What a call costs the queue: milliseconds for a turn and its end, one after the other, of a scene that goes back then.
+async fn turns(queue: &Queue, set: &SetRow) -> Result<f64, String> {
+    let text = |e: harmony_batch::BatchError| e.to_string();
+    let job = queue.claim(set, "turns").await.map_err(text)?.ok_or("no job")?;
+    let players = SharedPlayers::new(queue.clone(), (set.id, job.id, job.token), "here".to_owned());
+    let ask = SharedAsk {
+        role: Role::VisionLanguage,
+        player: "trial".to_owned(),
+        model: "m".to_owned(),
+        places: 8,
+        limits: PlayerLimits::default(),
+        expected_usd: Some(0.0),
+    };
+    let clock = Instant::now();
+    for _ in 0..TURNS {
+        let SharedTurn::Go(number) = players.take(&ask).await else { return Err("no turn".to_owned()) };
+        players.settle(number, SharedOver::default()).await;
+        players.flush(Duration::from_secs(30)).await;
+    }
+    let ms = clock.elapsed().as_secs_f64() * 1e3 / f64::from(TURNS);
+    queue.finish(&job, &Ended::Again { wait_ms: 0 }, None).await.map_err(text)?;
+    Ok(ms)
+}
+
+/// What is done once for all scenes of a set: milliseconds, and the memory that the program took at most meanwhile.
+async fn looks(queue: &Queue, set: &SetRow, root: &Path) -> Result<Vec<(&'static str, f64, String)>, String> {
+    let text = |e: harmony_batch::BatchError| e.to_string();
+    let folder = SetFolder::make(&root.join("set"), None, &[], "", "trial").map_err(text)?;
+    let mut looked = Vec::new();
+    let clock = begin();
+    let status = Status::of(queue, &set.name).await.map_err(text)?;
+    status.write(&folder).map_err(text)?;
+    looked.push(("status and page", clock.elapsed().as_secs_f64() * 1e3, peak()));
+    let clock = begin();
+    write_table(queue, set, &folder).await.map_err(text)?;
+    looked.push(("scenes.csv", clock.elapsed().as_secs_f64() * 1e3, peak()));
+    let lines = std::fs::read_to_string(folder.path().join("scenes.csv")).map_err(|e| e.to_string())?.lines().count();
+    if lines as i64 != status.counts.all() + 1 {
+        return Err(format!("scenes.csv has {lines} lines"));
+    }
+    let clock = begin();
+    queue.names(set.id).await.map_err(text)?;
+    looked.push(("names of all", clock.elapsed().as_secs_f64() * 1e3, peak()));
+    Ok(looked)
+}
+
+/// Begins to measure: forgets how much memory was taken at most until now, where the system can.
+fn begin() -> Instant {
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+    Instant::now()
+}
+
+/// Memory that was taken at most since, in words; off Linux nobody knows.
+fn peak() -> String {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kib = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<f64>().ok());
+    kib.map_or_else(|| "memory not known".to_owned(), |kib| format!("{:.0} MiB at most", kib / 1024.0))
 }

@@ -1,7 +1,8 @@
 //! Databases that are no queue, and what a second call changes.
 
 use harmony_batch::queue::{Ended, JobResult, NewJob};
-use harmony_batch::{BatchError, Queue, QueueAddress};
+use harmony_batch::status::write_table;
+use harmony_batch::{BatchError, Queue, QueueAddress, SetFolder};
 use sqlx::Executor as _;
 
 use crate::common::new_set;
@@ -46,6 +47,39 @@ async fn a_database_of_another_schema_is_refused_and_left_as_it_is() {
     let error = Queue::open(&QueueAddress::File(folder.path().join("none")), 1).await.unwrap_err();
     assert!(error.to_string().contains("no such file"), "{error}");
     assert!(!folder.path().join("none").exists());
+}
+
+#[tokio::test]
+async fn the_table_of_a_large_set_has_each_scene_once_whatever_lies_between() {
+    let folder = tempfile::tempdir().unwrap();
+    let queue = Queue::create(&QueueAddress::File(folder.path().join("q")), 2).await.unwrap();
+    let set = queue.put_set(&new_set("set")).await.unwrap();
+    let other = queue.put_set(&new_set("other")).await.unwrap();
+    let scene = |i: i64| format!("room_{:05}", (i * 7919) % 25_000);
+    let jobs = |range: std::ops::Range<i64>| {
+        range
+            .map(|i| NewJob { scene: scene(i), photo: "p.jpg".into(), hash: i.to_string(), priority: 0 })
+            .collect::<Vec<_>>()
+    };
+    let out = SetFolder::make(&folder.path().join("set"), None, &[], "", "test").unwrap();
+    write_table(&queue, &set, &out).await.unwrap();
+    let table = || std::fs::read_to_string(out.path().join("scenes.csv")).unwrap();
+    assert_eq!(table().lines().count(), 1, "an empty set has a head alone");
+    // More than one range of numbers is read at a time, another set's among them.
+    queue.enqueue(set.id, &jobs(0..9_000)).await.unwrap();
+    queue.enqueue(other.id, &jobs(0..11_000)).await.unwrap();
+    queue.enqueue(set.id, &jobs(9_000..25_000)).await.unwrap();
+    let job = queue.claim(&set, "one").await.unwrap().unwrap();
+    queue.finish(&job, &Ended::Done, Some(0.5)).await.unwrap();
+    write_table(&queue, &set, &out).await.unwrap();
+    let text = table();
+    let names: Vec<&str> = text.lines().skip(1).filter_map(|line| line.split(',').next()).collect();
+    let wanted: Vec<String> = (0..25_000).map(|i| format!("room_{i:05}")).collect();
+    assert!(names.iter().eq(wanted.iter()), "{} lines", names.len());
+    let of = |state: &str| text.lines().filter(|line| line.split(',').nth(1) == Some(state)).count();
+    assert_eq!((of("done"), of("queued")), (1, 24_999));
+    assert_eq!(queue.scenes(set.id, "done", 10).await.unwrap().len(), 1);
+    assert_eq!(queue.scenes(set.id, "", 10).await.unwrap()[0].scene, scene(0), "the last to end goes first");
 }
 
 async fn tables(path: &std::path::Path) -> Vec<String> {

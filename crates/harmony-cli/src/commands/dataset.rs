@@ -16,6 +16,8 @@ use harmony_dataset::stats::Stats;
 use crate::display::hinted;
 use crate::{EXIT_INCOMPLETE, EXIT_OK, say, tell};
 
+mod faces;
+
 /// Arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -38,6 +40,14 @@ enum Command {
 Example:
   harmony dataset add rooms run --split medium --source own --author Ada --licence CC0-1.0")]
     Add(Box<AddArgs>),
+    /// Ask the detector where faces are in the photos that are published, so that a release blurs them.
+    #[command(after_help = "\
+Examples:
+  harmony dataset faces rooms --profile paper
+      every photo that is published; regions given by hand stay
+  harmony dataset faces rooms --profile local --local-only --only-new
+      those that nobody looked at, and no photo leaves this machine")]
+    Faces(faces::FacesArgs),
     /// Make a release: photos without metadata, faces blurred, licences, card, index, shards, hashes.
     #[command(after_help = "Example:\n  harmony dataset build rooms --out release")]
     Build(BuildArgs),
@@ -113,6 +123,9 @@ struct AddArgs {
     /// Regions to blur on export, "x0 y0 x1 y1; ..." in pixels of the upright photo: faces, number plates.
     #[arg(long, default_value = "")]
     blur: String,
+    /// Who looked for faces, if somebody did: "by hand"; a photo with regions counts as looked at.
+    #[arg(long, default_value = "")]
+    faces: String,
     /// Anything else.
     #[arg(long, default_value = "")]
     note: String,
@@ -158,6 +171,7 @@ pub fn run(args: Args) -> Result<u8> {
             Ok(EXIT_OK)
         }
         Command::Add(args) => run_add(*args),
+        Command::Faces(args) => faces::run(&args),
         Command::Build(args) => run_build(&args),
         Command::Check(args) => run_check(&args),
         Command::Stats(args) => run_stats(&args),
@@ -187,6 +201,7 @@ fn run_add(args: AddArgs) -> Result<u8> {
         retrieved_at: args.retrieved_at,
         redistributable: args.redistributable,
         blur: args.blur,
+        faces: args.faces,
         note: args.note,
     };
     let id = add(&args.root, &args.run, split, args.room_type.as_deref(), &origin).map_err(failed)?;

@@ -7,6 +7,7 @@ mod batch;
 #[cfg(unix)]
 mod blender;
 mod common;
+mod faces;
 mod first_day;
 mod joined;
 mod killed;

@@ -30,6 +30,23 @@ fn a_sound_data_set_has_no_fault() {
 }
 
 #[test]
+fn a_published_photo_that_nobody_looked_at_for_faces_is_a_warning() {
+    let set = set();
+    let mut rows = sources::load(&set.root()).unwrap();
+    for row in &mut rows {
+        row.faces.clear();
+    }
+    // One with regions, one that is not published.
+    rows[1].blur = "10 10 40 40".into();
+    rows[2].redistributable = YesNo::No;
+    sources::save(&set.root(), &rows).unwrap();
+    assert_eq!(faults(&set), []);
+    let found = check(&set.root()).unwrap().findings;
+    let told: Vec<&str> = found.iter().filter(|f| f.what.contains("for faces")).map(|f| f.scene.as_str()).collect();
+    assert_eq!(told, [rows[0].id().path(), rows[3].id().path()]);
+}
+
+#[test]
 fn what_the_program_builds_is_its_own_whatever_the_source_is_called() {
     let set = set();
     json(&set.root().join("medium/bedroom_02/provenance.json"), |v| {

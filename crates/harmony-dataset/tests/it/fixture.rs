@@ -192,6 +192,7 @@ pub fn origin() -> Origin {
         author: "A. Photographer".into(),
         licence: "pexels".into(),
         retrieved_at: "2026-01-02".into(),
+        faces: "by hand".into(),
         ..Origin::default()
     }
 }
