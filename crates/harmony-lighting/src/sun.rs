@@ -263,7 +263,9 @@ impl Residual {
         for surface in &surfaces {
             let mut own: Vec<f64> = surface.iter().map(|i| places.all[*i].map_or(0.0, |p| p.stops)).collect();
             let middle = crate::view::median(&mut own.clone());
-            own.iter_mut().for_each(|v| *v = (*v - middle).clamp(-MOST_STOPS, MOST_STOPS));
+            for v in &mut own {
+                *v = (*v - middle).clamp(-MOST_STOPS, MOST_STOPS);
+            }
             for (i, v) in surface.iter().zip(without_plane(&own, surface, places.columns)) {
                 values[*i] = v;
             }

@@ -205,8 +205,8 @@ mod tests {
     /// Boards 12 cm wide with dark joints and tones of their own, 3 m x 2 m.
     fn boards(x: u32, y: u32) -> Color {
         let tone = [1.0, 0.94, 1.05, 0.97][(x / 12 % 4) as usize];
-        let joint = if x % 12 == 0 { 0.7 } else { 1.0 };
-        let grain = 1.0 + 0.02 * f32::from(u8::from((x * 7 + y * 13) % 5 == 0));
+        let joint = if x.is_multiple_of(12) { 0.7 } else { 1.0 };
+        let grain = 1.0 + 0.02 * f32::from(u8::from((x * 7 + y * 13).is_multiple_of(5)));
         [150.0, 110.0, 80.0].map(|c| c * tone * joint * grain)
     }
 
@@ -237,7 +237,7 @@ mod tests {
         assert!((inside / outside - 1.0).abs() < 0.1, "{inside} and {outside}");
         // Across the lower edge, on one board: no step and no halo, and a faint line where a cell lies on the edge.
         let steps: Vec<f64> = (130..168).map(|y| red(&floor, 98..106, y..y + 2)).collect();
-        let middle = (steps[0] + steps[37]) / 2.0;
+        let middle = f64::midpoint(steps[0], steps[37]);
         let far = |limit: f64| steps.iter().filter(|s| (*s / middle - 1.0).abs() > limit).count();
         assert!(far(0.12) <= 4 && far(0.35) == 0, "{steps:?}");
         let joint = red(&floor, 120..121, 70..130) / red(&floor, 124..130, 70..130);
@@ -252,7 +252,7 @@ mod tests {
         // To the colour that the material has, which is not quite the mean of these boards.
         assert!(off / f64::from(300 * 200) < 8.0, "{}", off / f64::from(300 * 200));
         let tones = red(&floor, 86..95, 50..150) / red(&floor, 74..83, 50..150);
-        assert!(tones < 0.98 || tones > 1.02, "boards keep their tones: {tones}");
+        assert!(!(0.98..=1.02).contains(&tones), "boards keep their tones: {tones}");
     }
 
     #[test]

@@ -99,12 +99,12 @@ fn places(state: &SceneState, things: &[Thing]) -> Places {
             .iter()
             .filter_map(|t| Some((t.solid.raycast(ray.origin, ray.direction, FAR)?, t)))
             .min_by(|a, b| a.0.distance.total_cmp(&b.0.distance));
-        let (point, normal, surface, own) = match hit {
-            Some((hit, t)) => (hit.point, hit.normal, 100 + t.index, t.mask.get(i64::from(x), i64::from(y))),
-            None => {
-                let exit = faces.exit(&ray)?;
-                (exit.point, exit.normal, exit.surface as u32, !taken.get(i64::from(x), i64::from(y)))
-            }
+        let (px, py) = (i64::from(x), i64::from(y));
+        let (point, normal, surface, own) = if let Some((hit, t)) = hit {
+            (hit.point, hit.normal, 100 + t.index, t.mask.get(px, py))
+        } else {
+            let exit = faces.exit(&ray)?;
+            (exit.point, exit.normal, exit.surface as u32, !taken.get(px, py))
         };
         let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
         own.then(|| Place { point, normal, surface, stops: f64::from(luminance.log2()) })
