@@ -49,9 +49,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::copy(&glb, out.join("6_lighting/scene_for_light.glb"))?;
     let mut job = CyclesJob::lit(glb, camera, lighting.clone());
     job.room = Some(scene.room.extents);
-    let mut nodes: Vec<FieldNode> =
-        FACES.iter().map(|(name, kind)| FieldNode { name: (*name).to_owned(), kind }).collect();
-    nodes.extend(scene.objects.iter().map(|o| FieldNode { name: o.id.to_string(), kind: "object" }));
+    let mut nodes: Vec<FieldNode> = FACES.iter().map(|(name, kind)| FieldNode::new(name, kind)).collect();
+    nodes.extend(scene.objects.iter().map(|o| FieldNode::new(o.id.as_str(), "object")));
 
     let size = camera.size.fit_within(MEASURED);
     let mut measure =

@@ -20,9 +20,9 @@ use crate::view::median;
 pub const COLUMNS: u32 = 48;
 /// Widths of the smoothing, shares of the image width.
 const SIGMAS: [f64; 2] = [0.06, 0.02];
-/// The same on the room's faces, whose textures come without the photo's light: what is left is light that the fit lacks,
-/// and an outline of it on the floor would be seen from above.
-const FACE_SIGMAS: [f64; 2] = [0.12, 0.06];
+/// The same where the texture comes without the photo's light: what is left is light that the fit lacks, and an outline of
+/// it on the floor would be seen from above.
+const EVEN_SIGMAS: [f64; 2] = [0.12, 0.06];
 /// Largest factor of a field, and its inverse the smallest, stops.
 const MOST_STOPS: f32 = 2.5;
 /// A channel this near to the smallest factor, stops, wants less than the surface's gloss gives; so much of it is left
@@ -51,12 +51,19 @@ pub struct FieldNode {
     pub name: String,
     /// What unseen nodes learn from: the nodes of the same kind (walls from walls, objects from objects).
     pub kind: &'static str,
+    /// Whether its texture is one under even light, rather than the photo's.
+    pub is_even: bool,
 }
 
 impl FieldNode {
+    /// A node whose texture holds the photo's light.
+    pub fn new(name: &str, kind: &'static str) -> Self {
+        Self { name: name.to_owned(), kind, is_even: false }
+    }
+
     /// One material of a node.
     pub fn part(node: &str, material: &str, kind: &'static str) -> Self {
-        Self { name: format!("{node}/{material}"), kind }
+        Self::new(&format!("{node}/{material}"), kind)
     }
 
     /// The node's name in the GLB.
@@ -119,7 +126,7 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
                 ratio.iter().zip(&weights).filter(|(_, w)| **w > 0.0).map(|(r, _)| f64::from(r[c])).collect();
             median(&mut all) as f32
         });
-        let sigmas = if node.kind == "object" { SIGMAS } else { FACE_SIGMAS };
+        let sigmas = if node.is_even { EVEN_SIGMAS } else { SIGMAS };
         let step = local_step(&ratio, &weights, middle, size, sigmas);
         let before = field.nodes.get(&node.name);
         let old_mean = before.map_or(field.other, |b| b.mean).map(f32::log2);
@@ -281,7 +288,7 @@ mod tests {
     #[test]
     fn each_material_of_a_thing_has_its_own_factor_and_an_unseen_one_takes_its_neighbours() {
         let parts: Vec<FieldNode> = ["wood", "cover", "feet"].map(|m| FieldNode::part("bed_01", m, "object")).to_vec();
-        let lamp = FieldNode { name: "lamp_01".into(), kind: "object" };
+        let lamp = FieldNode::new("lamp_01", "object");
         // Above the wood, below the cover, which the render shows twice and eight times too bright; a lamp that is right.
         let photo = image(|_, _| [0.2, 0.01, 0.03]);
         let render = image(|_, y| if y < 0.4 { [0.2, 0.02, 0.06].map(|v| v + DARK) } else { [0.8, 0.1, 0.2] });
@@ -298,7 +305,7 @@ mod tests {
 
     fn nodes() -> Vec<FieldNode> {
         [("back", "wall"), ("floor", "floor"), ("left", "wall"), ("chair_01", "object")]
-            .map(|(name, kind)| FieldNode { name: name.into(), kind })
+            .map(|(name, kind)| FieldNode::new(name, kind))
             .to_vec()
     }
 

@@ -3,10 +3,11 @@
 //! For each direction of the sky that an opening lets in, the places that the sun would reach are known: a ray towards it
 //! leaves through an opening and meets nothing before. The direction whose patches explain most of the photo's brightness
 //! within its surfaces is the sun's, where the photo is brighter by a step at the patches' edges; a window's own daylight
-//! brightens what is near it, but makes no edge.
+//! brightens what is near it, but makes no edge. Key `light.sun`.
 
 use glam::DVec3;
 use harmony_scene::{Light, LightKind, Opening, Room};
+use serde::Serialize;
 
 /// Directions are tried in steps of so many degrees, then ever finer around the best ones.
 const STEP_DEG: f64 = 5.0;
@@ -64,11 +65,12 @@ pub struct Places {
 }
 
 /// A sun that the photo speaks for.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FoundSun {
     /// The light, before its strength is fitted.
     pub light: Light,
     /// By how much its patches are brighter at their edges, stops.
+    #[serde(rename = "step_stops")]
     pub step: f64,
     /// Share of the brightness within surfaces that it explains.
     pub explained: f64,
@@ -82,7 +84,7 @@ pub fn find_sun(
     blocked: &dyn Fn(DVec3, DVec3, f64) -> bool,
 ) -> Option<FoundSun> {
     let search = Search { residual: Residual::of(places)?, places, room, openings, blocked };
-    let mut tried: Vec<(f64, Sky)> = search.skies().into_iter().map(|sky| (search.explained(sky).0, sky)).collect();
+    let mut tried: Vec<(f64, Sky)> = search.skies().into_iter().map(|sky| (search.explained(sky), sky)).collect();
     tried.retain(|(explained, _)| *explained > 0.0);
     tried.sort_by(|a, b| b.0.total_cmp(&a.0));
     let (explained, sky) =
@@ -178,13 +180,12 @@ impl Search<'_> {
         (way > 0.0 && within(at.x, opening.u) && within(at.y, opening.y)).then_some(way)
     }
 
-    /// Share of the brightness that a direction's patches explain (negative where they are darker), and the stops by
-    /// which they are brighter.
-    fn explained(&self, sky: Sky) -> (f64, f64) {
+    /// Share of the brightness that a direction's patches explain; negative where they are darker.
+    fn explained(&self, sky: Sky) -> f64 {
         let reached = self.reached(sky);
         let share = reached.iter().filter(|r| **r).count() as f64 / self.residual.count.max(1) as f64;
         if !(REACHED[0]..=REACHED[1]).contains(&share) {
-            return (0.0, 0.0);
+            return 0.0;
         }
         self.residual.explained(self.places, &reached)
     }
@@ -200,7 +201,7 @@ impl Search<'_> {
                         azimuth: best.azimuth + a,
                         height: (best.height + h).clamp(HEIGHT_DEG[0], HEIGHT_DEG[1]),
                     })
-                    .map(|sky| (self.explained(sky).0, sky));
+                    .map(|sky| (self.explained(sky), sky));
                 let Some((explained, sky)) = next.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
                 if explained <= most + 1e-9 {
                     break;
@@ -275,7 +276,7 @@ impl Residual {
         (squares > 0.0).then_some(Self { values, surfaces, squares, count })
     }
 
-    fn explained(&self, places: &Places, reached: &[bool]) -> (f64, f64) {
+    fn explained(&self, places: &Places, reached: &[bool]) -> f64 {
         let (mut both, mut own) = (0.0, 1e-9);
         for surface in &self.surfaces {
             let mask: Vec<f64> = surface.iter().map(|i| f64::from(u8::from(reached[*i]))).collect();
@@ -288,7 +289,7 @@ impl Residual {
                 own += m * m;
             }
         }
-        (both * both.abs() / (own * self.squares), both / own)
+        both * both.abs() / (own * self.squares)
     }
 }
 

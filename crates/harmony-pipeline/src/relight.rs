@@ -10,15 +10,15 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use harmony_lighting::{
-    Assessment, Comparison, FieldNode, FitOptions, FoundSun, Judgement, LightPass, LightingDelta, LinearImage,
-    Measured, PictureError, SceneFit, ViewTable, assess, display_linear, fit_scene, is_found_sun, is_unseen_window,
-    judge, neutral_field, picture_error, propose, unseen_windows, updated_field,
+    Assessment, Comparison, FieldNode, FitOptions, Judgement, LightPass, LightingDelta, LinearImage, Measured,
+    PictureError, SceneFit, ViewTable, assess, display_linear, fit_scene, is_found_sun, is_unseen_window, judge,
+    neutral_field, picture_error, propose, unseen_windows, updated_field,
 };
 use harmony_mesh::Mesh;
 use harmony_prompts::LightingReviewQuestion;
 use harmony_render::{OUTSIDE, canonical_camera};
 use harmony_roles::{LightMeasurement, LitImage, LitKind, LitRequest, Picture, RoleError};
-use harmony_scene::{AlbedoField, Camera, ImageSize, LightKind, Lighting, Mask, ViewTransform, WarningKind};
+use harmony_scene::{AlbedoField, Camera, ImageSize, Light, Lighting, Mask, ViewTransform, WarningKind};
 use image::RgbImage;
 use image::imageops::{FilterType, resize};
 use serde_json::{Value, json};
@@ -72,8 +72,7 @@ pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Optio
     let Some(mut lighting) = state.lighting.clone() else { return Ok(None) };
     lighting.lights.retain(|light| !is_unseen_window(light) && !is_found_sun(light));
     lighting.lights.extend(unseen_windows(&state.partial.room, &state.partial.camera));
-    let sun = sun_of(ctx, state, &lighting).await?;
-    lighting.lights.extend(sun.as_ref().map(|sun| sun.light.clone()));
+    lighting.lights.extend(sun_of(ctx, state, &lighting).await?);
     let stage = Stage { ctx, state, glb, glb_hash, nodes: field_nodes(state), s: ctx.settings.lighting };
     ctx.step("measuring each light");
     let Some(light) = stage.measure(&lighting).await? else { return Ok(None) };
@@ -94,17 +93,12 @@ pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Optio
     Ok(Some(LitPictures { photo_view, canonical, field: look.field }))
 }
 
-/// The sun, unless an answer has told of one already.
-async fn sun_of(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &Lighting) -> Result<Option<FoundSun>, PhaseError> {
-    if lighting.lights.iter().any(|light| matches!(light.kind, LightKind::Sun { .. })) {
-        return Ok(None);
-    }
+/// The sun that the photo speaks for; whether it stays is for the fit to say.
+async fn sun_of(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &Lighting) -> Result<Option<Light>, PhaseError> {
     let (state, lighting) = (state.clone(), lighting.clone());
     let found = ctx.computed(move || crate::steps::sun::found(&state, &lighting)).await?;
-    if let Some(sun) = &found {
-        ctx.write_json("sun.json", &json!({ "light": sun.light, "step_stops": sun.step, "explained": sun.explained }))?;
-    }
-    Ok(found)
+    ctx.write_json("sun.json", &found)?;
+    Ok(found.map(|sun| sun.light))
 }
 
 /// Renders a lit scene again with another light and keeps it, unless it then agrees less with the photo; the reason
@@ -151,7 +145,8 @@ fn field_nodes(state: &SceneState) -> Vec<FieldNode> {
             "ceiling" => "ceiling",
             _ => "wall",
         };
-        FieldNode { name, kind }
+        let is_even = state.even_surfaces.keys().any(|s| name.strip_prefix("wall_").unwrap_or(&name) == s.name());
+        FieldNode { name, kind, is_even }
     });
     let objects = state.partial.placed.iter().filter_map(|p| Some((p.item.id.as_str(), state.mesh_of(&p.item.id)?)));
     faces.chain(objects.flat_map(|(id, mesh)| parts(id, mesh))).collect()
@@ -164,7 +159,7 @@ fn parts(id: &str, mesh: &Mesh) -> Vec<FieldNode> {
     names.sort_unstable();
     names.dedup();
     if names.len() < 2 || names.contains(&"") {
-        return vec![FieldNode { name: id.to_owned(), kind: "object" }];
+        return vec![FieldNode::new(id, "object")];
     }
     names.into_iter().map(|name| FieldNode::part(id, name, "object")).collect()
 }

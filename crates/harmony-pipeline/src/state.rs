@@ -188,7 +188,7 @@ pub struct SceneState {
     pub objects: BTreeMap<ObjectId, Object>,
     /// Textures of the room's faces, in the photo's light.
     pub surfaces: BTreeMap<Surface, Arc<RgbaImage>>,
-    /// The same under even light, for the path tracer; a face that is not there has the other one.
+    /// The same under even light, where there is a path tracer; a face that is not there has the other one.
     pub even_surfaces: BTreeMap<Surface, Arc<RgbaImage>>,
     /// What the photo shows through passages.
     pub beyond: Vec<Beyond>,

@@ -163,13 +163,16 @@ impl Look {
 
     /// Its colour at a texel, with its pattern and without its grain.
     fn piece(&self, x: u32, y: u32) -> Color {
-        let pattern = self.pattern.as_ref().map_or([1.0; 3], |p| p.at(f64::from(x) + 0.5, f64::from(y) + 0.5));
+        let pattern = self.pattern_at(x, y);
         std::array::from_fn(|c| self.color[c] * pattern[c])
     }
 
+    fn pattern_at(&self, x: u32, y: u32) -> Color {
+        self.pattern.as_ref().map_or([1.0; 3], |p| p.at(f64::from(x) + 0.5, f64::from(y) + 0.5))
+    }
+
     fn times(&self, x: u32, y: u32, light: Color) -> Color {
-        let grain = self.tile.at(x, y);
-        let pattern = self.pattern.as_ref().map_or([1.0; 3], |p| p.at(f64::from(x) + 0.5, f64::from(y) + 0.5));
+        let (grain, pattern) = (self.tile.at(x, y), self.pattern_at(x, y));
         std::array::from_fn(|c| light[c] * grain[c] * pattern[c])
     }
 }

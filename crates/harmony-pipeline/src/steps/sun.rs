@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use harmony_imaging::color::linear_from_srgb;
+use harmony_lighting::linear::luminance;
 use harmony_lighting::{FoundSun, Place, Places, find_sun};
 use harmony_mesh::{Bvh, Group, Mesh};
 use harmony_render::{SOLID, opacity};
@@ -90,7 +91,7 @@ fn places(state: &SceneState, things: &[Thing]) -> Places {
         let (x, y) = (i % size.width, i / size.width);
         let pixel = photo.get_pixel(x, y).0;
         let [r, g, b] = pixel.map(|v| linear_from_srgb(f32::from(v) / 255.0));
-        let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+        let luminance = luminance([r, g, b]);
         if luminance < BLACK || pixel.iter().all(|v| *v >= BLOWN) {
             return None;
         }

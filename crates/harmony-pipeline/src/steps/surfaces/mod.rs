@@ -151,9 +151,9 @@ fn with_margin(state: &SceneState, objects: &Mask) -> Mask {
 /// Fatal role errors and unwritable files.
 pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<RgbImage>>) -> Result<(), PhaseError> {
     let seen = state.clone();
-    let (finest, is_seen) = (ctx.settings.surface_px_per_m, ctx.is_seen());
+    let (finest, is_seen, is_lit) = (ctx.settings.surface_px_per_m, ctx.is_seen(), ctx.path_tracer);
     let (painted, trims, faces, sides) =
-        tokio::task::spawn_blocking(move || painted(&seen, bare.as_deref(), finest, is_seen))
+        tokio::task::spawn_blocking(move || painted(&seen, bare.as_deref(), finest, is_seen, is_lit))
             .await
             .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
     state.trims = trims;
@@ -192,6 +192,7 @@ fn painted(
     bare: Option<&RgbImage>,
     finest: f64,
     is_seen: bool,
+    is_lit: bool,
 ) -> (Painted, Trims, Vec<Face>, Vec<Option<[f32; 3]>>) {
     let (camera, extents) = (state.partial.camera, state.partial.room.extents);
     let room_faces = state.partial.room.faces();
@@ -231,7 +232,7 @@ fn painted(
         }
     });
     let sides = niche_sides(source, &camera, &state.partial.room, &visible.bare);
-    (paint::paint(&faces, &answer.surfaces, &state.partial.room, is_seen), trims, faces, sides)
+    (paint::paint(&faces, &answer.surfaces, &state.partial.room, is_seen, is_lit), trims, faces, sides)
 }
 
 /// Linear colour of each niche's sides, sill and lintel: the middle of the bare pixels that show them.

@@ -51,7 +51,7 @@ struct Piece {
 /// A strip's textures and a line about it.
 struct PaintedPiece {
     image: RgbaImage,
-    even: RgbaImage,
+    even: Option<RgbaImage>,
     note: Value,
 }
 
@@ -59,16 +59,16 @@ struct PaintedPiece {
 pub struct Painted {
     /// In the photo's light; opaque.
     pub textures: BTreeMap<Surface, RgbaImage>,
-    /// Under even light, for whoever lights them again; empty where nobody looked at the photo, for what stands in the
-    /// room is paint on the faces then.
+    /// Under even light, for whoever lights them again; empty where nobody does, and where nobody looked at the photo, for
+    /// what stands in the room is paint on the faces then.
     pub even: BTreeMap<Surface, RgbaImage>,
     /// What each was made from.
     pub notes: Vec<Value>,
 }
 
 /// Paints all faces. Where nobody looked at the photo (`is_seen`) grain and pattern of what was seen are those of things on
-/// it, a rug or a shelf, and are not taken any further.
-pub fn paint(faces: &[Face], answer: &[LayoutSurface], room: &Room, is_seen: bool) -> Painted {
+/// it, a rug or a shelf, and are not taken any further. `is_lit`: the path tracer will light them.
+pub fn paint(faces: &[Face], answer: &[LayoutSurface], room: &Room, is_seen: bool, is_lit: bool) -> Painted {
     let extents = &room.extents;
     let strips = all_strips(answer, extents);
     let jobs: Vec<(&Face, Strip)> =
@@ -83,22 +83,29 @@ pub fn paint(faces: &[Face], answer: &[LayoutSurface], room: &Room, is_seen: boo
     let plain = Plain::of(&pieces, room);
     of_one_paint(&mut pieces, answer);
     let painted: Vec<PaintedPiece> =
-        pieces.par_iter().map(|piece| piece.painted(&pieces, &plain, &light, answer)).collect();
-    let whole = |of: fn(&PaintedPiece) -> &RgbaImage| {
-        let face = |face: &Face| {
-            let mut whole = RgbaImage::new(face.texture.width(), face.texture.height());
-            for (piece, painted) in pieces.iter().zip(&painted).filter(|(p, _)| p.surface == face.surface) {
-                imageops::replace(&mut whole, of(painted), 0, i64::from(piece.rows[0]));
-            }
-            (face.surface, whole)
-        };
-        faces.iter().map(face).collect::<BTreeMap<_, _>>()
-    };
+        pieces.par_iter().map(|piece| piece.painted(&pieces, &plain, &light, answer, is_seen && is_lit)).collect();
     Painted {
-        textures: whole(|p| &p.image),
-        even: if is_seen { whole(|p| &p.even) } else { BTreeMap::new() },
+        textures: whole(faces, &pieces, &painted, |p| Some(&p.image)),
+        even: whole(faces, &pieces, &painted, |p| p.even.as_ref()),
         notes: painted.iter().map(|p| p.note.clone()).collect(),
     }
+}
+
+/// The faces that have textures of that kind, put together from their strips.
+fn whole(
+    faces: &[Face],
+    pieces: &[Piece],
+    painted: &[PaintedPiece],
+    of: impl Fn(&PaintedPiece) -> Option<&RgbaImage>,
+) -> BTreeMap<Surface, RgbaImage> {
+    let face = |face: &Face| {
+        let mut whole = RgbaImage::new(face.texture.width(), face.texture.height());
+        for (piece, painted) in pieces.iter().zip(painted).filter(|(p, _)| p.surface == face.surface) {
+            imageops::replace(&mut whole, of(painted)?, 0, i64::from(piece.rows[0]));
+        }
+        Some((face.surface, whole))
+    };
+    faces.iter().filter_map(face).collect()
 }
 
 /// The strips of every face. A wainscot goes round the room, whichever wall it was named on.
@@ -163,8 +170,15 @@ impl Piece {
         self.survey.as_ref().filter(|s| s.seen_area >= LEAST_SEEN)
     }
 
-    /// The strip's textures.
-    fn painted(&self, all: &[Self], plain: &Plain, light: &Light, answer: &[LayoutSurface]) -> PaintedPiece {
+    /// The strip's textures; the one under even light where it is wanted.
+    fn painted(
+        &self,
+        all: &[Self],
+        plain: &Plain,
+        light: &Light,
+        answer: &[LayoutSurface],
+        is_even_wanted: bool,
+    ) -> PaintedPiece {
         let named = self.named_pattern(answer);
         let (look, image, from) = if let Some(own) = self.seen() {
             match named.and_then(|n| named_look(n, &own.look, Some(own), self.px_per_m, SEED)) {
@@ -184,10 +198,10 @@ impl Piece {
             };
             (look, image, from)
         };
-        let even = match &self.survey {
+        let even = is_even_wanted.then(|| match &self.survey {
             Some(survey) => survey.even(&look, self.grain),
             None => image.clone(),
-        };
+        });
         let look = self.survey.as_ref().map(|s| &s.look);
         let note = json!({
             "surface": self.surface, "heights_m": [self.strip.from, self.strip.to], "part": self.strip.kind,
@@ -416,7 +430,7 @@ mod tests {
     fn an_unseen_wall_takes_the_plain_neighbours_colour_not_the_accent_walls() {
         let (blue, grey) = ([40, 80, 140], [190, 186, 178]);
         let painted =
-            paint(&faces([Some([90, 80, 70]), None, Some(blue), Some(grey), None, None]), &[], &room(&[]), true);
+            paint(&faces([Some([90, 80, 70]), None, Some(blue), Some(grey), None, None]), &[], &room(&[]), true, false);
         for surface in [Surface::Right, Surface::Front] {
             let color = mean(&painted.textures[&surface]);
             assert!(color.iter().zip(grey).all(|(a, b)| (a - f64::from(b)).abs() < 5.0), "{surface:?}: {color:?}");
@@ -430,7 +444,8 @@ mod tests {
 
     #[test]
     fn a_wall_that_faces_the_window_is_lighter_than_the_windows_own() {
-        let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &[], &room(&[Wall::Back]), true);
+        let painted =
+            paint(&faces([None, None, Some([150; 3]), None, None, None]), &[], &room(&[Wall::Back]), true, false);
         let right = mean(&painted.textures[&Surface::Right]);
         assert!((right[0] - 150.0 * f64::from(FACING)).abs() < 4.0, "{right:?}");
     }
@@ -441,7 +456,7 @@ mod tests {
             |surface, hex: &str| LayoutSurface { surface, color_hex: Some(hex.into()), pattern: None, parts: vec![] };
         // The back wall is named at 200 and seen at 150: three quarters of the light.
         let answer = [named(SurfaceName::WallBack, "#c8c8c8"), named(SurfaceName::WallRight, "#50a0a0")];
-        let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &answer, &room(&[]), true);
+        let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &answer, &room(&[]), true, false);
         let right = mean(&painted.textures[&Surface::Right]);
         assert!((right[0] - 60.0).abs() < 5.0 && (right[1] - 120.0).abs() < 5.0, "{right:?}");
     }
@@ -458,7 +473,7 @@ mod tests {
             named(SurfaceName::WallRight, "#f0ece6"),
         ];
         let seen = [Some([150, 100, 60]), None, Some([180, 176, 170]), Some([40, 90, 150]), None, None];
-        let painted = paint(&faces(seen), &answer, &room(&[]), true);
+        let painted = paint(&faces(seen), &answer, &room(&[]), true, false);
         let right = mean(&painted.textures[&Surface::Right]);
         assert!(right.iter().zip([180.0, 176.0, 170.0]).all(|(a, b)| (a - b).abs() < 8.0), "{right:?}");
     }
@@ -473,7 +488,7 @@ mod tests {
             p.0[3] = if (80..85).contains(&x) { 255 } else { 0 };
         }
         let far = |answer: &[LayoutSurface]| {
-            let painted = paint(&all, answer, &room(&[]), true);
+            let painted = paint(&all, answer, &room(&[]), true, false);
             let left = &painted.textures[&Surface::Left];
             assert!(left.get_pixel(82, 60).0[0] < 85, "what was seen stays");
             left.get_pixel(190, 60).0[0]
@@ -495,7 +510,7 @@ mod tests {
                 *p = Rgba([70, 110, 80, 255]);
             }
         }
-        let painted = paint(&all, &answer, &room(&[]), true);
+        let painted = paint(&all, &answer, &room(&[]), true, false);
         let front = &painted.textures[&Surface::Front];
         assert!(front.get_pixel(60, 60).0[0] > 185 && front.get_pixel(60, 90).0[0] < 90);
         // The edge is sharp where nothing was seen, too.
@@ -513,7 +528,7 @@ mod tests {
             }
         }
         let spread = |is_seen: bool| {
-            let floor = &paint(&all, &[], &room(&[]), is_seen).textures[&Surface::Floor];
+            let floor = &paint(&all, &[], &room(&[]), is_seen, false).textures[&Surface::Floor];
             let tones = floor.enumerate_pixels().filter(|(x, _, _)| *x < 20).map(|(_, _, p)| f64::from(p.0[0]));
             let (n, sum, squares) = tones.fold((0.0, 0.0, 0.0), |(n, s, q), v| (n + 1.0, s + v, q + v * v));
             (squares / n - (sum / n) * (sum / n)).sqrt()
