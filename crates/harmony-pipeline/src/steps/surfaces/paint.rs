@@ -519,6 +519,26 @@ mod tests {
     }
 
     #[test]
+    fn what_is_lit_again_holds_no_shadow_and_nothing_is_made_for_nobody() {
+        let mut all = faces([Some([160, 140, 120]), None, Some([200; 3]), None, None, None]);
+        // A shadow with a sharp edge over the nearer half of the floor.
+        let half = all[0].texture.height() / 2;
+        for (_, _, p) in all[0].texture.enumerate_pixels_mut().filter(|(_, y, _)| *y >= half) {
+            p.0 = [p.0[0] / 2, p.0[1] / 2, p.0[2] / 2, p.0[3]];
+        }
+        let painted = paint(&all, &[], &room(&[]), true, true);
+        let tones = |of: &BTreeMap<Surface, RgbaImage>| {
+            let floor = &of[&Surface::Floor];
+            [half - 40, half + 40].map(|y| f64::from(floor.get_pixel(120, y).0[0]))
+        };
+        let ([bright, dark], [far, near]) = (tones(&painted.textures), tones(&painted.even));
+        assert!(bright / dark > 1.8 && (far / near - 1.0).abs() < 0.1, "{bright} {dark}, {far} {near}");
+        assert_eq!(painted.even.len(), Surface::ALL.len());
+        assert!(paint(&all, &[], &room(&[]), true, false).even.is_empty(), "nobody lights them");
+        assert!(paint(&all, &[], &room(&[]), false, true).even.is_empty(), "things are paint on them");
+    }
+
+    #[test]
     fn what_nobody_looked_at_lends_its_colour_alone() {
         let mut all = faces([Some([120, 110, 100]), None, None, None, None, None]);
         // Things stand all over the part of the floor that is seen.
