@@ -2,7 +2,7 @@
 #![expect(unsafe_code, reason = "the derive of ProvidesStaticType writes an unsafe impl; nothing here does")]
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use harmony_shape::MaterialSpec;
 use harmony_shape::tree::{
@@ -219,7 +219,8 @@ impl Session {
     }
 
     /// The tree under a root: what it does not reach is dropped, the rest keeps its order; numbers have nine decimals at
-    /// most, so that they come back from JSON as they were.
+    /// most, so that they come back from JSON as they were. Each material has a name of its own: a mesh knows its slots
+    /// by that.
     pub fn tree(&self, root: NodeId) -> Result<ShapeTree, Complaint> {
         let state = self.state.borrow();
         let mut used = vec![false; state.nodes.len()];
@@ -255,6 +256,15 @@ impl Session {
         let (count, max) = (tree.materials.len() as u64, MAX_MATERIALS as u64);
         if count > max {
             return Err(too_many("materials", count, max, "share materials between parts"));
+        }
+        let mut taken = BTreeSet::new();
+        for material in &mut tree.materials {
+            let said = material.name.clone();
+            let mut again = 2;
+            while !taken.insert(material.name.clone()) {
+                material.name = format!("{said}_{again}");
+                again += 1;
+            }
         }
         let unwritable = |e: serde_json::Error| Complaint::new(format!("the tree cannot be written: {e}"));
         let mut json = serde_json::to_value(&tree).map_err(unwritable)?;

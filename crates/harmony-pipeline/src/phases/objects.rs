@@ -154,8 +154,7 @@ pub async fn place(
         relief::stand(ctx, &mut state).await?;
     }
     // On every level: walls that are not seen move with what stands at them.
-    state.partial.room.openings = surfaces::openings(&state);
-    state.beyond = surfaces::beyond(&state);
+    surfaces::open_walls(&mut state);
     if level == Level::Decoration {
         let placed: Vec<_> = state.partial.placed.iter().map(|p| p.item.id.clone()).collect();
         programs::refit(ctx, &mut state, &placed).await?;

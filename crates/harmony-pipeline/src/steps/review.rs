@@ -13,7 +13,7 @@ use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, WarningKind};
 use serde_json::{Value, json};
 
-use super::texture;
+use super::{surfaces, texture};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Look, SceneState};
 use crate::views;
@@ -42,6 +42,7 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
             return Ok(());
         }
         ctx.step(&format!("review {round}"));
+        surfaces::open_walls(state);
         let answer = ask(ctx, level, state, &name, std::mem::take(&mut tried)).await?;
         let mut results = Vec::new();
         let mut kept = 0;

@@ -14,8 +14,8 @@ use image::{RgbImage, RgbaImage};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::colour;
 use super::programs::{self, Program, Surroundings};
+use super::{colour, surfaces};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Object, SceneState};
 use crate::views;
@@ -39,6 +39,7 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
             return Ok(());
         }
         ctx.step(&format!("second look {round}"));
+        surfaces::open_walls(state);
         let answer = ask(ctx, state, &chosen, &name, std::mem::take(&mut tried)).await?;
         let mut results = Vec::new();
         let mut kept = 0;

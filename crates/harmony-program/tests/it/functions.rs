@@ -213,3 +213,15 @@ fn every_function_can_be_called_as_the_guide_shows_it() {
         assert_eq!(t.materials[0].map.as_ref().unwrap().colors.len(), 0);
     }
 }
+
+#[test]
+fn materials_that_were_named_alike_or_not_at_all_are_told_apart() {
+    let t = tree(
+        "def build():\n    b = box((1, 1, 1), mat = mat(name = 'oak', color = '#aa7744'))\n    b = decal(b, 'front', photo([100, 100, 300, 300], (0.4, 0.3)))\n    b = decal(b, 'left', photo([500, 100, 700, 300], (0.4, 0.3)))\n    c = box((2, 1, 1), mat = mat(name = 'oak', color = '#332211'))\n    d = box((3, 1, 1), mat = mat(name = 'oak', color = '#aa7744'))\n    return group('x', b = b, c = c, d = d)\n",
+    );
+    let names: Vec<&str> = t.materials.iter().map(|m| m.name.as_str()).collect();
+    assert_eq!(names.len(), 4, "the same oak is one material: {names:?}");
+    assert_eq!(names.iter().collect::<std::collections::BTreeSet<_>>().len(), 4, "{names:?}");
+    let pieces: Vec<_> = t.materials.iter().filter_map(|m| m.photo.as_ref().map(|p| p.quad[0])).collect();
+    assert_eq!(pieces, [[100.0, 100.0], [500.0, 100.0]]);
+}

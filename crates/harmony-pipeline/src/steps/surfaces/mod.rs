@@ -3,18 +3,17 @@
 
 mod beyond;
 mod evidence;
+mod openings;
 mod paint;
 mod pattern;
 mod trim;
 
 use std::sync::Arc;
 
-use harmony_geometry::rise_of;
 use harmony_imaging::color::linear_from_srgb;
 use harmony_mesh::Trims;
-use harmony_placement::Placed;
 use harmony_roles::{EditKind, EditRequest};
-use harmony_scene::{Camera, Extents, Level, Mask, Opening, OpeningKind, Room, Support, Surface, Vec2, WallPlane};
+use harmony_scene::{Camera, Level, Mask, Room, Surface};
 use image::{DynamicImage, RgbImage};
 use rayon::prelude::*;
 use serde_json::json;
@@ -22,6 +21,7 @@ use serde_json::json;
 pub use beyond::{Beyond, beyond, panes};
 use evidence::{Bare, Face};
 pub use evidence::{standing, unnamed};
+pub use openings::open_walls;
 use paint::Painted;
 
 use crate::Phase;
@@ -31,83 +31,8 @@ use crate::views;
 
 /// Longest side of a face's texture, texels.
 const LONGEST_PX: f64 = 1536.0;
-/// Openings of one wall that share more than this both ways are one, metres.
-const SHARED: f64 = 0.1;
-/// A silhouette's top is looked for from this far above where it was fitted, metres.
-const TOP_MARGIN: f64 = 0.15;
-/// Steps down from there, metres.
-const TOP_STEP: f64 = 0.01;
-/// Places along a top.
-const TOP_PLACES: usize = 25;
 /// Photo pixels this far from a board may show it, metres.
 const BOARD_MARGIN: f64 = 0.025;
-
-/// Holes that the placed windows and doors cut into the walls, and the passages that the layout answer told of.
-pub fn openings(state: &SceneState) -> Vec<Opening> {
-    let (camera, room) = (&state.partial.camera, &state.partial.room);
-    let mut out: Vec<Opening> = state.partial.placed.iter().filter_map(|p| filled(camera, room, p)).collect();
-    // Measured anew: room and camera have moved a little with what was placed.
-    let (passages, _) = crate::phases::layout::passages(&state.layout.answer, camera, room);
-    for passage in passages {
-        if !out.iter().any(|o| meet(o, &passage)) {
-            out.push(passage);
-        }
-    }
-    out
-}
-
-/// Whether two openings share more than a frame's width.
-fn meet(a: &Opening, b: &Opening) -> bool {
-    let share = |p: [f64; 2], q: [f64; 2]| p[1].min(q[1]) - p[0].max(q[0]);
-    a.wall == b.wall && share(a.u, b.u) > SHARED && share(a.y, b.y) > SHARED
-}
-
-/// The hole of a window or a door.
-fn filled(camera: &Camera, room: &Room, p: &Placed) -> Option<Opening> {
-    let e = room.extents;
-    let kind = harmony_catalogue::opening(&p.item.label)?;
-    let Support::Wall { wall } = p.support else { return None };
-    let size = p.size();
-    let at = wall.coordinates(p.pose.position);
-    let plane = room.plane_behind(wall, p.pose.position);
-    // The frame covers the wall's edge all around.
-    let inset = 0.03_f64.min(size.width * 0.1);
-    let u =
-        [(at.x - size.width / 2.0 + inset).max(0.02), (at.x + size.width / 2.0 - inset).min(wall.length(&e) - 0.02)];
-    let y0 = if kind == OpeningKind::Door { 0.0 } else { (at.y + inset).max(0.02) };
-    let y = [y0, (at.y + size.height - inset).min(e.height - 0.02)];
-    let tops = seen_top(camera, &e, plane, &p.item.mask, u, y);
-    (u[1] - u[0] > 0.1 && y[1] - y[0] > 0.1).then(|| Opening {
-        kind,
-        wall,
-        u,
-        y,
-        inset: plane.inset,
-        rise: rise_of(&tops, u),
-        object: Some(p.item.id.clone()),
-    })
-}
-
-/// Heights at which a silhouette begins, coming down along a plane from above its top, where the picture shows that.
-fn seen_top(camera: &Camera, e: &Extents, plane: WallPlane, mask: &Mask, u: [f64; 2], y: [f64; 2]) -> Vec<Vec2> {
-    let inside = |u: f64, y: f64| {
-        let pixel = camera.project(plane.point(e, u, y)).filter(|p| camera.contains(*p))?;
-        Some(mask.get(pixel.x as i64, pixel.y as i64))
-    };
-    let from = y[1] + TOP_MARGIN;
-    let steps = ((from - y[0]) / TOP_STEP) as usize;
-    (0..TOP_PLACES)
-        .filter_map(|k| {
-            let u = u[0] + (u[1] - u[0]) * (k as f64 + 0.5) / TOP_PLACES as f64;
-            let mut heights = (0..steps).map(|i| from - i as f64 * TOP_STEP);
-            // A top that the picture's edge cuts off tells nothing.
-            if inside(u, from) != Some(false) {
-                return None;
-            }
-            heights.find(|y| inside(u, *y) == Some(true)).map(|y| Vec2::new(u, y))
-        })
-        .collect()
-}
 
 /// The paper's empty room: the image editor takes everything out of the photo. `None` when no editor draws here.
 ///
