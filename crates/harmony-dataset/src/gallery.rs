@@ -3,7 +3,7 @@
 //!
 //! Paper: appendix "Canonical Views": "a canonical elevated viewpoint rather than the input camera, with the ceiling
 //! and near wall removed so the full room layout is visible", so that arrangements can be compared over scenes. Every
-//! room is framed by the same rule ([`harmony_render::canonical_camera`]: azimuth of the photo's camera, 43 degrees
+//! room is framed by the same rule ([`harmony_render::canonical_camera`]: azimuth of the photo's camera, 36 degrees
 //! above the horizon, 40 degrees of view, the room's box fills the frame but for 5 % on each side). Even light is
 //! rendered here; path-traced pictures are taken from the runs, which made them by the same rule.
 

@@ -29,8 +29,9 @@ const MOST_STOPS: f32 = 2.5;
 /// by each update.
 const NEAR_LEAST: f32 = 0.4;
 const LESS_GLOSS: f32 = 0.3;
-/// Largest change of one update within a node, against its mean, stops.
-const MOST_STEP: f32 = 1.5;
+/// Largest change of one update within a node, against its mean, stops; the second where the texture comes without the
+/// photo's light.
+const MOST_STEP: [f32; 2] = [1.5, 0.7];
 /// Largest difference of a channel from the others within a node, against its mean, stops: light that changes its hue
 /// over a surface by more is another thing's colour.
 const MOST_HUE: f32 = 0.2;
@@ -126,8 +127,8 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
                 ratio.iter().zip(&weights).filter(|(_, w)| **w > 0.0).map(|(r, _)| f64::from(r[c])).collect();
             median(&mut all) as f32
         });
-        let sigmas = if node.is_even { EVEN_SIGMAS } else { SIGMAS };
-        let step = local_step(&ratio, &weights, middle, size, sigmas);
+        let how = if node.is_even { (EVEN_SIGMAS, MOST_STEP[1]) } else { (SIGMAS, MOST_STEP[0]) };
+        let step = local_step(&ratio, &weights, middle, size, how);
         let before = field.nodes.get(&node.name);
         let old_mean = before.map_or(field.other, |b| b.mean).map(f32::log2);
         let mean = within_veil([0, 1, 2].map(|c| old_mean[c] + middle[c]), middle_light(seen.photo, &weights));
@@ -143,7 +144,9 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
             .collect();
         by_kind.entry(node.kind).or_default().push((counted, mean));
         by_node.entry(node.node()).or_default().push((counted, mean));
-        let gloss = before.map_or(1.0, |b| b.gloss);
+        // What is too bright is so by both, colour and gloss: a black stove came out grey, its colour being dark already.
+        let change = luminance(mean.map(f32::exp2)) / luminance(old_mean.map(f32::exp2));
+        let gloss = (before.map_or(1.0, |b| b.gloss) * change).min(1.0);
         let too_glossy = mean.iter().any(|m| *m <= NEAR_LEAST - MOST_STOPS);
         let gloss = if too_glossy { gloss * LESS_GLOSS } else { gloss };
         next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded(mean), factors, gloss });
@@ -158,7 +161,8 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
         // Another material of the same thing stands in the same light.
         let alike = by_node.get(node.node()).or_else(|| by_kind.get(node.kind));
         let mean = alike.and_then(|k| weighted_mean(k)).map_or(next.other, rounded);
-        next.nodes.insert(node.name.clone(), AlbedoCells { mean, factors: Vec::new(), gloss: 1.0 });
+        let gloss = luminance(mean).min(1.0);
+        next.nodes.insert(node.name.clone(), AlbedoCells { mean, factors: Vec::new(), gloss });
     }
     next
 }
@@ -169,10 +173,10 @@ fn local_step(
     weights: &[f32],
     middle: [f32; 3],
     size: harmony_scene::ImageSize,
-    sigmas: [f64; 2],
+    (sigmas, most): ([f64; 2], f32),
 ) -> Vec<[f32; 3]> {
     let mut rest: Vec<[f32; 3]> =
-        ratio.iter().map(|r| [0, 1, 2].map(|c| (r[c] - middle[c]).clamp(-MOST_STEP, MOST_STEP))).collect();
+        ratio.iter().map(|r| [0, 1, 2].map(|c| (r[c] - middle[c]).clamp(-most, most))).collect();
     let mut step = vec![[0.0f32; 3]; ratio.len()];
     for sigma in sigmas {
         let smooth = smoothed(&rest, weights, size, (sigma * f64::from(size.width)).max(0.7));
@@ -246,6 +250,30 @@ mod tests {
         let gloss = |field: &AlbedoField, name: &str| field.nodes[name].gloss;
         assert!(gloss(&once, "back") < 0.5 && gloss(&twice, "back") < gloss(&once, "back"));
         assert!((gloss(&twice, "floor") - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_black_thing_loses_gloss_as_it_loses_colour_and_so_do_its_unseen_parts() {
+        let photo = image(|_, y| if y < 0.4 { [0.006; 3] } else { [0.4; 3] });
+        let render = image(|_, y| if y < 0.4 { [0.016; 3] } else { [0.2; 3] });
+        let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| if i / 96 < 29 { 1 } else { 2 }).collect();
+        let weights = vec![1.0; SIZE.pixels()];
+        let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
+        let parts = [
+            FieldNode::part("stove", "iron", "object"),
+            FieldNode::new("floor", "floor"),
+            FieldNode::part("stove", "knob", "object"),
+        ];
+        let field = updated_field(&neutral_field(&camera()), &parts, &seen);
+        // (0.006 + 0.004) / (0.016 + 0.004)
+        for part in ["stove/iron", "stove/knob"] {
+            let cells = &field.nodes[part];
+            assert!((cells.mean[1] - 0.5).abs() < 0.01 && (cells.gloss - 0.5).abs() < 0.01, "{part} {cells:?}");
+        }
+        assert!(
+            (field.nodes["floor"].gloss - 1.0).abs() < 1e-6,
+            "what is too dark has no more gloss than it was given"
+        );
     }
 
     #[test]

@@ -39,4 +39,4 @@ pub use run_file::{JoinedRun, PhaseEntry, PhaseState, RunFile, hash_files};
 pub use run_folder::{LOCK_FILE, RunFolder, RunFolderError};
 pub use settings::{FilterSettings, LightingSettings, ProgramSettings, Questions, Settings};
 pub use state::{DropReason, Layout, Left, Look, Model, Object, SceneState};
-pub use steps::programs::{Program, Surroundings, built as program_mesh};
+pub use steps::programs::{Built, Program, Surroundings, built as program_mesh};

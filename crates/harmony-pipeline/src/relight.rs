@@ -36,7 +36,9 @@ const UNSEEN_GAIN: f64 = 0.95;
 /// ... each with at least this share of its assumed power.
 const UNSEEN_LEAST: f64 = 0.1;
 /// Diffuse reflectance below which a pixel is metal, glass or a picture of light.
-const LEAST_ALBEDO: f32 = 0.02;
+const LEAST_ALBEDO: f32 = 0.003;
+/// One below which it tells the lights nothing: gloss is most of what is seen there.
+const LEAST_TELLING: f32 = 0.02;
 /// Size of the flat canonical view, whose frame the lit one has.
 const CANONICAL: ImageSize = ImageSize { width: 1280, height: 960 };
 
@@ -148,20 +150,26 @@ fn field_nodes(state: &SceneState) -> Vec<FieldNode> {
         let is_even = state.even_surfaces.keys().any(|s| name.strip_prefix("wall_").unwrap_or(&name) == s.name());
         FieldNode { name, kind, is_even }
     });
-    let objects = state.partial.placed.iter().filter_map(|p| Some((p.item.id.as_str(), state.mesh_of(&p.item.id)?)));
-    faces.chain(objects.flat_map(|(id, mesh)| parts(id, mesh))).collect()
+    let objects = state.partial.placed.iter().filter_map(|p| {
+        let said = state.objects.get(&p.item.id)?.model.as_ref().map_or(&[][..], |model| &model.said_slots);
+        Some((p.item.id.as_str(), state.mesh_of(&p.item.id)?, said))
+    });
+    faces.chain(objects.flat_map(|(id, mesh, said)| parts(id, mesh, said))).collect()
 }
 
-/// An object, or each of its materials that is drawn.
-fn parts(id: &str, mesh: &Mesh) -> Vec<FieldNode> {
+/// An object, or each of its materials that is drawn; what was `said` of one has no light in it.
+fn parts(id: &str, mesh: &Mesh, said: &[String]) -> Vec<FieldNode> {
     let drawn = mesh.groups.iter().filter(|g| !g.triangles.is_empty());
     let mut names: Vec<&str> = drawn.filter_map(|g| Some(mesh.materials.get(g.material)?.name.as_str())).collect();
     names.sort_unstable();
     names.dedup();
+    let is_said = |name: &str| said.iter().any(|slot| slot == name);
     if names.len() < 2 || names.contains(&"") {
-        return vec![FieldNode::new(id, "object")];
+        let is_even = !names.is_empty() && names.iter().all(|name| is_said(name));
+        return vec![FieldNode { is_even, ..FieldNode::new(id, "object") }];
     }
-    names.into_iter().map(|name| FieldNode::part(id, name, "object")).collect()
+    let part = |name: &str| FieldNode { is_even: is_said(name), ..FieldNode::part(id, name, "object") };
+    names.into_iter().map(part).collect()
 }
 
 /// What has been found about the photo's light.
@@ -173,6 +181,8 @@ struct Look {
     ids: Vec<u32>,
     /// How much each pixel counts: 0 where photo and scene show different things, and where the scene shines itself.
     weights: Vec<f32>,
+    /// The same for the reflectances, black things with them.
+    of_field: Vec<f32>,
     field: Arc<AlbedoField>,
     rounds: Vec<Value>,
 }
@@ -187,7 +197,7 @@ impl Look {
 
     /// The field that a render under the present one asks for.
     fn next_field(&self, nodes: &[FieldNode], render: &LinearImage) -> AlbedoField {
-        let seen = Comparison { photo: &self.light, render, ids: &self.ids, weights: &self.weights };
+        let seen = Comparison { photo: &self.light, render, ids: &self.ids, weights: &self.of_field };
         updated_field(&self.field, nodes, &seen)
     }
 }
@@ -226,7 +236,8 @@ impl Stage<'_, '_> {
     async fn fit(&self, found: Arc<LightMeasurement>, lighting: &mut Lighting) -> Result<Look, PhaseError> {
         let size = found.size;
         let photo = resize(&*self.state.photo, size.width, size.height, FilterType::Triangle);
-        let weights = self.weights(&found, size);
+        let of_field = self.weights(&found, size, LEAST_ALBEDO);
+        let weights = self.weights(&found, size, LEAST_TELLING);
         let measured = measured_from(&found);
         let unseen: Vec<String> =
             lighting.lights.iter().filter(|light| is_unseen_window(light)).map(|light| light.id.clone()).collect();
@@ -264,7 +275,16 @@ impl Stage<'_, '_> {
         }) else {
             let view = ViewTable::standard();
             let light = view.to_linear(&photo);
-            return Ok(Look { view, photo, light, ids, weights, field: Arc::new(neutral), rounds: Vec::new() });
+            return Ok(Look {
+                view,
+                photo,
+                light,
+                ids,
+                weights,
+                of_field,
+                field: Arc::new(neutral),
+                rounds: Vec::new(),
+            });
         };
         let notes = fitted.apply(lighting);
         self.ctx.write_json("fit.json", &fit_json(&fitted, lighting, &notes, errors))?;
@@ -275,6 +295,7 @@ impl Stage<'_, '_> {
             light: fitted.photo.clone(),
             ids,
             weights,
+            of_field,
             field: Arc::new(neutral),
             rounds: vec![json!({ "step": "fit", "view": fitted.view.view, "error": fitted.error })],
         };
@@ -283,7 +304,7 @@ impl Stage<'_, '_> {
     }
 
     /// What counts: pixels where the scene has what the photo has, and that show light on a surface, not light itself.
-    fn weights(&self, found: &LightMeasurement, size: ImageSize) -> Vec<f32> {
+    fn weights(&self, found: &LightMeasurement, size: ImageSize, least: f32) -> Vec<f32> {
         let all = self.state.all_objects().or(&self.state.photo_frame).resized(size);
         let masks: Vec<Option<Mask>> = self
             .nodes
@@ -296,7 +317,7 @@ impl Stage<'_, '_> {
         let weight = |(i, id): (usize, &u32)| {
             let mask = masks.get((*id as usize).checked_sub(1)?)?;
             let seen = mask.as_ref().map_or(!all.bits()[i], |mask| mask.bits()[i]);
-            let lit = found.albedo.get(i)?.iter().any(|a| *a > LEAST_ALBEDO);
+            let lit = found.albedo.get(i)?.iter().any(|a| *a > least);
             Some(f32::from(u8::from(seen && lit)))
         };
         found.nodes.iter().enumerate().map(|at| weight(at).unwrap_or(0.0)).collect()

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_pipeline::views::mesh_view;
-use harmony_pipeline::{Phase, Program, Surroundings, program_mesh};
+use harmony_pipeline::{Built, Phase, Program, Surroundings, program_mesh};
 use harmony_scene::{Camera, ObjectId, Room, Scene, SceneCamera, SceneObject, Size};
 use image::RgbaImage;
 use serde_json::Value;
@@ -68,7 +68,7 @@ pub fn run(args: &Args) -> Result<u8> {
     }
     let photo = photo_of(&args.run, camera)?;
     let around = Surroundings::new(camera, room.extents);
-    let (shape, tree) = program_mesh(&program, size, &around, &photo)
+    let Built { shape, tree, raw, .. } = program_mesh(&program, size, &around, &photo)
         .map_err(anyhow::Error::msg)
         .context("the program cannot be used")?;
     say!(
@@ -80,6 +80,10 @@ pub fn run(args: &Args) -> Result<u8> {
         size.height,
         size.depth
     )?;
+    let wanted = size.as_vec();
+    if ((raw - wanted).abs() / wanted).max_element() > OTHER_SIZE {
+        say!("# made {:.3} x {:.3} x {:.3} m by the program and fitted into that", raw.x, raw.y, raw.z)?;
+    }
     for part in &shape.parts {
         say!("#   line {:3}  {} x {}, {} triangles", part.line, part.instances, part.name, part.triangles)?;
     }
@@ -102,6 +106,9 @@ pub fn run(args: &Args) -> Result<u8> {
     }
     Ok(EXIT_OK)
 }
+
+/// Difference from which a program's size is another than the one asked for, relative.
+const OTHER_SIZE: f64 = 0.02;
 
 /// What a program is run with.
 struct Given {

@@ -4,7 +4,7 @@
 //! A scene says of each object with which probability its pose is within 0.15 m, 10 degrees and 12 % of the truth. One sigma
 //! follows when the errors are taken as normal and each of the three as if it alone made up the rest: of the place in the
 //! floor's plane `0.15 / sqrt(-2 ln(1 - p))` (Rayleigh), of the size and of the yaw by the normal distribution. Each is an
-//! upper bound of what the probability says; an object without evidence (p = 0) has none.
+//! upper bound of what the probability says; an object without evidence (p below 0.01) has none.
 
 use harmony_scene::{Level, Size, Support};
 
@@ -14,6 +14,8 @@ use crate::World;
 const WITHIN: (f64, f64, f64) = (0.15, 10.0, 0.12);
 /// A probability above this says no more than this one.
 const SUREST: f64 = 0.999;
+/// One below this says nothing: the sigma that follows would be wider than the room.
+const LEAST: f64 = 0.01;
 
 /// One thing of the list.
 #[derive(Debug, Clone)]
@@ -64,7 +66,7 @@ fn clean(label: &str) -> String {
 }
 
 fn sure(p: f64) -> Option<f64> {
-    (p.is_finite() && p > 0.0).then(|| p.min(SUREST))
+    (p.is_finite() && p >= LEAST).then(|| p.min(SUREST))
 }
 
 /// Sigma of each of two normal errors whose length is below `within` with probability `p`.
@@ -166,6 +168,8 @@ mod tests {
         // Rayleigh: 39.35 % within one sigma.
         assert!((rayleigh(0.393_47, 0.15).unwrap() - 0.15).abs() < 1e-4);
         assert!(normal(0.0, 1.0).is_none() && rayleigh(f64::NAN, 1.0).is_none());
+        // 61 m for an object of which nothing is known.
+        assert!(rayleigh(0.000_003, 0.15).is_none() && rayleigh(0.02, 0.15).unwrap() < 1.0);
         assert!(normal(1.0, 1.0).unwrap() > 0.0);
     }
 

@@ -14,6 +14,7 @@ pub mod missing;
 pub mod physical;
 pub mod place;
 pub mod prepare;
+pub mod prints;
 pub mod programs;
 pub mod relief;
 pub mod review;

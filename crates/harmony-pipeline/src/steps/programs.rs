@@ -7,9 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use futures::future::join_all;
-use harmony_imaging::rectify::rectify_quad;
 use harmony_imaging::sheet::{grid_overlay, ruled_window};
-use harmony_mesh::Tile;
 use harmony_placement::{Shape, reshape};
 use harmony_program::{ChildCommand, GUIDE, Inputs, Limits};
 use harmony_prompts::{ProgramsAnswer, ProgramsQuestion, ToModel, WithoutProgram};
@@ -20,7 +18,7 @@ use harmony_shape::build::{BuildContext, BuiltJoint, BuiltLight, BuiltShape, laz
 use harmony_shape::tree::JointKind;
 use image::RgbImage;
 
-use super::detect;
+use super::{detect, prints};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Model, Object, SceneState};
 use crate::views;
@@ -29,8 +27,6 @@ use crate::views;
 const CROP_PX: u32 = 720;
 /// Change of size below which a shape is not built anew.
 const NO_CHANGE: f64 = 0.01;
-/// Smallest side of a rectified piece of the photo, pixels.
-const PIECE_PX: f64 = 16.0;
 
 /// A program with what it was called with.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,55 +74,40 @@ pub fn run(program: &Program, size: Size, around: &Surroundings) -> Result<Shape
     Ok(tree)
 }
 
+/// A program's shape, built.
+#[derive(Debug)]
+pub struct Built {
+    /// The shape, made as large as it was asked for.
+    pub shape: BuiltShape,
+    /// What the program made.
+    pub tree: ShapeTree,
+    /// Width, height and depth that the program gave it, metres.
+    pub raw: Vec3,
+    /// Materials of pieces of the photo that took the colour of what they lie on ([`prints`]).
+    printed: Vec<String>,
+}
+
 /// A program's mesh for an object of a size, metres.
 ///
 /// # Errors
 /// As [`run`], and shapes that cannot be built.
-pub fn built(
-    program: &Program,
-    size: Size,
-    around: &Surroundings,
-    photo: &RgbImage,
-) -> Result<(BuiltShape, ShapeTree), String> {
+pub fn built(program: &Program, size: Size, around: &Surroundings, photo: &RgbImage) -> Result<Built, String> {
     let tree = run(program, size, around)?;
     // A fault of ours in one shape costs one object, not the run.
     let build = std::panic::AssertUnwindSafe(|| meshed(&tree, size, photo));
-    let shape =
+    let (shape, printed, raw) =
         std::panic::catch_unwind(build).unwrap_or_else(|_| Err("its shape cannot be meshed (a fault here)".into()))?;
-    Ok((shape, tree))
+    Ok(Built { shape, tree, raw, printed })
 }
 
-fn meshed(tree: &ShapeTree, size: Size, photo: &RgbImage) -> Result<BuiltShape, String> {
+fn meshed(tree: &ShapeTree, size: Size, photo: &RgbImage) -> Result<(BuiltShape, Vec<String>, Vec3), String> {
     let wanted = size.as_vec();
     let context = BuildContext { size: Some(wanted.to_array()), material: harmony_shape::material::material };
     let mut shape = tree.build(&context).map_err(|error| error.to_string())?;
+    let raw = shape.size();
     let fit = shape.fit_to(wanted);
-    lay_pieces(&mut shape, tree, photo, fit.length);
-    Ok(shape)
-}
-
-/// Lays rectified pieces of the photo on the materials that ask for them.
-///
-/// `scale` is what the shape's lengths were multiplied by.
-fn lay_pieces(shape: &mut BuiltShape, tree: &ShapeTree, photo: &RgbImage, scale: f64) {
-    let (w, h) = (f64::from(photo.width()), f64::from(photo.height()));
-    for (spec, map) in tree.materials.iter().filter_map(|m| m.photo.as_ref().map(|p| (m, p))) {
-        let quad = map.quad.map(|[x, y]| glam::DVec2::new(x / 1000.0 * w, y / 1000.0 * h));
-        let across = quad[0].distance(quad[1]).max(quad[3].distance(quad[2])).clamp(PIECE_PX, 1024.0);
-        let down = quad[0].distance(quad[3]).max(quad[1].distance(quad[2])).clamp(PIECE_PX, 1024.0);
-        let piece = rectify_quad(photo, quad, ImageSize::new(across.ceil() as u32, down.ceil() as u32));
-        let tile = Arc::new(Tile {
-            size: map.size.map(|v| (v * scale) as f32),
-            color: Arc::new(piece),
-            turn: 0.0,
-            normal: None,
-            surface: None,
-        });
-        for material in shape.mesh.materials.iter_mut().filter(|m| m.name == spec.name) {
-            material.tile = Some(Arc::clone(&tile));
-            material.base_color = [1.0, 1.0, 1.0, material.base_color[3]];
-        }
-    }
+    let printed = prints::lay(&mut shape, tree, photo, fit.length);
+    Ok((shape, printed, raw))
 }
 
 /// What a program made.
@@ -136,7 +117,7 @@ pub struct Modelled {
     pub mesh: GeneratedMesh,
     /// Slots that keep their look whatever the photo shows.
     pub plain_slots: Vec<String>,
-    /// Those of them whose colour was said, not cut from the photo.
+    /// Those of them whose colour was said, or that took one that was; not those cut from the photo as they are.
     pub said_slots: Vec<String>,
     /// The parts that it was built from.
     tree: ShapeTree,
@@ -158,11 +139,12 @@ impl Modelled {
     }
 }
 
-fn modelled(shape: BuiltShape, tree: ShapeTree, program: &Program) -> Modelled {
+fn modelled(Built { shape, tree, printed, .. }: Built, program: &Program) -> Modelled {
     let lines = program.source.lines().filter(|l| !l.trim().is_empty()).count();
     let plain = tree.materials.iter().filter(|m| !m.paint);
     let plain_slots = plain.clone().map(|m| m.name.clone()).collect();
-    let said_slots = plain.filter(|m| m.photo.is_none()).map(|m| m.name.clone()).collect();
+    let said = plain.filter(|m| m.photo.is_none() || printed.contains(&m.name));
+    let said_slots = said.map(|m| m.name.clone()).collect();
     let moving = shape.joints.iter().filter_map(moving_part).collect();
     let bulb = middle_of(&shape.lights);
     let mesh = GeneratedMesh {
@@ -317,11 +299,11 @@ pub async fn mesh(
     let (shown, written) = (Arc::clone(state), program.clone());
     let made = ctx.computed(move || built(&written, size, &Surroundings::of(&shown), &shown.photo)).await?;
     match made {
-        Ok((shape, tree)) => {
-            for sign in lazy_signs(&shape, Some(size.as_vec())) {
+        Ok(built) => {
+            for sign in lazy_signs(&built.shape, Some(size.as_vec())) {
                 ctx.warn(WarningKind::AnswerRepaired, Some(id.clone()), format!("its program: {sign}"));
             }
-            Ok(Some(modelled(shape, tree, program)))
+            Ok(Some(modelled(built, program)))
         }
         Err(error) => {
             ctx.warn(WarningKind::PlayerReplaced, Some(id.clone()), format!("its program cannot be used: {error}"));

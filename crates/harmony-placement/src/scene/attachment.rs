@@ -12,8 +12,10 @@ use crate::{Item, PartialScene, Placed};
 /// How far beyond a loose wall an object may be placed, metres.
 const BEYOND_LOOSE: f64 = 2.5;
 
-/// How far the front of a window or door stands out from its wall, metres; the rest of a thick one is in the wall.
+/// How far the front of a window or door stands out from its wall, and at least its casing, metres; the rest of a thick one
+/// is in the wall.
 const PROUD: f64 = 0.06;
+const CASING_PROUD: f64 = 0.02;
 
 /// Places nearer than this are one, metres; turns, radians.
 pub(crate) const SAME_PLACE: f64 = 0.01;
@@ -264,7 +266,9 @@ impl PoseConstraint<'_> {
                 let y = numbers[1].clamp(0.0, highest);
                 let away = if self.item.traits.opening {
                     // A curtain must hang free of the constraint, and hangs along the wall.
-                    let proud = if self.is_curtained(wall.wall, numbers[0], size.x) { 0.0 } else { PROUD };
+                    let setback = self.item.shape.setback() * pose.scale * pose.stretch.z;
+                    let curtained = self.is_curtained(wall.wall, numbers[0], size.x);
+                    let proud = if curtained { 0.0 } else { PROUD.max(CASING_PROUD + setback) };
                     size.z.min(proud) - size.z / 2.0
                 } else {
                     size.z / 2.0

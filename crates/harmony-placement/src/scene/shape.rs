@@ -19,12 +19,17 @@ pub struct Shape {
     extremes: Vec<Vec3>,
     bounds: Bounds,
     bvh: OnceLock<Arc<Bvh>>,
+    setback: OnceLock<f64>,
     /// What is not see-through; `None` when all is like that, so that [`Shape::proxy`] holds.
     opaque: Option<Arc<Proxy>>,
 }
 
 /// Share of opaque surface below which a thing is see-through.
 const MOSTLY_CLEAR: f64 = 0.3;
+
+/// Where a casing is looked for, share of width and height from the edge, and from so many hits it has been found.
+const RIM: f64 = 0.035;
+const FEWEST_OF_RIM: usize = 4;
 
 /// Share of light that a material keeps back below which one sees through it.
 const SEE_THROUGH: f32 = 0.5;
@@ -65,7 +70,7 @@ impl Shape {
             let empty = part.triangle_count() == 0;
             Arc::new(if empty { Proxy::default() } else { Proxy::new(&harmony_mesh::simple_form(&Arc::new(part))) })
         });
-        Self { mesh, proxy, hulls, extremes, bounds, bvh: OnceLock::new(), opaque }
+        Self { mesh, proxy, hulls, extremes, bounds, bvh: OnceLock::new(), setback: OnceLock::new(), opaque }
     }
 
     /// The same with convex parts from elsewhere, or those of [`harmony_mesh::convex_parts`] for an object whose longest
@@ -121,6 +126,24 @@ impl Shape {
     pub fn bvh(&self) -> &Bvh {
         self.bvh.get_or_init(|| Arc::new(Bvh::new(&self.mesh)))
     }
+
+    /// How far a window's or a door's casing lies behind the foremost of it, a sill, a blind or a handle; canonical units.
+    pub(crate) fn setback(&self) -> f64 {
+        *self.setback.get_or_init(|| {
+            let Bounds { min, max } = self.bounds;
+            let size = max - min;
+            let sides = [0.3, 0.45, 0.6, 0.75].into_iter().flat_map(|y| [(RIM, y), (1.0 - RIM, y)]);
+            let head = [0.2, 0.4, 0.6, 0.8].map(|x| (x, 1.0 - RIM));
+            let front = |(x, y): (f64, f64)| {
+                let from = Vec3::new(min.x + x * size.x, min.y + y * size.y, max.z + size.z + 1.0);
+                Some(self.bvh().raycast(from, Vec3::NEG_Z, 2.0 * size.z + 2.0)?.point.z)
+            };
+            let mut found: Vec<f64> = sides.chain(head).filter_map(front).collect();
+            found.sort_by(f64::total_cmp);
+            // A few hits are a horn's or a knob's.
+            if found.len() < FEWEST_OF_RIM { 0.0 } else { max.z - found[found.len() / 2] }
+        })
+    }
 }
 
 /// The outermost points in evenly spread directions; all where there are few.
@@ -151,4 +174,37 @@ pub(crate) fn corners(b: &Bounds) -> [Vec3; 8] {
             if i & 4 == 0 { b.min.z } else { b.max.z },
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Boards that look ahead: left, right, low, high, and how far ahead.
+    fn boards(of: &[[f64; 5]]) -> Shape {
+        let mut mesh = Mesh { materials: vec![Material::plain("board", [0.5; 3])], ..Mesh::default() };
+        let mut triangles = Vec::new();
+        for [l, r, b, t, z] in of {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend([[*l, *b], [*r, *b], [*r, *t], [*l, *t]].map(|[x, y]| Vec3::new(x, y, *z).as_vec3()));
+            triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        }
+        mesh.groups = vec![Group { material: 0, triangles }];
+        Shape::new(Arc::new(mesh), Vec::new())
+    }
+
+    #[test]
+    fn a_casing_is_found_behind_sill_blind_and_handle() {
+        let casing = [-0.5, 0.5, 0.0, 1.2, 0.03];
+        let with = |more: &[[f64; 5]]| boards(&[&[casing][..], more].concat()).setback();
+        assert!(with(&[]).abs() < 1e-6);
+        let (sill, horns) = ([-0.5, 0.5, 0.0, 0.04, 0.15], [-0.58, 0.58, 0.0, 0.04, 0.15]);
+        let (blind, handle) = ([-0.4, 0.4, 0.1, 1.1, 0.08], [0.3, 0.34, 0.5, 0.55, 0.1]);
+        for (more, wanted) in [(sill, 0.12), (horns, 0.12), (blind, 0.05), (handle, 0.07)] {
+            let found = with(&[more]);
+            assert!((found - wanted).abs() < 1e-6, "{found} instead of {wanted} with {more:?}");
+        }
+        // Four knobs and nothing else are no casing.
+        assert!(boards(&[[0.0, 0.01, 0.0, 0.01, 0.0], [0.9, 1.0, 0.9, 1.0, 0.1]]).setback().abs() < 1e-6);
+    }
 }
