@@ -1,7 +1,7 @@
 //! The interpreter: source and inputs in, shape tree or error out, in this process.
 
 use std::sync::{Arc, LazyLock};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use harmony_shape::ShapeTree;
 use starlark::PrintHandler;
@@ -109,7 +109,7 @@ fn interpret(
 ) -> Result<ShapeTree, ProgramError> {
     let ast = parse(source, text)?;
     let session = Session::new(inputs.clone(), limits.clone());
-    let end = Instant::now() + Duration::from_secs_f64(limits.seconds.clamp(0.01, 3600.0));
+    let end = spent() + Duration::from_secs_f64(limits.seconds.clamp(0.01, 3600.0));
     let module = Module::new();
     let mut eval = Evaluator::new(&module);
     eval.extra = Some(&session);
@@ -126,13 +126,27 @@ fn interpret(
     session.tree(root).map_err(|c| complained(&c, 0))
 }
 
+/// Processor time of this thread so far: beside other work the clock says little of what a program does. On systems that do
+/// not tell it, time on the clock.
+#[cfg(unix)]
+fn spent() -> Duration {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    Duration::new(time.tv_sec.unsigned_abs(), u32::try_from(time.tv_nsec).unwrap_or_default())
+}
+
+#[cfg(not(unix))]
+fn spent() -> Duration {
+    static START: std::sync::OnceLock<std::time::Instant> = std::sync::OnceLock::new();
+    START.get_or_init(std::time::Instant::now).elapsed()
+}
+
 /// Watches every statement. The interpreter has no limits of its own for what is between two statements (a
 /// comprehension, an operation on one huge value): those the child process stops.
 struct Guard {
     statements: u64,
     most: u64,
     heap_bytes: u64,
-    end: Instant,
+    end: Duration,
     progress: Option<Progress>,
 }
 
@@ -153,7 +167,7 @@ impl<'a, 'e: 'a> BeforeStmtFuncDyn<'a, 'e> for Guard {
         if eval.heap().allocated_bytes() as u64 > self.heap_bytes {
             return say("memory");
         }
-        if self.statements.is_multiple_of(256) && Instant::now() > self.end {
+        if self.statements.is_multiple_of(256) && spent() > self.end {
             return say("time");
         }
         Ok(())

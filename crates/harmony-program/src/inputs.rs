@@ -68,7 +68,7 @@ pub struct Limits {
     pub heap_bytes: u64,
     /// Depth of calls.
     pub depth: u32,
-    /// Time for the evaluation, seconds; checked between statements.
+    /// Processor time for the evaluation, seconds; checked between statements.
     pub seconds: f64,
     /// Points of curves and outlines, made in all.
     pub curve_points: u64,
@@ -101,7 +101,8 @@ impl Default for Limits {
             triangles: 1_500_000,
             address_space_bytes: 1536 << 20,
             cpu_seconds: 10,
-            wall_seconds: 15.0,
+            // Beside other work the clock runs on: a rug whose program takes a second was refused on a busy machine.
+            wall_seconds: 60.0,
             output_bytes: 16 << 20,
         }
     }

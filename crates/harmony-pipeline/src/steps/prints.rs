@@ -90,7 +90,7 @@ fn on_ground(piece: &RgbaImage, ground: [u8; 3]) -> Option<RgbaImage> {
     let of_rim: Vec<(u32, u32, [u8; 3])> = piece
         .enumerate_pixels()
         .filter(|(x, y, p)| on_rim(*x, *y) && p.0[3] == 255)
-        .map(|(x, y, p)| (x, y, rgb(p)))
+        .map(|(x, y, p)| (x, y, rgb(*p)))
         .collect();
     let middle = middle(of_rim.iter().map(|(_, _, c)| *c))?;
     let [(l, a, b), (_, ga, gb)] = [middle, ground].map(|c| <(f32, f32, f32)>::from(lab_from_rgb8(c)));
@@ -116,7 +116,7 @@ fn on_ground(piece: &RgbaImage, ground: [u8; 3]) -> Option<RgbaImage> {
     Some(RgbaImage::from_fn(w, h, |x, y| {
         let (u, v) = ((x as f32 + 0.5) / w as f32, (y as f32 + 0.5) / h as f32);
         let pixel = piece.get_pixel(x, y);
-        let lit = linear_from_rgb8(rgb(pixel));
+        let lit = linear_from_rgb8(rgb(*pixel));
         let [r, g, b] = rgb8_from_linear([0, 1, 2].map(|k| {
             let row = |r: usize| corners[r][0][k] * (1.0 - u) + corners[r][1][k] * u;
             (lit[k] * (row(0) * (1.0 - v) + row(1) * v)).min(1.0)
@@ -125,8 +125,8 @@ fn on_ground(piece: &RgbaImage, ground: [u8; 3]) -> Option<RgbaImage> {
     }))
 }
 
-fn rgb(pixel: &Rgba<u8>) -> [u8; 3] {
-    [pixel.0[0], pixel.0[1], pixel.0[2]]
+fn rgb(Rgba([r, g, b, _]): Rgba<u8>) -> [u8; 3] {
+    [r, g, b]
 }
 
 /// Median colour, channel by channel.
@@ -172,10 +172,10 @@ mod tests {
         let red = [150, 52, 42];
         let print = on_ground(&monogram(red), red).unwrap();
         for (x, y) in [(1, 1), (58, 1), (1, 48), (58, 48), (30, 1), (58, 25)] {
-            let distance = lab_distance(rgb(print.get_pixel(x, y)), red);
+            let distance = lab_distance(rgb(*print.get_pixel(x, y)), red);
             assert!(distance < 3.0, "{distance} at {x} {y}");
         }
-        assert!(lab_distance(rgb(print.get_pixel(30, 25)), red) > 25.0, "the letter is still to be read");
+        assert!(lab_distance(rgb(*print.get_pixel(30, 25)), red) > 25.0, "the letter is still to be read");
     }
 
     #[test]

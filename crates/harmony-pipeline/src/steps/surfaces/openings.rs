@@ -56,13 +56,11 @@ fn filled(camera: &Camera, room: &Room, p: &Placed, mesh: Option<&Mesh>) -> Opti
     let kind = harmony_catalogue::opening(&p.item.label)?;
     let Support::Wall { wall } = p.support else { return None };
     let plane = room.plane_behind(wall, p.pose.position);
-    let ([left, right], [low, high]) = match mesh.and_then(|mesh| closed_by(mesh, &p.pose, wall)) {
-        Some(closed) => closed,
-        None => {
-            let (size, at) = (p.size(), wall.coordinates(p.pose.position));
-            ([at.x - size.width / 2.0, at.x + size.width / 2.0], [at.y, at.y + size.height])
-        }
-    };
+    let closed = mesh.and_then(|mesh| closed_by(mesh, &p.pose, wall));
+    let ([left, right], [low, high]) = closed.unwrap_or_else(|| {
+        let (size, at) = (p.size(), wall.coordinates(p.pose.position));
+        ([at.x - size.width / 2.0, at.x + size.width / 2.0], [at.y, at.y + size.height])
+    });
     // The frame covers the wall's edge all around.
     let inset = 0.03_f64.min((right - left) * 0.1);
     let u = [(left + inset).max(0.02), (right - inset).min(wall.length(&e) - 0.02)];
