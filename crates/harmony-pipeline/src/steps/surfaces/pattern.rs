@@ -88,7 +88,8 @@ fn pattern(named: &LayoutPattern) -> Pattern {
         Named::Brick => (PatternKind::Brick, "running"),
         Named::Stripes => (PatternKind::Stripes, ""),
         Named::Dots => (PatternKind::Dots, ""),
-        Named::Motif => (PatternKind::Motif, ""),
+        // The answer does not tell a figure's shape. Most figures of wallpapers are of plants.
+        Named::Motif => (PatternKind::Motif, "leaf"),
         Named::Carpet => (PatternKind::Pile, ""),
         Named::Concrete => (PatternKind::Concrete, ""),
         Named::Marble => (PatternKind::Marble, ""),
