@@ -22,7 +22,7 @@ pub const OUTSIDE: [u8; 4] = [204, 206, 210, 255];
 const FOV: f64 = 0.7;
 
 /// Elevation of the canonical and the orbit views above the horizon, radians: steep enough that furniture in front hides
-/// little, level enough that walls and fronts are seen, and that lamps do not hang before what stands below them.
+/// little, level enough that walls and fronts are seen.
 const ELEVATION: f64 = 0.62;
 
 /// Share of the image that stays free around what is shown.
