@@ -236,8 +236,11 @@ impl Stage<'_, '_> {
     async fn fit(&self, found: Arc<LightMeasurement>, lighting: &mut Lighting) -> Result<Look, PhaseError> {
         let size = found.size;
         let photo = resize(&*self.state.photo, size.width, size.height, FilterType::Triangle);
-        let of_field = self.weights(&found, size, LEAST_ALBEDO);
-        let weights = self.weights(&found, size, LEAST_TELLING);
+        let of_field = self.weights(&found, size);
+        let telling = |(weight, albedo): (&f32, &[f32; 3])| {
+            if albedo.iter().any(|a| *a > LEAST_TELLING) { *weight } else { 0.0 }
+        };
+        let weights: Vec<f32> = of_field.iter().zip(&found.albedo).map(telling).collect();
         let measured = measured_from(&found);
         let unseen: Vec<String> =
             lighting.lights.iter().filter(|light| is_unseen_window(light)).map(|light| light.id.clone()).collect();
@@ -304,7 +307,7 @@ impl Stage<'_, '_> {
     }
 
     /// What counts: pixels where the scene has what the photo has, and that show light on a surface, not light itself.
-    fn weights(&self, found: &LightMeasurement, size: ImageSize, least: f32) -> Vec<f32> {
+    fn weights(&self, found: &LightMeasurement, size: ImageSize) -> Vec<f32> {
         let all = self.state.all_objects().or(&self.state.photo_frame).resized(size);
         let masks: Vec<Option<Mask>> = self
             .nodes
@@ -317,7 +320,7 @@ impl Stage<'_, '_> {
         let weight = |(i, id): (usize, &u32)| {
             let mask = masks.get((*id as usize).checked_sub(1)?)?;
             let seen = mask.as_ref().map_or(!all.bits()[i], |mask| mask.bits()[i]);
-            let lit = found.albedo.get(i)?.iter().any(|a| *a > least);
+            let lit = found.albedo.get(i)?.iter().any(|a| *a > LEAST_ALBEDO);
             Some(f32::from(u8::from(seen && lit)))
         };
         found.nodes.iter().enumerate().map(|at| weight(at).unwrap_or(0.0)).collect()

@@ -7,21 +7,21 @@
 use std::sync::Arc;
 
 use glam::DVec2;
-use harmony_imaging::color::{lab_from_rgb8, linear_from_rgb8, rgb8_from_linear};
+use harmony_imaging::color::{lab_distance, lab_from_rgb8, linear_from_rgb8, median_color, rgb8_from_linear};
 use harmony_imaging::rectify::rectify_quad;
 use harmony_mesh::{Tile, parse_color};
-use harmony_scene::ImageSize;
+use harmony_scene::{ImageSize, Mask};
 use harmony_shape::build::BuiltShape;
 use harmony_shape::tree::NodeId;
 use harmony_shape::{Kind, ShapeTree};
-use image::{RgbImage, Rgba, RgbaImage};
+use image::{DynamicImage, RgbImage, Rgba, RgbaImage};
 
 /// Smallest and largest side of a rectified piece, pixels.
 const PIECE_PX: [f64; 2] = [16.0, 1024.0];
 /// Width of the rim by which a piece's ground is known, share of its shorter side.
 const RIM: f64 = 0.08;
 /// Share of a rim that must be near its middle colour, and how near, Lab units.
-const ALIKE: (f64, f32) = (0.75, 18.0);
+const ALIKE: (f64, f64) = (0.75, 18.0);
 /// Difference in hue and saturation (Lab a and b) up to which the rim is the ground that was said.
 const SAME_HUE: f32 = 22.0;
 /// Largest factor on a rim's light, and its inverse.
@@ -85,28 +85,24 @@ fn material_of(tree: &ShapeTree, id: NodeId) -> Option<u32> {
 /// A piece whose rim has the colour of its ground, if the rim shows that ground under whatever light.
 fn on_ground(piece: &RgbaImage, ground: [u8; 3]) -> Option<RgbaImage> {
     let (w, h) = piece.dimensions();
-    let rim = ((RIM * f64::from(w.min(h))).ceil() as u32).max(1);
-    let on_rim = |x: u32, y: u32| x < rim || y < rim || x + rim >= w || y + rim >= h;
-    let of_rim: Vec<(u32, u32, [u8; 3])> = piece
-        .enumerate_pixels()
-        .filter(|(x, y, p)| on_rim(*x, *y) && p.0[3] == 255)
-        .map(|(x, y, p)| (x, y, rgb(*p)))
-        .collect();
-    let middle = middle(of_rim.iter().map(|(_, _, c)| *c))?;
-    let [(l, a, b), (_, ga, gb)] = [middle, ground].map(|c| <(f32, f32, f32)>::from(lab_from_rgb8(c)));
-    let near = |c: [u8; 3]| {
-        let [cl, ca, cb] = lab_from_rgb8(c);
-        ((cl - l).powi(2) + (ca - a).powi(2) + (cb - b).powi(2)).sqrt() < ALIKE.1
-    };
-    let alike = of_rim.iter().filter(|(_, _, c)| near(*c)).count() as f64 / of_rim.len() as f64;
-    if alike < ALIKE.0 || (ga - a).hypot(gb - b) > SAME_HUE {
+    let size = ImageSize::new(w, h);
+    let colors = DynamicImage::ImageRgba8(piece.clone()).to_rgb8();
+    let wide = ((RIM * f64::from(w.min(h))).ceil() as u32).max(1);
+    let on_rim = |x: u32, y: u32| x < wide || y < wide || x + wide >= w || y + wide >= h;
+    let rim = Mask::from_fn(size, |x, y| on_rim(x, y) && piece.get_pixel(x, y).0[3] == 255);
+    let middle = median_color(&colors, &rim)?;
+    let alike = |x: u32, y: u32| lab_distance(colors.get_pixel(x, y).0, middle) < ALIKE.1;
+    let near = Mask::from_fn(size, |x, y| rim.get(i64::from(x), i64::from(y)) && alike(x, y));
+    let [[_, a, b], [_, ground_a, ground_b]] = [middle, ground].map(lab_from_rgb8);
+    if (near.count() as f64) < ALIKE.0 * rim.count() as f64 || (ground_a - a).hypot(ground_b - b) > SAME_HUE {
         return None;
     }
     // Light differs over a piece: its four corners each have their own.
+    let wanted = linear_from_rgb8(ground);
     let corner = |right: bool, low: bool| {
-        let own = of_rim.iter().filter(|(x, y, c)| (*x >= w / 2) == right && (*y >= h / 2) == low && near(*c));
-        let seen = linear_from_rgb8(self::middle(own.map(|(_, _, c)| *c)).unwrap_or(middle));
-        let wanted = linear_from_rgb8(ground);
+        let here = |x: u32, y: u32| (x >= w / 2) == right && (y >= h / 2) == low;
+        let own = Mask::from_fn(size, |x, y| here(x, y) && near.get(i64::from(x), i64::from(y)));
+        let seen = linear_from_rgb8(median_color(&colors, &own).unwrap_or(middle));
         [0, 1, 2].map(|k| (wanted[k] + 1e-3) / (seen[k] + 1e-3))
     };
     let corners = [[corner(false, false), corner(true, false)], [corner(false, true), corner(true, true)]];
@@ -115,42 +111,22 @@ fn on_ground(piece: &RgbaImage, ground: [u8; 3]) -> Option<RgbaImage> {
     }
     Some(RgbaImage::from_fn(w, h, |x, y| {
         let (u, v) = ((x as f32 + 0.5) / w as f32, (y as f32 + 0.5) / h as f32);
-        let pixel = piece.get_pixel(x, y);
-        let lit = linear_from_rgb8(rgb(*pixel));
+        let lit = linear_from_rgb8(colors.get_pixel(x, y).0);
         let [r, g, b] = rgb8_from_linear([0, 1, 2].map(|k| {
             let row = |r: usize| corners[r][0][k] * (1.0 - u) + corners[r][1][k] * u;
             (lit[k] * (row(0) * (1.0 - v) + row(1) * v)).min(1.0)
         }));
-        Rgba([r, g, b, pixel.0[3]])
-    }))
-}
-
-fn rgb(Rgba([r, g, b, _]): Rgba<u8>) -> [u8; 3] {
-    [r, g, b]
-}
-
-/// Median colour, channel by channel.
-fn middle(colors: impl Iterator<Item = [u8; 3]>) -> Option<[u8; 3]> {
-    let mut channels: [Vec<u8>; 3] = Default::default();
-    for color in colors {
-        for (channel, value) in channels.iter_mut().zip(color) {
-            channel.push(value);
-        }
-    }
-    if channels[0].is_empty() {
-        return None;
-    }
-    Some(channels.map(|mut c| {
-        c.sort_unstable();
-        c[c.len() / 2]
+        Rgba([r, g, b, piece.get_pixel(x, y).0[3]])
     }))
 }
 
 #[cfg(test)]
 mod tests {
-    use harmony_imaging::color::lab_distance;
-
     use super::*;
+
+    fn rgb(Rgba([r, g, b, _]): Rgba<u8>) -> [u8; 3] {
+        [r, g, b]
+    }
 
     fn opaque([r, g, b]: [u8; 3]) -> Rgba<u8> {
         Rgba([r, g, b, 255])

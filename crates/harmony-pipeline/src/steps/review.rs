@@ -42,7 +42,7 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
             return Ok(());
         }
         ctx.step(&format!("review {round}"));
-        surfaces::open_walls(state);
+        surfaces::keep_walls_open(state);
         let answer = ask(ctx, level, state, &name, std::mem::take(&mut tried)).await?;
         let mut results = Vec::new();
         let mut kept = 0;

@@ -39,7 +39,7 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
             return Ok(());
         }
         ctx.step(&format!("second look {round}"));
-        surfaces::open_walls(state);
+        surfaces::keep_walls_open(state);
         let answer = ask(ctx, state, &chosen, &name, std::mem::take(&mut tried)).await?;
         let mut results = Vec::new();
         let mut kept = 0;

@@ -21,7 +21,7 @@ use serde_json::json;
 pub use beyond::{Beyond, beyond, panes};
 use evidence::{Bare, Face};
 pub use evidence::{standing, unnamed};
-pub use openings::open_walls;
+pub use openings::{keep_walls_open, open_walls};
 use paint::Painted;
 
 use crate::Phase;

@@ -29,6 +29,14 @@ pub fn open_walls(state: &mut SceneState) {
     state.beyond = beyond(state);
 }
 
+/// [`open_walls`] where a window, a door or a passage is not where its hole is: a new picture of beyond is another scene
+/// to draw.
+pub fn keep_walls_open(state: &mut SceneState) {
+    if openings(state) != state.partial.room.openings {
+        open_walls(state);
+    }
+}
+
 /// Holes that the placed windows and doors cut into the walls, and the passages that the layout answer told of.
 fn openings(state: &SceneState) -> Vec<Opening> {
     let (camera, room) = (&state.partial.camera, &state.partial.room);
