@@ -173,7 +173,7 @@ fn one(run: &Path, name: &str, out: &Path, options: &GalleryOptions) -> Result<S
     }
     let folder = out.join(name);
     let size = frame(options.width);
-    let flat = picture_of(&glb, &canonical_camera(&scene.room, size, &Camera::from(&scene.camera)));
+    let flat = picture_of(&scene, &glb, &canonical_camera(&scene.room, size, &Camera::from(&scene.camera)));
     let put = |file: &str, image: &RgbImage| {
         let path = folder.join(file);
         picture::write_rgb_png(&path, image).map_err(|source| DatasetError::Picture { path, source })
@@ -214,13 +214,15 @@ fn frame(width: u32) -> ImageSize {
 fn turntable(scene: &Scene, glb: &LoadedGlb, options: &GalleryOptions) -> Vec<RgbImage> {
     orbit_cameras(&scene.room, frame(options.turntable_width), options.frames)
         .par_iter()
-        .map(|view| picture_of(glb, view))
+        .map(|view| picture_of(scene, glb, view))
         .collect()
 }
 
-/// The scene in even light, without the faces that hide the room.
-fn picture_of(glb: &LoadedGlb, view: &RoomView) -> RgbImage {
-    let hidden: Vec<&str> = view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s)).collect();
+/// The scene in even light, without the faces that hide the room and what is fixed to them.
+fn picture_of(scene: &Scene, glb: &LoadedGlb, view: &RoomView) -> RgbImage {
+    let gone = scene.gone_with(&view.omit);
+    let faces = view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s));
+    let hidden: Vec<&str> = faces.chain(gone.iter().map(|id| id.as_str())).collect();
     let instances: Vec<Instance<'_>> = glb
         .nodes
         .iter()

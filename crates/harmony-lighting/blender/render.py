@@ -85,21 +85,25 @@ def part_faces(obj):
     Parts of a model may share a plane (a table top of two boards), and Cycles draws coincident faces black.
     """
     mesh = obj.data
-    first = list(range(len(mesh.vertices)))
-
-    def root(i):
-        while first[i] != i:
-            first[i] = first[first[i]]
-            i = first[i]
-        return i
-
-    for polygon in mesh.polygons:
-        corners = [root(i) for i in polygon.vertices]
-        for i in corners:
-            first[i] = min(corners)
-    pieces = {}
-    steps = np.array([pieces.setdefault(root(i), len(pieces)) % PIECE_STEPS for i in range(len(first))], np.float32)
-    places = np.empty(3 * len(first), np.float32)
+    if not mesh.polygons:
+        return
+    corners = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", corners)
+    starts = np.empty(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get("loop_start", starts)
+    firsts = np.repeat(corners[starts], np.diff(starts, append=len(corners)))
+    piece = np.arange(len(mesh.vertices), dtype=np.int32)
+    while True:
+        # Every piece ends with the number of its first vertex.
+        lowest, before = np.minimum(piece[corners], piece[firsts]), piece.copy()
+        np.minimum.at(piece, corners, lowest)
+        np.minimum.at(piece, firsts, lowest)
+        piece = piece[piece]
+        if np.array_equal(piece, before):
+            break
+    _, number = np.unique(piece, return_inverse=True)
+    steps = (number % PIECE_STEPS).astype(np.float32)
+    places = np.empty(3 * len(piece), np.float32)
     normals = np.empty_like(places)
     mesh.vertices.foreach_get("co", places)
     mesh.vertices.foreach_get("normal", normals)
@@ -710,7 +714,7 @@ def main():
     set_engine(scene)
     set_camera(scene)
     hide_from_camera()
-    triangles = sum(max(0, len(p.vertices) - 2) for o in all_meshes() for p in o.data.polygons)
+    triangles = sum(len(o.data.loops) - 2 * len(o.data.polygons) for o in all_meshes())
     if triangles == 0:
         raise SystemExit("the scene has no triangles")
     response, gain = ([], []), 1.0

@@ -39,18 +39,27 @@ const UNSEEN_LEAST: f64 = 0.1;
 const LEAST_ALBEDO: f32 = 0.003;
 /// One below which it tells the lights nothing: gloss is most of what is seen there.
 const LEAST_TELLING: f32 = 0.02;
+/// The scene's file for the path tracer.
+const SCENE: &str = "scene_for_light.glb";
 /// Size of the flat canonical view, whose frame the lit one has.
 const CANONICAL: ImageSize = ImageSize { width: 1280, height: 960 };
 
-/// The path-traced pictures of a run.
+/// A scene whose light was fitted.
+#[derive(Debug, Clone)]
+pub struct Lit {
+    /// The last preview from the photo's camera.
+    preview: RgbImage,
+    /// What the colours are lit with.
+    field: Arc<AlbedoField>,
+}
+
+/// The path-traced pictures of a scene.
 #[derive(Debug, Clone)]
 pub struct LitPictures {
     /// From the photo's camera.
     pub photo_view: RgbImage,
     /// From outside, as the flat canonical view.
     pub canonical: Option<RgbImage>,
-    /// What the colours were lit with.
-    field: Arc<AlbedoField>,
 }
 
 /// Everything that stays the same from render to render.
@@ -63,36 +72,67 @@ struct Stage<'a, 'c> {
     s: LightingSettings,
 }
 
-/// Fits and renders; the lighting of the state becomes the fitted one. `None`, with a warning, when the path tracer failed.
+/// Fits the light, and lets the model confirm it where it is `asked`; the lighting of the state becomes the fitted one.
+/// `None`, with a warning, when the path tracer failed.
 ///
 /// # Errors
 /// Fatal role errors and unwritable files.
-pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<Option<LitPictures>, PhaseError> {
-    let glb = ctx.file("scene_for_light.glb")?;
-    outputs::write_scene_glb(&glb, state, None)?;
-    let glb_hash = blake3::hash(&harmony_io::read_bounded(&glb, 1 << 31)?).to_hex().to_string();
+pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState, asked: bool) -> Result<Option<Lit>, PhaseError> {
+    outputs::write_scene_glb(&ctx.file(SCENE)?, state, None)?;
     let Some(mut lighting) = state.lighting.clone() else { return Ok(None) };
     lighting.lights.retain(|light| !is_unseen_window(light) && !is_found_sun(light));
     lighting.lights.extend(unseen_windows(&state.partial.room, &state.partial.camera));
     lighting.lights.extend(sun_of(ctx, state, &lighting).await?);
-    let stage = Stage { ctx, state, glb, glb_hash, nodes: field_nodes(state), s: ctx.settings.lighting };
+    let stage = Stage::new(ctx, state, field_nodes(state))?;
     ctx.step("measuring each light");
     let Some(light) = stage.measure(&lighting).await? else { return Ok(None) };
     let mut look = stage.fit(light, &mut lighting).await?;
     let Some(mut preview) = stage.settle(&mut look, &lighting).await? else { return Ok(None) };
-    stage.confirm(&mut look, &mut lighting, &mut preview).await?;
+    if asked {
+        let Some(larger) = stage.preview("preview", &look.field, &lighting).await? else { return Ok(None) };
+        preview = larger;
+        stage.confirm(&mut look, &mut lighting, &mut preview).await?;
+    }
     ctx.write_json("loop.json", &look.rounds)?;
     ctx.write_json("albedo.json", &*look.field)?;
     ctx.write_picture("render_preview.png", &preview)?;
-    ctx.step("final lit render");
-    let size = state.partial.camera.size;
-    let camera = state.partial.camera.resized(size.fit_within(stage.s.final_px));
-    let Some(photo_view) = stage.picture("final", camera, &lighting, &look.field, stage.s.final_samples).await? else {
-        return Ok(None);
-    };
-    let canonical = stage.canonical(&lighting, &look.field).await?;
     state.lighting = Some(lighting);
-    Ok(Some(LitPictures { photo_view, canonical, field: look.field }))
+    Ok(Some(Lit { preview, field: look.field }))
+}
+
+/// The pictures of a lit scene that a question shows: small, and quickly made.
+///
+/// # Errors
+/// Fatal role errors and unwritable files.
+pub async fn shown(ctx: &PhaseCtx<'_>, state: &SceneState, lit: &Lit) -> Result<LitPictures, PhaseError> {
+    let Some(lighting) = &state.lighting else {
+        return Ok(LitPictures { photo_view: lit.preview.clone(), canonical: None });
+    };
+    let stage = Stage::new(ctx, state, Vec::new())?;
+    let (w, h) = lit.preview.dimensions();
+    let larger = if w.max(h) < stage.s.preview_px { stage.preview("shown", &lit.field, lighting).await? } else { None };
+    let canonical =
+        stage.canonical("shown_canonical", lighting, &lit.field, stage.s.preview_px, stage.s.preview_samples).await?;
+    Ok(LitPictures { photo_view: larger.unwrap_or_else(|| lit.preview.clone()), canonical })
+}
+
+/// The finished pictures of a lit scene; the last preview stands in where the path tracer fails.
+///
+/// # Errors
+/// Fatal role errors and unwritable files.
+pub async fn finish(ctx: &PhaseCtx<'_>, state: &SceneState, lit: Lit) -> Result<LitPictures, PhaseError> {
+    let Some(lighting) = &state.lighting else {
+        return Ok(LitPictures { photo_view: lit.preview, canonical: None });
+    };
+    let stage = Stage::new(ctx, state, Vec::new())?;
+    ctx.step("final lit render");
+    let camera = state.partial.camera;
+    let camera = camera.resized(camera.size.fit_within(stage.s.final_px));
+    let photo_view = stage.picture("final", camera, lighting, &lit.field, stage.s.final_samples).await?;
+    ctx.step("lit canonical view");
+    let canonical =
+        stage.canonical("canonical", lighting, &lit.field, stage.s.canonical_px, stage.s.canonical_samples).await?;
+    Ok(LitPictures { photo_view: photo_view.unwrap_or(lit.preview), canonical })
 }
 
 /// The sun that the photo speaks for; whether it stays is for the fit to say.
@@ -112,29 +152,22 @@ pub async fn retouch(
     ctx: &PhaseCtx<'_>,
     state: &mut SceneState,
     tried: Lighting,
-    before: &LitPictures,
-) -> Result<Option<(Judgement, LitPictures)>, PhaseError> {
-    let glb = ctx.file("scene_for_light.glb")?;
-    let glb_hash = blake3::hash(&harmony_io::read_bounded(&glb, 1 << 31)?).to_hex().to_string();
-    let verdict;
-    let pictures;
-    {
-        let stage = Stage { ctx, state, glb, glb_hash, nodes: Vec::new(), s: ctx.settings.lighting };
-        let camera = state.partial.camera.resized(state.partial.camera.size.fit_within(stage.s.final_px));
-        let samples = stage.s.final_samples;
-        let Some(photo_view) = stage.picture("retouched", camera, &tried, &before.field, samples).await? else {
-            return Ok(None);
-        };
-        let reference = resize(&*state.photo, photo_view.width(), photo_view.height(), FilterType::Triangle);
-        verdict = judge(&assess(&reference, &before.photo_view, None), &assess(&reference, &photo_view, None));
-        if verdict != Judgement::Keep {
-            return Ok(Some((verdict, before.clone())));
-        }
-        let canonical = stage.canonical(&tried, &before.field).await?;
-        pictures = LitPictures { photo_view, canonical, ..before.clone() };
+    before: &Lit,
+) -> Result<Option<(Judgement, Lit)>, PhaseError> {
+    let stage = Stage::new(ctx, state, Vec::new())?;
+    let (w, h) = before.preview.dimensions();
+    let camera = state.partial.camera.resized(ImageSize::new(w, h));
+    let samples = stage.s.preview_samples;
+    let Some(preview) = stage.picture("retouched", camera, &tried, &before.field, samples).await? else {
+        return Ok(None);
+    };
+    let reference = resize(&*state.photo, w, h, FilterType::Triangle);
+    let verdict = judge(&assess(&reference, &before.preview, None), &assess(&reference, &preview, None));
+    if verdict != Judgement::Keep {
+        return Ok(Some((verdict, before.clone())));
     }
     state.lighting = Some(tried);
-    Ok(Some((verdict, pictures)))
+    Ok(Some((verdict, Lit { preview, field: Arc::clone(&before.field) })))
 }
 
 /// The nodes of the scene's GLB: the room's faces, then the objects, by material where they have several.
@@ -202,7 +235,14 @@ impl Look {
     }
 }
 
-impl Stage<'_, '_> {
+impl<'a, 'c> Stage<'a, 'c> {
+    /// For the scene as it was written for the light.
+    fn new(ctx: &'a PhaseCtx<'c>, state: &'a SceneState, nodes: Vec<FieldNode>) -> Result<Self, PhaseError> {
+        let glb = ctx.file(SCENE)?;
+        let glb_hash = blake3::hash(&harmony_io::read_bounded(&glb, 1 << 31)?).to_hex().to_string();
+        Ok(Self { ctx, state, glb, glb_hash, nodes, s: ctx.settings.lighting })
+    }
+
     fn request(&self, step: &str, camera: Camera, lighting: &Lighting, samples: u32) -> LitRequest {
         LitRequest {
             name: self.ctx.call(step),
@@ -339,16 +379,29 @@ impl Stage<'_, '_> {
         Ok(render(self.ctx, &request).await?.map(|lit| lit.image))
     }
 
-    async fn preview(&self, step: &str, look: &Look, lighting: &Lighting) -> Result<Option<RgbImage>, PhaseError> {
+    /// A picture for eyes.
+    async fn preview(
+        &self,
+        step: &str,
+        field: &Arc<AlbedoField>,
+        lighting: &Lighting,
+    ) -> Result<Option<RgbImage>, PhaseError> {
         let camera = self.state.partial.camera;
         let camera = camera.resized(camera.size.fit_within(self.s.preview_px));
+        self.picture(step, camera, lighting, field, self.s.preview_samples).await
+    }
+
+    /// A picture for the fit, which compares means of cells.
+    async fn sample(&self, step: &str, look: &Look, lighting: &Lighting) -> Result<Option<RgbImage>, PhaseError> {
+        let camera = self.state.partial.camera;
+        let camera = camera.resized(camera.size.fit_within(self.s.measured_px));
         self.picture(step, camera, lighting, &look.field, self.s.preview_samples).await
     }
 
     /// Measures previews and mends reflectances until the picture matches; the last preview.
     async fn settle(&self, look: &mut Look, lighting: &Lighting) -> Result<Option<RgbImage>, PhaseError> {
         self.ctx.step("lit preview");
-        let Some(mut preview) = self.preview("preview_0", look, lighting).await? else { return Ok(None) };
+        let Some(mut preview) = self.sample("preview_0", look, lighting).await? else { return Ok(None) };
         let mut error = look.error(&preview);
         look.rounds.push(json!({ "step": "preview_0", "error": error }));
         for round in 1..=self.s.measured_rounds {
@@ -360,7 +413,7 @@ impl Stage<'_, '_> {
             let before = Arc::clone(&look.field);
             look.field = Arc::new(look.next_field(&self.nodes, &small));
             let step = format!("preview_{round}");
-            let Some(image) = self.preview(&step, look, lighting).await? else { break };
+            let Some(image) = self.sample(&step, look, lighting).await? else { break };
             let after = look.error(&image);
             let kept = after.total() < error.total();
             look.rounds.push(json!({ "step": step, "error": after, "kept": kept }));
@@ -397,7 +450,7 @@ impl Stage<'_, '_> {
             let mut tried = lighting.clone();
             let notes = delta.apply(&mut tried, &self.state.partial.room.extents);
             let step = format!("preview_review_{round}");
-            let Some(image) = self.preview(&step, look, &tried).await? else { break };
+            let Some(image) = self.preview(&step, &look.field, &tried).await? else { break };
             let after = assess(&reference, &image, None);
             let verdict = judge(&before, &after);
             look.rounds.push(json!({
@@ -435,17 +488,23 @@ impl Stage<'_, '_> {
     }
 
     /// The lit canonical view; near walls and ceiling are left out for the eye but bounce light.
-    async fn canonical(&self, lighting: &Lighting, field: &Arc<AlbedoField>) -> Result<Option<RgbImage>, PhaseError> {
+    async fn canonical(
+        &self,
+        step: &str,
+        lighting: &Lighting,
+        field: &Arc<AlbedoField>,
+        longest: u32,
+        samples: u32,
+    ) -> Result<Option<RgbImage>, PhaseError> {
         if self.s.canonical_px == 0 {
             return Ok(None);
         }
-        self.ctx.step("lit canonical view");
-        let size = CANONICAL.fit_within(self.s.canonical_px);
+        let size = CANONICAL.fit_within(longest);
         let view = canonical_camera(&self.state.partial.room, size, &self.state.partial.camera);
-        let mut request = self.request("canonical", view.camera, lighting, self.s.canonical_samples);
+        let mut request = self.request(step, view.camera, lighting, samples);
         request.albedo = Some(Arc::clone(field));
-        let flush = views::of_the_ceiling(self.state).map(|p| p.item.id.as_str());
-        request.hidden_nodes = views::hidden_nodes(&view.omit, flush, self.state.trims.cornice.is_some());
+        let gone = views::gone(self.state, &view.omit);
+        request.hidden_nodes = views::hidden_nodes(&view.omit, &gone, self.state.trims.cornice.is_some());
         request.background = Some([0, 1, 2].map(|c| f64::from(OUTSIDE[c]) / 255.0));
         Ok(render(self.ctx, &request).await?.map(|lit| lit.image))
     }

@@ -149,7 +149,9 @@ pub struct LightingSettings {
     pub fit_samples: u32,
     /// Previews on which reflectances are measured again at most: light bounces otherwise once they have changed.
     pub measured_rounds: usize,
-    /// Longest side of previews, pixels.
+    /// Longest side of those previews, pixels.
+    pub measured_px: u32,
+    /// Longest side of previews that somebody looks at, pixels.
     pub preview_px: u32,
     /// Samples a pixel of previews.
     pub preview_samples: u32,
@@ -171,12 +173,13 @@ impl Default for LightingSettings {
             fit_px: 160,
             fit_samples: 64,
             measured_rounds: 2,
+            measured_px: 240,
             preview_px: 480,
             preview_samples: 12,
             final_px: 960,
-            final_samples: 24,
+            final_samples: 16,
             canonical_px: 960,
-            canonical_samples: 24,
+            canonical_samples: 12,
         }
     }
 }
@@ -211,6 +214,7 @@ impl Settings {
             range("lighting.canonical_px", self.lighting.canonical_px.into(), 64.0, 4096.0)?;
         }
         range("lighting.canonical_samples", self.lighting.canonical_samples.into(), 1.0, 16384.0)?;
+        range("lighting.measured_px", self.lighting.measured_px.into(), 64.0, 2048.0)?;
         range("lighting.preview_px", self.lighting.preview_px.into(), 64.0, 2048.0)?;
         range("lighting.final_px", self.lighting.final_px.into(), 64.0, 4096.0)?;
         range("lighting.preview_samples", self.lighting.preview_samples.into(), 1.0, 4096.0)?;

@@ -1,6 +1,6 @@
 //! Pictures and lines of text about the scene, for questions, files and the report.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec3;
@@ -11,7 +11,7 @@ use harmony_prompts::{PlacedObject, RoomSummary};
 use harmony_render::{
     Glass, Instance, Lighting, OUTSIDE, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window,
 };
-use harmony_scene::{Camera, ImageSize, Intrinsics, PixelBox, Pose, Room, SceneObject, Size, Support, Surface};
+use harmony_scene::{Camera, ImageSize, Intrinsics, ObjectId, PixelBox, Pose, Room, Size, Surface, gone_with};
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 
 use crate::state::{Object, SceneState};
@@ -59,10 +59,12 @@ const FLAT: RenderOptions = RenderOptions {
     glass: Glass::Solid,
 };
 
-/// A render of the scene from any camera, unlit, 4x multisampled. What lies flat under the ceiling goes with it.
+/// A render of the scene from any camera, unlit, 4x multisampled. What is fixed to a face that is left out goes with it
+/// ([`gone_with`]).
 pub fn scene_from(state: &SceneState, camera: &Camera, omit: Vec<Surface>) -> RgbImage {
-    let without_ceiling = omit.contains(&Surface::Ceiling);
-    let hidden: Vec<u32> = of_the_ceiling(state).filter(|_| without_ceiling).map(|placed| placed.item.index).collect();
+    let gone = gone(state, &omit);
+    let hidden: Vec<u32> =
+        state.partial.placed.iter().filter(|p| gone.contains(&p.item.id)).map(|p| p.item.index).collect();
     let shell = shell(state, omit);
     // The first is the room.
     let shown = instances(state, &shell).into_iter().enumerate().filter(|(k, i)| *k == 0 || !hidden.contains(&i.id));
@@ -70,28 +72,18 @@ pub fn scene_from(state: &SceneState, camera: &Camera, omit: Vec<Surface>) -> Rg
     DynamicImage::ImageRgba8(render(camera, &shown, &FLAT).color).to_rgb8()
 }
 
-/// Height up to which a thing under the ceiling belongs to it rather than hanging in the room, metres: smoke detectors,
-/// flush lights, vents, beams. From above, without the ceiling, only their backs would be seen.
-const FLUSH_M: f64 = 0.15;
-
-/// Nodes of the scene's file that a camera outside the room does not see: the faces left out, and what goes with the ceiling,
-/// whose upper side lies where no light comes.
-pub fn hidden_nodes<'i>(omit: &[Surface], flush: impl Iterator<Item = &'i str>, has_cornice: bool) -> Vec<String> {
+/// Nodes of the scene's file that a camera outside the room does not see: the faces left out, and what goes with them.
+pub fn hidden_nodes(omit: &[Surface], gone: &BTreeSet<&ObjectId>, has_cornice: bool) -> Vec<String> {
     let faces = omit.iter().map(|s| harmony_mesh::shell_material_name(*s));
-    let with_ceiling = omit.contains(&Surface::Ceiling);
-    let cornice = (with_ceiling && has_cornice).then_some(harmony_mesh::CORNICE);
-    faces.chain(flush.filter(|_| with_ceiling)).chain(cornice).map(str::to_owned).collect()
+    let cornice = (omit.contains(&Surface::Ceiling) && has_cornice).then_some(harmony_mesh::CORNICE);
+    faces.chain(gone.iter().map(|id| id.as_str())).chain(cornice).map(str::to_owned).collect()
 }
 
-/// Whether a finished scene's object goes with the ceiling, as [`of_the_ceiling`].
-pub fn is_of_the_ceiling(object: &SceneObject) -> bool {
-    object.support == Support::Ceiling && object.size.height <= FLUSH_M
-}
-
-/// What goes with the ceiling when that is left out of a view.
-pub fn of_the_ceiling(state: &SceneState) -> impl Iterator<Item = &Placed> {
-    let flush = |p: &&Placed| p.support == Support::Ceiling && p.size().height <= FLUSH_M;
-    state.partial.placed.iter().filter(flush)
+/// Objects that go with faces left out of a view.
+pub fn gone<'s>(state: &'s SceneState, omit: &[Surface]) -> BTreeSet<&'s ObjectId> {
+    let partial = &state.partial;
+    let held = partial.placed.iter().map(|p| (&p.item.id, &p.support, p.pose.position.y));
+    gone_with(omit, partial.room.extents.height, held)
 }
 
 /// The scene from the photo's camera.

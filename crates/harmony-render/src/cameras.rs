@@ -31,9 +31,10 @@ const MARGIN: f64 = 0.05;
 /// Largest azimuth of the canonical view from straight onto the back wall, radians (50 degrees).
 const MAX_AZIMUTH: f64 = 0.87;
 
-/// Step in which larger azimuths are tried, radians, and by what share nearer the camera must come for one radian.
+/// Step in which larger azimuths are tried, radians, and by what share more of the picture the room must cover for one
+/// radian.
 const AZIMUTH_STEP: f64 = 0.05;
-const AZIMUTH_COST: f64 = 0.25;
+const AZIMUTH_COST: f64 = 0.15;
 
 /// Rays on each axis of the photo that say what part of the room it shows.
 const SEEN_RAYS: u32 = 12;
@@ -54,15 +55,15 @@ pub fn canonical_camera(room: &Room, size: ImageSize, photo_camera: &Camera) -> 
     let azimuth = if azimuth.is_finite() { azimuth.clamp(-MAX_AZIMUTH, MAX_AZIMUTH) } else { 0.0 };
     let (low, high) = seen_part(&room.extents, photo_camera);
     let first = room_view(room, size, azimuth, low, high);
-    let target = (low + high) / 2.0;
-    let cost = |view: &RoomView, by: f64| (view.camera.centre() - target).length() * (1.0 + AZIMUTH_COST * by);
-    let mut best = (cost(&first, 0.0), first.clone());
+    let worth =
+        |view: &RoomView, by: f64| covered(&view.camera, &standing(low, high, &view.omit)) / (1.0 + AZIMUTH_COST * by);
+    let mut best = (worth(&first, 0.0), first.clone());
     let steps = ((MAX_AZIMUTH - azimuth.abs()) / AZIMUTH_STEP) as u32;
     for by in (1..=steps).map(|k| AZIMUTH_STEP * f64::from(k)) {
         let view = room_view(room, size, azimuth + by.copysign(azimuth), low, high);
         // No further wall is given up for it.
-        if view.omit == first.omit && cost(&view, by) < best.0 {
-            best = (cost(&view, by), view);
+        if view.omit == first.omit && worth(&view, by) > best.0 {
+            best = (worth(&view, by), view);
         }
     }
     best.1
@@ -123,7 +124,15 @@ fn room_view(room: &Room, size: ImageSize, azimuth: f64, low: Vec3, high: Vec3) 
         .into_iter()
         .filter(|s| *s == Surface::Ceiling || (eye - s.point(e, s.size(e) / 2.0)).dot(s.normal()) <= 0.0)
         .collect();
-    // Where no wall is left nothing stands up to the ceiling.
+    let nearer = centred_camera(&standing(low, high, &omit), (low + high) / 2.0, size, azimuth, ELEVATION);
+    // Near enough it could look over a wall that the farther one did not.
+    let sees = |s: &Surface| (nearer.centre() - s.point(e, s.size(e) / 2.0)).dot(s.normal()) > 0.0;
+    let same = Surface::ALL.iter().all(|s| *s == Surface::Ceiling || sees(s) != omit.contains(s));
+    RoomView { camera: if same { nearer } else { camera }, omit }
+}
+
+/// Corners of a box; where no wall is left nothing stands up to the ceiling.
+fn standing(low: Vec3, high: Vec3, omit: &[Surface]) -> Vec<Vec3> {
     let stands = |c: &Vec3| {
         let walls = [
             if c.x > low.x { Surface::Right } else { Surface::Left },
@@ -131,12 +140,28 @@ fn room_view(room: &Room, size: ImageSize, azimuth: f64, low: Vec3, high: Vec3) 
         ];
         c.y <= low.y || walls.iter().any(|wall| !omit.contains(wall))
     };
-    let shown: Vec<Vec3> = corners.into_iter().filter(stands).collect();
-    let nearer = centred_camera(&shown, (low + high) / 2.0, size, azimuth, ELEVATION);
-    // Near enough it could look over a wall that the farther one did not.
-    let sees = |s: &Surface| (nearer.centre() - s.point(e, s.size(e) / 2.0)).dot(s.normal()) > 0.0;
-    let same = Surface::ALL.iter().all(|s| *s == Surface::Ceiling || sees(s) != omit.contains(s));
-    RoomView { camera: if same { nearer } else { camera }, omit }
+    corners(low, high).into_iter().filter(stands).collect()
+}
+
+/// Area of the picture inside the outline of points, pixels.
+fn covered(camera: &Camera, points: &[Vec3]) -> f64 {
+    let mut left: Vec<Vec2> = points.iter().filter_map(|p| camera.project(*p)).collect();
+    left.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    // Andrew's monotone chain, there and back.
+    let chain = |points: &mut dyn Iterator<Item = &Vec2>| {
+        points.fold(Vec::<Vec2>::new(), |mut hull, p| {
+            while let [.., a, b] = hull[..]
+                && (b - a).perp_dot(*p - b) <= 0.0
+            {
+                hull.pop();
+            }
+            hull.push(*p);
+            hull
+        })
+    };
+    let hull = [chain(&mut left.iter()), chain(&mut left.iter().rev())].concat();
+    let next = hull.iter().cycle().skip(1);
+    hull.iter().zip(next).map(|(a, b)| a.perp_dot(*b)).sum::<f64>().abs() / 2.0
 }
 
 /// The nearest camera that shows every corner, moved sideways so that their box is in the middle of the image.
@@ -239,7 +264,7 @@ mod tests {
     }
 
     /// Corners of a box, but for those above the floor where no wall is left.
-    fn standing(low: Vec3, high: Vec3, omit: &[Surface]) -> Vec<Vec3> {
+    fn upright(low: Vec3, high: Vec3, omit: &[Surface]) -> Vec<Vec3> {
         let left = |c: &Vec3| if c.x > low.x { Surface::Right } else { Surface::Left };
         let back = |c: &Vec3| if c.z > low.z { Surface::Front } else { Surface::Back };
         let stands = |c: &Vec3| c.y == 0.0 || !omit.contains(&left(c)) || !omit.contains(&back(c));
@@ -247,11 +272,21 @@ mod tests {
     }
 
     #[test]
+    fn the_area_that_is_covered_is_that_of_the_outline() {
+        let camera = photo(Vec3::NEG_Z);
+        let at = |x: f64, y: f64| camera.centre() + camera.right() * x + camera.down() * y + camera.forward() * 2.0;
+        let square = [at(-0.5, -0.5), at(0.5, 0.5), at(0.1, 0.2), at(-0.5, 0.5), at(0.5, -0.5), at(0.0, 0.0)];
+        let side = camera.intrinsics.fx / 2.0;
+        assert!((covered(&camera, &square) - side * side).abs() < 1e-6);
+        assert_eq!(covered(&camera, &square[..1]), 0.0);
+    }
+
+    #[test]
     fn orbit_views_show_the_whole_room_and_fill_the_image() {
         let room = room();
         for size in [ImageSize::new(800, 600), ImageSize::new(300, 900), ImageSize::new(512, 512)] {
             for view in orbit_cameras(&room, size, 7) {
-                fills(&view, &standing(Vec3::ZERO, room.extents.as_vec(), &view.omit));
+                fills(&view, &upright(Vec3::ZERO, room.extents.as_vec(), &view.omit));
             }
         }
     }
@@ -265,7 +300,7 @@ mod tests {
         assert!(low.z == 0.0 && high.z > 3.0 && high.z < 6.0 && high.y == 2.6, "from {low} to {high}");
         for size in [ImageSize::new(800, 600), ImageSize::new(300, 900)] {
             let view = canonical_camera(&room, size, &photo);
-            fills(&view, &standing(low, high, &view.omit));
+            fills(&view, &upright(low, high, &view.omit));
         }
         // What looks out of the room shows nothing of it.
         let away = Camera::looking(photo.size, photo.intrinsics, Vec3::new(2.0, 1.5, 20.0), Vec3::Z);

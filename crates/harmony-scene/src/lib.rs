@@ -34,7 +34,7 @@ pub use material::{MaterialCategory, PbrFactors, Physical, RigidEstimate, Surfac
 pub use moving::{Motion, MovingPart};
 pub use object::{
     Confidence, DepthPosition, Level, Placement, PlacementType, Pose, Relations, SceneObject, Size, Support,
-    SurfacePosition, WallAffinity,
+    SurfacePosition, WallAffinity, gone_with,
 };
 pub use points::{PointMap, PointMapKind};
 pub use raster::{Mask, PixelBox};

@@ -1,10 +1,12 @@
 //! Objects, their poses and relations.
 
+use std::collections::BTreeSet;
+
 use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{ObjectId, PixelBox, SurfaceMaterial, Wall};
+use crate::{ObjectId, PixelBox, Surface, SurfaceMaterial, Wall};
 
 /// The four object levels, in the order they are detected; placement goes wall, furniture, ceiling, decoration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
@@ -169,6 +171,36 @@ pub enum Support {
     },
 }
 
+/// Share of the room's height above which a thing under the ceiling belongs to it rather than hanging in the room.
+const UNDER_THE_CEILING: f64 = 0.75;
+
+/// What a view without some of the room's faces leaves out with them, of objects given by id, support and bottom, metres
+/// above the floor: what is fixed to a wall that is left out, what keeps close to the ceiling (fans, flush lights, beams:
+/// from above these would be seen from behind, and hide what is below), and what lies on such things.
+pub fn gone_with<'a>(
+    omit: &[Surface],
+    height: f64,
+    objects: impl IntoIterator<Item = (&'a ObjectId, &'a Support, f64)>,
+) -> BTreeSet<&'a ObjectId> {
+    let objects: Vec<_> = objects.into_iter().collect();
+    let fixed = |support: &Support, bottom: f64| match support {
+        Support::Floor | Support::Object { .. } => false,
+        Support::Ceiling => omit.contains(&Surface::Ceiling) && bottom > UNDER_THE_CEILING * height,
+        Support::Wall { wall } => omit.contains(&wall.surface()),
+    };
+    let mut gone: BTreeSet<&ObjectId> =
+        objects.iter().filter(|(_, support, bottom)| fixed(support, *bottom)).map(|(id, ..)| *id).collect();
+    loop {
+        let carried = |support: &Support| matches!(support, Support::Object { id } if gone.contains(id));
+        let more: Vec<_> =
+            objects.iter().filter(|(id, s, _)| carried(s) && !gone.contains(id)).map(|(id, ..)| *id).collect();
+        if more.is_empty() {
+            return gone;
+        }
+        gone.extend(more);
+    }
+}
+
 /// Coarse way in which a decoration rests (paper App. C).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -284,4 +316,33 @@ pub struct SceneObject {
     pub mesh_source: String,
     /// Confidence from evidence.
     pub confidence: Confidence,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_fixed_to_faces_that_are_left_out_goes_with_them() {
+        let id = |name: &str| ObjectId::new(name).unwrap();
+        let wall = |wall| Support::Wall { wall };
+        let on = |name: &str| Support::Object { id: id(name) };
+        let objects = [
+            (id("fan_01"), Support::Ceiling, 2.2),
+            (id("pendant_01"), Support::Ceiling, 1.6),
+            (id("shelf_01"), wall(Wall::Right), 1.5),
+            (id("leaf_01"), on("plant_01"), 2.0),
+            (id("plant_01"), on("shelf_01"), 1.6),
+            (id("clock_01"), wall(Wall::Back), 1.8),
+            (id("sofa_01"), Support::Floor, 0.0),
+            (id("pillow_01"), on("sofa_01"), 0.4),
+        ];
+        let gone = |omit: &[Surface]| -> Vec<String> {
+            let held = objects.iter().map(|(id, support, bottom)| (id, support, *bottom));
+            gone_with(omit, 2.5, held).into_iter().map(ToString::to_string).collect()
+        };
+        assert_eq!(gone(&[Surface::Ceiling]), ["fan_01"]);
+        assert_eq!(gone(&[Surface::Right, Surface::Front]), ["leaf_01", "plant_01", "shelf_01"]);
+        assert!(gone(&[]).is_empty());
+    }
 }

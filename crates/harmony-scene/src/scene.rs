@@ -1,10 +1,14 @@
 //! The finished scene, `scene.json`.
 
+use std::collections::BTreeSet;
+
 use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, ImageSize, Intrinsics, Lighting, Room, SceneObject, Warning};
+use crate::{
+    Camera, ImageSize, Intrinsics, Lighting, ObjectId, Room, SceneObject, Surface, Warning, object::gone_with,
+};
 
 /// Version of `scene.json`; raised when a reader would have to change.
 pub const SCENE_VERSION: u32 = 1;
@@ -68,4 +72,12 @@ pub struct Scene {
     pub summary: String,
     /// Everything that went another way than intended.
     pub warnings: Vec<Warning>,
+}
+
+impl Scene {
+    /// What a view without some of the room's faces leaves out with them ([`gone_with`]).
+    pub fn gone_with(&self, omit: &[Surface]) -> BTreeSet<&ObjectId> {
+        let held = self.objects.iter().map(|o| (&o.id, &o.support, o.pose.position.y));
+        gone_with(omit, self.room.extents.height, held)
+    }
 }

@@ -11,7 +11,7 @@ use harmony_io::{ReadLimits, load_glb, picture};
 use harmony_lighting::CyclesRenderer;
 use harmony_mesh::Mesh;
 use harmony_physics::pictures::{Lit, LitView, run_albedo};
-use harmony_pipeline::views::{hidden_nodes, inner_cameras, is_of_the_ceiling};
+use harmony_pipeline::views::{hidden_nodes, inner_cameras};
 use harmony_render::{Instance, Lighting, OUTSIDE, RenderOptions, canonical_camera, orbit_cameras, render};
 use harmony_scene::{AlbedoField, Camera, ImageSize, Scene, Surface};
 use image::{DynamicImage, RgbImage};
@@ -140,11 +140,11 @@ pub fn run(args: &Args) -> Result<u8> {
             say!("{}", path.display())?;
             continue;
         }
-        let hidden: Vec<&str> = omit.iter().map(|s| harmony_mesh::shell_material_name(*s)).collect();
+        let hidden = hidden_nodes(&omit, &scene.gone_with(&omit), true);
         let instances: Vec<Instance<'_>> = glb
             .nodes
             .iter()
-            .filter(|node| !hidden.contains(&node.name.as_str()))
+            .filter(|node| !hidden.contains(&node.name))
             .map(|node| Instance {
                 mesh: opened.get(&node.name).unwrap_or(&node.mesh),
                 linear: DMat3::from_cols_array(&node.transform.matrix3.to_cols_array()),
@@ -193,8 +193,7 @@ impl Traced {
     }
 
     fn picture(&self, scene: &Scene, camera: Camera, omit: &[Surface]) -> Result<RgbImage> {
-        let flush = scene.objects.iter().filter(|o| is_of_the_ceiling(o)).map(|o| o.id.as_str());
-        let hidden = hidden_nodes(omit, flush, true);
+        let hidden = hidden_nodes(omit, &scene.gone_with(omit), true);
         let view = LitView { camera, hidden, true_colors: Vec::new() };
         let lit =
             Lit { renderer: &self.renderer, scene, albedo: self.albedo.clone(), samples: self.samples, kept: None };

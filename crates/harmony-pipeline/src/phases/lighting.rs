@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::outputs;
-use crate::relight::{LitPictures, relight};
+use crate::relight::{LitPictures, finish, relight};
 use crate::state::SceneState;
 use crate::steps::{last_look, physical};
 use crate::views;
@@ -30,7 +30,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneStat
     let mut lighting = lights_from_scene(&state.partial.room, &objects, emitter);
     ask_sources(ctx, &state, &mut lighting).await?;
     state.lighting = Some(lighting.clone());
-    let lit = if ctx.path_tracer { relight(ctx, &mut state).await? } else { None };
+    let lit = if ctx.path_tracer { relight(ctx, &mut state, true).await? } else { None };
     if !ctx.path_tracer {
         ctx.warn(
             WarningKind::NotAvailable,
@@ -40,7 +40,10 @@ pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneStat
                 .into(),
         );
     }
-    let lit = last_look::until_settled(ctx, &mut state, lit).await?;
+    let lit = match last_look::until_settled(ctx, &mut state, lit).await? {
+        Some(lit) => Some(finish(ctx, &state, lit).await?),
+        None => None,
+    };
     ctx.write_json("lights.json", state.lighting.as_ref().unwrap_or(&lighting))?;
     Ok((state, lit))
 }

@@ -18,9 +18,13 @@ const CELLS: u32 = 10;
 const FARTHER: f64 = 8.0;
 /// And the factor.
 const TIMES: f64 = 1.4;
+/// The light on an object, for what is said of it is said for even white light: as a factor on its colours (a dim room,
+/// a lamp nearby), and how far a channel's may be from that (the light's hue).
+const LIGHT: [f64; 2] = [0.1, 2.0];
+const TINT: f64 = 1.25;
 
-/// How far an object's colours are from the photo's within its mask: mean distance in Lab (CIE76); `None` when it is not
-/// seen. It is painted anew for that, without the photo's light on it.
+/// How far an object's colours are from the photo's within its mask, in the light that brings them nearest: mean distance
+/// in Lab (CIE76); `None` when it is not seen. It is painted anew for that, without the photo's light on it.
 ///
 /// # Errors
 /// Computations that broke.
@@ -60,12 +64,28 @@ fn apart(shown: &RgbImage, photo: &RgbImage, mask: &Mask) -> Option<f64> {
         }
         *count += 1.0;
     }
+    let light = light(&cells.values().map(|(sums, _)| *sums).collect::<Vec<_>>());
     let all: f64 = cells.values().map(|(_, count)| count).sum();
-    let sum = cells.values().map(|(sums, count)| {
-        let [a, b] = sums.map(|sum| rgb8_from_linear(sum.map(|s| (s / count) as f32)));
+    let sum = cells.values().map(|([shown, photo], count)| {
+        let shown: [f64; 3] = std::array::from_fn(|c| (shown[c] * light[c]).min(*count));
+        let [a, b] = [shown, *photo].map(|sum| rgb8_from_linear(sum.map(|s| (s / count) as f32)));
         lab_distance(a, b) * count
     });
     (all > 0.0).then(|| sum.sum::<f64>() / all)
+}
+
+/// Per channel, the factor that brings cells' sums as shown to those of the photo, within what light can be: the middle
+/// one of the cells'.
+fn light(cells: &[[[f64; 3]; 2]]) -> [f64; 3] {
+    let channels: [f64; 3] = std::array::from_fn(|c| {
+        let told = cells.iter().filter(|[shown, photo]| shown[c] > 0.0 && photo[c] > 0.0);
+        let mut ratios: Vec<f64> = told.map(|[shown, photo]| (photo[c] / shown[c]).ln()).collect();
+        let middle = ratios.len() / 2;
+        if ratios.is_empty() { 0.0 } else { *ratios.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    });
+    let mean = channels.iter().sum::<f64>() / 3.0;
+    let brightness = mean.clamp(LIGHT[0].ln(), LIGHT[1].ln());
+    channels.map(|channel| (brightness + (channel - mean).clamp(-TINT.ln(), TINT.ln())).exp())
 }
 
 #[cfg(test)]
@@ -85,11 +105,18 @@ mod tests {
         let mask = Mask::from_fn(size, |x, y| (10..90).contains(&x) && (20..80).contains(&y));
         let photo = checks(0, [150, 40, 30]);
         let same = apart(&checks(5, [150, 40, 30]), &photo, &mask);
-        let white = apart(&checks(0, [240, 240, 240]), &photo, &mask);
-        assert!(same < Some(FARTHER / 2.0) && white > Some(20.0), "{same:?} {white:?}");
-        assert!(against(same, white).is_some() && against(white, same).is_none());
+        let blue = apart(&checks(0, [70, 110, 240]), &photo, &mask);
+        assert!(same < Some(FARTHER / 2.0) && blue > Some(20.0), "{same:?} {blue:?}");
+        assert!(against(same, blue).is_some() && against(blue, same).is_none());
         // What the photo was like before does not have to be met better.
-        assert!(against(Some(12.0), Some(16.0)).is_none() && against(None, white).is_none());
+        assert!(against(Some(12.0), Some(16.0)).is_none() && against(None, blue).is_none());
         assert_eq!(apart(&photo, &photo, &Mask::empty(size)), None);
+        // The same cloth in a dim and rather yellow light, which is what it is said to be without.
+        let dim = RgbImage::from_fn(100, 100, |x, y| {
+            let [r, g, b] = linear_from_rgb8(photo.get_pixel(x, y).0);
+            image::Rgb(rgb8_from_linear([0.14 * r, 0.13 * g, 0.105 * b]))
+        });
+        let (lit, other) = (apart(&photo, &dim, &mask), apart(&checks(0, [70, 110, 240]), &dim, &mask));
+        assert!(lit < Some(2.0) && against(lit, other).is_some(), "{lit:?} {other:?}");
     }
 }

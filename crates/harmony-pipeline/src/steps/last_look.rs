@@ -19,22 +19,22 @@ use super::programs::Program;
 use super::second_look::Tried;
 use super::{review, second_look};
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::relight::{LitPictures, relight, retouch};
+use crate::relight::{self, Lit, LitPictures, relight, retouch};
 use crate::state::{Look, SceneState};
 use crate::views;
 
 /// Size of the views that are no photo's.
 const VIEW: ImageSize = ImageSize { width: 800, height: 600 };
 
-/// Last looks until nothing is asked for or kept, or the rounds are used up; the lit pictures of the scene as it is then.
+/// Last looks until nothing is asked for or kept, or the rounds are used up; the light of the scene as it is then.
 ///
 /// # Errors
 /// Fatal role errors and unwritable files.
 pub async fn until_settled(
     ctx: &PhaseCtx<'_>,
     state: &mut SceneState,
-    mut lit: Option<LitPictures>,
-) -> Result<Option<LitPictures>, PhaseError> {
+    mut lit: Option<Lit>,
+) -> Result<Option<Lit>, PhaseError> {
     let mut tried = Vec::new();
     for round in 1..=ctx.settings.lighting.last_looks {
         let name = format!("last_look_{round}");
@@ -59,7 +59,7 @@ pub async fn until_settled(
         }
         if changed && lit.is_some() {
             let after = format!("after_{name}");
-            lit = relight(&ctx.inside(ctx.phase, &after), state).await?.or(lit);
+            lit = relight(&ctx.inside(ctx.phase, &after), state, false).await?.or(lit);
             wished.clone_from(&state.lighting);
         }
         if let (Some(before), Some(mut other), false) = (&lit, wished, relit.is_empty()) {
@@ -79,8 +79,8 @@ pub async fn until_settled(
             tried.push(in_words(&relit, kept, &reason));
             results.push(json!({ "asked": relit, "kept": kept, "reason": reason }));
             changed |= kept;
-            if let Some((_, pictures)) = outcome {
-                lit = Some(pictures);
+            if let Some((_, after)) = outcome {
+                lit = Some(after);
             }
         }
         if changed {
@@ -130,7 +130,7 @@ fn dim(lighting: &mut Lighting, action: &LastAction) {
 async fn ask(
     ctx: &PhaseCtx<'_>,
     state: &SceneState,
-    lit: Option<&LitPictures>,
+    lit: Option<&Lit>,
     name: &str,
     tried: Vec<String>,
 ) -> Result<LastLookAnswer, PhaseError> {
@@ -146,7 +146,11 @@ async fn ask(
         tried,
         guide: GUIDE.to_owned(),
     };
-    let (shown, lit) = (state.clone(), lit.cloned());
+    let lit = match lit {
+        Some(lit) => Some(relight::shown(ctx, state, lit).await?),
+        None => None,
+    };
+    let shown = state.clone();
     let pictures = ctx.computed(move || pictures(&shown, lit)).await?;
     ctx.ask(name, question, pictures).await
 }

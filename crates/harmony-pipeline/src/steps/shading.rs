@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use harmony_mesh::{Material, Mesh};
 use harmony_render::{SOLID, Stands, opacity, shade};
-use harmony_scene::{Mask, ObjectId};
+use harmony_scene::{Mask, ObjectId, Pose};
 
+use super::grain;
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Model, SceneState};
 use crate::views;
@@ -29,14 +30,22 @@ pub async fn everything(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<()
     Ok(())
 }
 
-fn lit(state: &SceneState) -> BTreeMap<ObjectId, Arc<Mesh>> {
-    struct Thing {
-        id: ObjectId,
-        mesh: Arc<Mesh>,
-        pose: harmony_scene::Pose,
-        visible: Option<Mask>,
-        plain: Vec<bool>,
+/// An object as it stands before it is lit.
+struct Thing {
+    id: ObjectId,
+    mesh: Arc<Mesh>,
+    pose: Pose,
+    visible: Option<Mask>,
+    plain: Vec<bool>,
+}
+
+impl Thing {
+    fn stands<'a>(&'a self, mesh: &'a Mesh) -> Stands<'a> {
+        Stands { mesh, pose: self.pose, visible: self.visible.as_ref(), plain: &self.plain }
     }
+}
+
+fn lit(state: &SceneState) -> BTreeMap<ObjectId, Arc<Mesh>> {
     let ids = views::ids(state);
     let things: Vec<Thing> = state
         .partial
@@ -52,12 +61,13 @@ fn lit(state: &SceneState) -> BTreeMap<ObjectId, Arc<Mesh>> {
             Some(Thing { id, mesh, pose: placed.pose, visible, plain })
         })
         .collect();
-    let stands: Vec<Stands<'_>> = things
-        .iter()
-        .map(|t| Stands { mesh: &t.mesh, pose: t.pose, visible: t.visible.as_ref(), plain: &t.plain })
-        .collect();
     let shell = views::shell(state, Vec::new());
-    let shaded = shade(&shell, &stands, &state.partial.camera, &state.photo, &state.partial.room.extents);
+    let (camera, photo) = (&state.partial.camera, &*state.photo);
+    let as_said: Vec<Stands<'_>> = things.iter().map(|t| t.stands(&t.mesh)).collect();
+    let grained = grain::as_seen(&shell, &as_said, camera, photo);
+    let stands: Vec<Stands<'_>> =
+        things.iter().zip(&grained).map(|(t, grained)| t.stands(grained.as_ref().unwrap_or(&t.mesh))).collect();
+    let shaded = shade(&shell, &stands, camera, photo, &state.partial.room.extents);
     let ids = things.iter().map(|t| t.id.clone());
     ids.zip(shaded.meshes).filter_map(|(id, mesh)| Some((id, Arc::new(mesh?)))).collect()
 }
