@@ -142,6 +142,42 @@ def hide_from_camera():
             hide_back(material)
 
 
+# No board stands farther out of its wall, metres.
+BOARD_DEPTH = 0.2
+
+
+def hide_boards():
+    """The camera sees through boards along walls that are hidden: they are pieces of one mesh with those along the others."""
+    if not JOB["hidden_nodes"] or not JOB["room"]:
+        return
+    width, _, depth = JOB["room"]
+    # Axis in Blender, place of the wall on it, and the sign of the direction out of the room.
+    walls = {
+        "wall_left": (0, 0.0, -1.0),
+        "wall_right": (0, width, 1.0),
+        "wall_back": (1, 0.0, 1.0),
+        "wall_front": (1, -depth, -1.0),
+    }
+    boards = [o for name in ("skirting", "cornice", "casing") for o in meshes_below(name)]
+    for board, (axis, place, outward) in [(b, w) for b in boards for n, w in walls.items() if n in JOB["hidden_nodes"]]:
+        inward = [(place - (board.matrix_world @ v.co)[axis]) * outward for v in board.data.vertices]
+        reach = max((d for d in inward if d < BOARD_DEPTH), default=0.0) + 1e-3
+
+        def beside(tree):
+            geometry, path = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeLightPath")
+            split, near, both = (tree.nodes.new(f"ShaderNode{k}") for k in ("SeparateXYZ", "Math", "Math"))
+            near.operation, both.operation = "GREATER_THAN" if outward > 0.0 else "LESS_THAN", "MULTIPLY"
+            near.inputs[1].default_value = place - outward * reach
+            tree.links.new(geometry.outputs["Position"], split.inputs[0])
+            tree.links.new(split.outputs[axis], near.inputs[0])
+            tree.links.new(path.outputs["Is Camera Ray"], both.inputs[0])
+            tree.links.new(near.outputs[0], both.inputs[1])
+            return both.outputs[0]
+
+        for _, material in own_materials([board]):
+            clear_for(material, beside)
+
+
 # What ends this close below the ceiling gets no light on its top, metres.
 UNDER_CEILING = 0.15
 
@@ -730,6 +766,7 @@ def main():
             apply_albedo(gain, JOB["albedo"], {n: part_of(n) for n in (JOB["albedo"] or {}).get("nodes", {})}, true)
         clear_glass()
         show_tops(response)
+        hide_boards()
     loaded = time.time()
     if JOB["mode"] == "ids":
         render_ids(scene)

@@ -274,6 +274,35 @@ fn walls_can_be_hidden_and_the_same_job_gives_the_same_bytes() {
 }
 
 #[test]
+fn boards_along_a_hidden_wall_are_hidden_with_it() {
+    let Some(cycles) = renderer() else { return };
+    let fixture = scene();
+    let boarded: Vec<support::Node> = nodes().into_iter().chain([support::skirting()]).collect();
+    write_glb(&boarded, &fixture.glb);
+    let mut job = job(&fixture, 240);
+    job.camera = harmony_scene::Camera::looking(
+        job.camera.size,
+        job.camera.intrinsics,
+        glam::DVec3::new(2.0, 7.0, 9.0),
+        glam::DVec3::new(0.0, -1.0, -1.1),
+    );
+    let mut red_in_front = |hidden: &[&str]| {
+        job.hidden_nodes = hidden.iter().map(|name| (*name).to_owned()).collect();
+        let picture = cycles.render(&job).unwrap().image.unwrap();
+        let red = |point| {
+            let at = job.camera.project(point).unwrap();
+            let [r, g, b] = picture.get_pixel(at.x as u32, at.y as u32).0;
+            f64::from(r) > 2.0 * f64::from(g.max(b))
+        };
+        assert!(red(glam::DVec3::new(0.6, 0.15, 0.03)), "the back wall's board stays");
+        // The outer side of the front wall's board.
+        red(glam::DVec3::new(2.0, 0.15, support::ROOM.depth))
+    };
+    assert!(red_in_front(&["ceiling", "front"]));
+    assert!(!red_in_front(&["ceiling", "front", "wall_front"]));
+}
+
+#[test]
 fn failures_say_what_happened() {
     let Some(cycles) = renderer() else { return };
     let fixture = scene();

@@ -504,7 +504,7 @@ impl<'a, 'c> Stage<'a, 'c> {
         let mut request = self.request(step, view.camera, lighting, samples);
         request.albedo = Some(Arc::clone(field));
         let gone = views::gone(self.state, &view.omit);
-        request.hidden_nodes = views::hidden_nodes(&view.omit, &gone, self.state.trims.cornice.is_some());
+        request.hidden_nodes = views::hidden_nodes(&view.omit, &gone);
         request.background = Some([0, 1, 2].map(|c| f64::from(OUTSIDE[c]) / 255.0));
         Ok(render(self.ctx, &request).await?.map(|lit| lit.image))
     }

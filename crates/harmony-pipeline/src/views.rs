@@ -73,10 +73,9 @@ pub fn scene_from(state: &SceneState, camera: &Camera, omit: Vec<Surface>) -> Rg
 }
 
 /// Nodes of the scene's file that a camera outside the room does not see: the faces left out, and what goes with them.
-pub fn hidden_nodes(omit: &[Surface], gone: &BTreeSet<&ObjectId>, has_cornice: bool) -> Vec<String> {
+pub fn hidden_nodes(omit: &[Surface], gone: &BTreeSet<&ObjectId>) -> Vec<String> {
     let faces = omit.iter().map(|s| harmony_mesh::shell_material_name(*s));
-    let cornice = (omit.contains(&Surface::Ceiling) && has_cornice).then_some(harmony_mesh::CORNICE);
-    faces.chain(gone.iter().map(|id| id.as_str())).chain(cornice).map(str::to_owned).collect()
+    faces.chain(gone.iter().map(|id| id.as_str())).map(str::to_owned).collect()
 }
 
 /// Objects that go with faces left out of a view.

@@ -140,7 +140,7 @@ pub fn run(args: &Args) -> Result<u8> {
             say!("{}", path.display())?;
             continue;
         }
-        let hidden = hidden_nodes(&omit, &scene.gone_with(&omit), true);
+        let hidden = hidden_nodes(&omit, &scene.gone_with(&omit));
         let instances: Vec<Instance<'_>> = glb
             .nodes
             .iter()
@@ -193,7 +193,7 @@ impl Traced {
     }
 
     fn picture(&self, scene: &Scene, camera: Camera, omit: &[Surface]) -> Result<RgbImage> {
-        let hidden = hidden_nodes(omit, &scene.gone_with(omit), true);
+        let hidden = hidden_nodes(omit, &scene.gone_with(omit));
         let view = LitView { camera, hidden, true_colors: Vec::new() };
         let lit =
             Lit { renderer: &self.renderer, scene, albedo: self.albedo.clone(), samples: self.samples, kept: None };

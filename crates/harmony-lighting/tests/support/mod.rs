@@ -88,6 +88,15 @@ pub fn tall_cupboard() -> Node {
     boxed("cupboard_01", 16, [0.6, 0.3, 0.2], [0.05, 0.0, 0.05], [1.0, 2.59, 1.0])
 }
 
+/// Red boards along the front wall and the back wall, one mesh.
+pub fn skirting() -> Node {
+    let (w, d) = (ROOM.width, ROOM.depth);
+    let mut mesh = Mesh::default();
+    add_box(&mut mesh, "red", [0.8, 0.05, 0.05], DVec3::new(0.0, 0.0, d - 0.03), DVec3::new(w, 0.3, d));
+    add_box(&mut mesh, "red_too", [0.8, 0.05, 0.05], DVec3::new(0.0, 0.0, 0.0), DVec3::new(w, 0.3, 0.03));
+    Node { name: "skirting", id: 17, mesh }
+}
+
 /// A board under the ceiling with a strip on it that shines up.
 pub fn cove() -> Node {
     let mut mesh = Mesh::default();

@@ -72,8 +72,10 @@ pub fn as_seen(shell: &Mesh, stands: &[Stands<'_>], camera: &Camera, photo: &Rgb
         let shows = |[x0, y0]: &[u32; 2]| {
             (*y0..y0 + SIDE).all(|y| {
                 let row = y as usize * width + *x0 as usize;
-                let (ids, seen) = (frame.ids.get(row..row + SIDE as usize), visible.bits().get(row..row + SIDE as usize));
-                ids.is_some_and(|ids| ids.iter().all(|id| *id == i as u32 + 2)) && seen.is_some_and(|s| !s.contains(&false))
+                let (ids, seen) =
+                    (frame.ids.get(row..row + SIDE as usize), visible.bits().get(row..row + SIDE as usize));
+                ids.is_some_and(|ids| ids.iter().all(|id| *id == i as u32 + 2))
+                    && seen.is_some_and(|s| !s.contains(&false))
             })
         };
         let own: Vec<[u32; 2]> = blocks.iter().filter(|at| shows(at)).copied().collect();
