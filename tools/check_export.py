@@ -101,7 +101,12 @@ def usd(folder):
                 found = matrix.Transform(Gf.Vec3d(*point))
                 if max(abs(a - b) for a, b in zip(found, z_up(wanted))) > 1e-4:
                     problems.append(f"{o['id']}: {tuple(found)} instead of {z_up(wanted)}")
-            size = cache.ComputeUntransformedBound(prim).ComputeAlignedRange().GetSize()
+            # Its meshes without the light that it may carry.
+            box = Gf.Range3d()
+            for p in Usd.PrimRange(prim):
+                if p.IsA(UsdGeom.Mesh):
+                    box.UnionWith(cache.ComputeRelativeBound(p, prim).ComputeAlignedRange())
+            size = box.GetSize()
             hull = guides.ComputeUntransformedBound(prim).ComputeAlignedRange().GetSize()
             wanted = (o["size"]["width"], o["size"]["depth"], o["size"]["height"])
             if any(abs(a - b) > max(0.02, 0.05 * b) for a, b in zip(size, wanted)):
@@ -112,6 +117,7 @@ def usd(folder):
         lights = [p for p in stage.Traverse() if p.HasAPI(UsdLux.LightAPI) and not p.IsA(UsdLux.DomeLight)]
         if len(lights) != len(scene["lighting"]["lights"]):
             problems.append(f"{len(lights)} lights")
+        problems += light_problems(lights, scene)
         problems += camera_problems(stage, scene)
         textures = [p for p in stage.Traverse() if p.IsA(UsdShade.Shader) and UsdShade.Shader(p).GetIdAttr().Get() == "UsdUVTexture"]
         for p in textures:
@@ -147,6 +153,28 @@ def joint_problems(stage, manifest, joints):
             out.append(f"{path}: axis {joint.GetAxisAttr().Get()}")
         if joint.GetLocalPos0Attr().Get() != joint.GetLocalPos1Attr().Get():
             out.append(f"{path}: it does not stand closed")
+    return out
+
+
+def light_problems(prims, scene):
+    """Places and directions of lights by USD's own transforms; what moves has its light below it."""
+    from pxr import Gf, UsdGeom
+
+    out, cache = [], UsdGeom.XformCache()
+    by_name = {p.GetName(): p for p in prims}
+    for light in scene["lighting"]["lights"]:
+        prim = by_name.get(light["id"])
+        if prim is None:
+            out.append(f"the light {light['id']} is missing")
+            continue
+        matrix = cache.GetLocalToWorldTransform(prim)
+        if max(abs(a - b) for a, b in zip(matrix.ExtractTranslation(), z_up(light["position"]))) > 1e-4:
+            out.append(f"the light {light['id']} is at {matrix.ExtractTranslation()}")
+        if light["kind"] != "point":
+            length = math.dist(light["direction"], (0, 0, 0))
+            found = matrix.TransformDir(Gf.Vec3d(0, 0, -1))
+            if max(abs(a - b / length) for a, b in zip(found, z_up(light["direction"]))) > 1e-4:
+                out.append(f"the light {light['id']} shines along {found}")
     return out
 
 
@@ -234,6 +262,23 @@ def mujoco_files(folder):
                 problems.append(f"{name}: {len(collide)} colliders")
             if any(abs(model.geom_friction[g][0] - bodies[name]["friction"]) > 1e-3 for g in collide):
                 problems.append(f"{name}: friction {[model.geom_friction[g][0] for g in collide]}")
+        for light in scene["lighting"]["lights"]:
+            k = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_LIGHT, light["id"])
+            if k < 0:
+                problems += [f"the light {light['id']} is missing"] if light["on"] else []
+                continue
+            if max(abs(a - b) for a, b in zip(data.light_xpos[k], z_up(light["position"]))) > 1e-3:
+                problems.append(f"the light {light['id']} is at {data.light_xpos[k]}")
+            owner = next((o for o in scene["objects"] if o["id"] == light.get("object")), None)
+            carried = owner is not None and bodies[owner["id"]]["dynamic"]
+            of = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, model.light_bodyid[k])
+            if carried and of != owner["id"]:
+                problems.append(f"the light {light['id']} belongs to {of}")
+            if light["kind"] != "point":
+                length = math.dist(light["direction"], (0, 0, 0))
+                wanted = [v / length for v in z_up(light["direction"])]
+                if max(abs(a - b) for a, b in zip(data.light_xdir[k], wanted)) > 1e-3:
+                    problems.append(f"the light {light['id']} shines along {data.light_xdir[k]}")
         print(f"{path.name}: {model.nbody} bodies, {model.ngeom} geoms, {model.nmesh} meshes, {model.ntex} textures")
     print(f"mujoco: {len(files)} files, {len(warned)} warnings")
     for line in warned + problems:

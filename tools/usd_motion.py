@@ -32,7 +32,9 @@ def turned(q, v):
 
 def objects(stage):
     """Prims by name; a lamp's light has the lamp's."""
-    return {p.GetName(): p for p in stage.Traverse() if not p.GetPath().HasPrefix("/World/lights")}
+    from pxr import UsdLux
+
+    return {p.GetName(): p for p in stage.Traverse() if not p.HasAPI(UsdLux.LightAPI)}
 
 
 def earthquake(stage, told, at):

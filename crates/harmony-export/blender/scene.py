@@ -107,6 +107,17 @@ def add_lights():
         obj.hide_render = not light["on"]
         obj.hide_viewport = not light["on"]
         collection("lights").objects.link(obj)
+        hang_on(obj, light.get("object"))
+
+
+def hang_on(obj, name):
+    """Lets a light follow the thing that it belongs to, from where it is."""
+    parent = bpy.data.objects.get(name) if name else None
+    if parent is None or parent.type == "LIGHT":
+        return
+    bpy.context.view_layer.update()
+    obj.parent = parent
+    obj.matrix_parent_inverse = parent.matrix_world.inverted()
 
 
 def set_world(scene):
@@ -152,6 +163,12 @@ def part_of(obj):
     return joint["of"] if joint is not None and "of" in joint.keys() else None
 
 
+def place_of(obj):
+    """Where an object is, hidden ones too, which Blender does not evaluate."""
+    own = obj.matrix_basis
+    return (obj.parent.matrix_world @ obj.matrix_parent_inverse @ own if obj.parent else own).translation
+
+
 def inventory():
     bpy.ops.wm.open_mainfile(filepath=JOB["blend"])
     objects = []
@@ -172,7 +189,7 @@ def inventory():
     images = [i for i in bpy.data.images if i.type == "IMAGE" and i.users > 0]
     found = {
         "objects": objects,
-        "lights": sum(1 for o in bpy.data.objects if o.type == "LIGHT"),
+        "lights": [list(place_of(o)) for o in bpy.data.objects if o.type == "LIGHT"],
         "camera": list(camera.matrix_world.translation) if camera else None,
         "unpacked": [i.name for i in images if i.packed_file is None],
     }

@@ -63,6 +63,7 @@ fn job(world: &World, glb: &Path, blend: &Path) -> Value {
         .map(|light| {
             let mut out = json!({
                 "id": light.id, "position": light.position, "color": light.color, "intensity": light.intensity, "on": light.on,
+                "object": light.object,
             });
             match &light.kind {
                 LightKind::Point { radius_m } => {
@@ -113,7 +114,7 @@ fn job(world: &World, glb: &Path, blend: &Path) -> Value {
 #[derive(Debug, Deserialize)]
 struct Found {
     objects: Vec<FoundObject>,
-    lights: usize,
+    lights: Vec<[f64; 3]>,
     camera: Option<[f64; 3]>,
     unpacked: Vec<String>,
 }
@@ -145,7 +146,8 @@ pub(crate) fn read(path: &Path, world: &World) -> Result<Inventory, String> {
         return Err(format!("textures are not in the file: {}", found.unpacked.join(", ")));
     }
     let room = |v: [f64; 3]| DVec3::new(v[0], v[2], -v[1]);
-    let mut out = Inventory { lights: Some(found.lights), camera: found.camera.map(room), ..Inventory::default() };
+    let lights = found.lights.into_iter().map(room).collect();
+    let mut out = Inventory { lights: Some(lights), camera: found.camera.map(room), ..Inventory::default() };
     for o in found.objects {
         let (a, b) = (room(o.low), room(o.high));
         let owner = o.of.unwrap_or_else(|| o.name.clone());

@@ -16,9 +16,9 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use harmony_physics::{Bodies, Body, Hull, Motion};
-use harmony_scene::{LightKind, Lighting};
+use harmony_scene::{Light, LightKind, Lighting};
 
 use crate::files::Files;
 use crate::moving::{self, PartBody};
@@ -63,7 +63,11 @@ pub(crate) fn write(world: &World, bodies: &Bodies) -> Result<Files, ExportError
         all.push_str(&object(world, item, body, &mut assets, z_up(item.object.pose.position)));
     }
     let name = identifier(&world.scene.room.room_type);
-    let extra = format!("{}{}", lights(&world.scene.lighting), camera(world));
+    let extra = format!(
+        "{}{}",
+        lights(&world.scene.lighting, moving::still_lights(world, bodies).into_iter(), &DAffine3::IDENTITY),
+        camera(world)
+    );
     files.text("mjcf/scene.xml", document(&name, "assets", &assets, world, &format!("{room}{all}"), &extra));
     assets.save(&mut files);
     for picture in world.looks.png_files()? {
@@ -176,6 +180,8 @@ fn object(world: &World, item: &Item, body: &Body, assets: &mut Assets, at: DVec
     );
     visuals(&mut out, world, &world.selected_pieces(item, Select::Fixed), name, assets);
     colliders(&mut out, &body.hulls, name, body.friction, assets);
+    let room_from_body = DAffine3::from_mat3_translation(item.rotation(), item.object.pose.position);
+    out.push_str(&lights(&world.scene.lighting, moving::lights(world, item, body), &room_from_body));
     for part in &parts {
         opening(&mut out, world, item, body, part, assets);
     }
@@ -298,10 +304,12 @@ pub(crate) fn obj(piece: &Piece) -> String {
     out
 }
 
-fn lights(lighting: &Lighting) -> String {
+/// Lights in a frame of the room.
+fn lights<'a>(lighting: &Lighting, some: impl Iterator<Item = &'a Light>, room_from_frame: &DAffine3) -> String {
+    let frame_from_room = room_from_frame.inverse();
     let mut out = String::new();
     let total: f64 = lighting.lights.iter().filter(|l| l.on).map(|l| l.intensity.max(0.0)).sum();
-    for light in lighting.lights.iter().filter(|l| l.on) {
+    for light in some.filter(|l| l.on) {
         // MuJoCo's light has no watts: shares of the whole, as bright as its renderer likes.
         let share = (light.intensity.max(0.0) / total.max(1e-9)).sqrt() * 0.7;
         let color = light.color.map(|c| c.clamp(0.0, 1.0) * share);
@@ -310,13 +318,14 @@ fn lights(lighting: &Lighting) -> String {
             LightKind::Area { direction, .. } => ("spot", z_up(DVec3::from_array(*direction))),
             LightKind::Sun { direction } => ("directional", z_up(DVec3::from_array(*direction))),
         };
-        let direction = direction.normalize_or(DVec3::NEG_Z);
+        let direction = (z_up_rotation(frame_from_room.matrix3) * direction).normalize_or(DVec3::NEG_Z);
+        let at = frame_from_room.transform_point3(DVec3::from_array(light.position));
         let cutoff = if kind == "spot" { " cutoff=\"80\"" } else { "" };
         let _ = writeln!(
             out,
             "    <light name=\"{}\" type=\"{kind}\" pos=\"{}\" dir=\"{}\" diffuse=\"{}\"{cutoff} castshadow=\"false\"/>",
             escaped(&identifier(&light.id)),
-            nums(&z_up(DVec3::from_array(light.position)).to_array(), 4),
+            nums(&z_up(at).to_array(), 4),
             nums(&direction.to_array(), 5),
             nums(&color, 4)
         );

@@ -1,11 +1,13 @@
-//! Bodies of parts that open.
+//! What moves within or with an object: parts that open, lights of lamps.
 //!
 //! An object's mass is shared out by surface; what remains with the body keeps its centre and, in proportion, its inertia.
 //! A part collides as the box of its panel; its object's hulls, which hold the panel too, do not collide with it.
 
 use glam::DVec3;
-use harmony_physics::{Body, Hull};
+use harmony_physics::{Bodies, Body, Hull, Motion};
+use harmony_scene::Light;
 
+use crate::World;
 use crate::world::{Item, Opens};
 
 /// A part is no lighter, kilograms.
@@ -60,4 +62,18 @@ pub(crate) fn parts<'a>(item: &'a Item, body: &Body) -> (Vec<PartBody<'a>>, f64)
     let moved: f64 = parts.iter().map(|p| p.mass_kg).sum();
     let rest = (1.0 - moved / body.mass_kg.max(1e-9)).max(0.1);
     (parts, rest)
+}
+
+/// Lights that an object takes along where it goes.
+pub(crate) fn lights<'a>(world: &'a World, item: &'a Item, body: &Body) -> impl Iterator<Item = &'a Light> {
+    let moves = body.motion == Motion::Dynamic;
+    let its = move |light: &&Light| light.object.as_ref().is_some_and(|o| o.as_str() == item.name());
+    world.scene.lighting.lights.iter().filter(move |_| moves).filter(its)
+}
+
+/// Lights that nothing takes along.
+pub(crate) fn still_lights<'a>(world: &'a World, bodies: &Bodies) -> Vec<&'a Light> {
+    let taken: Vec<&Light> =
+        world.items.iter().zip(&bodies.objects).flat_map(|(item, body)| lights(world, item, body)).collect();
+    world.scene.lighting.lights.iter().filter(|l| !taken.iter().any(|t| std::ptr::eq(*t, *l))).collect()
 }

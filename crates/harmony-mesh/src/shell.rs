@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3, Vec2};
 use harmony_scene::{Extents, Opening, OpeningKind, Room, RoomFace, Surface, WallPlane, clipped};
 use image::RgbaImage;
 
-pub use trim::{CORNICE, Trim, Trims};
+pub use trim::{TRIMS, Trim, Trims};
 
 use crate::{Group, Material, Mesh};
 

@@ -2,11 +2,12 @@
 //!
 //! The file's meshes, materials and textures stay byte for byte; the JSON gets an animation, the binary chunk its numbers.
 //! Frame: the one that does not move. The node of the room, the lights and the camera follow the ground; objects have their
-//! own motion. [`still_glb`] is one frame of it, in the room's frame, for renderers that know no animation.
+//! own motion, and a lamp that moves takes its light along. [`still_glb`] is one frame of it, in the room's frame, for renderers that know no animation.
 
+use glam::{DQuat, DVec3};
 use serde_json::{Map, Value, json};
 
-use crate::quake::Shaken;
+use crate::quake::{Shaken, Trajectory};
 use crate::world::Placed;
 
 /// A file that cannot be animated.
@@ -47,6 +48,7 @@ pub fn animated_glb(glb: &[u8], shaken: &Shaken) -> Result<Vec<u8>, AnimateError
     let roots = root_nodes(&doc);
     let times: Vec<f32> = (0..shaken.frames()).map(|f| f as f32 / shaken.frames_per_second as f32).collect();
     let input = floats(&mut doc, &mut binary, &times, "SCALAR");
+    let lit = lights_of(&doc, shaken);
     let mut samplers = Vec::new();
     let mut channels = Vec::new();
     let mut channel = |node: usize, path: &str, output: usize| {
@@ -71,6 +73,22 @@ pub fn animated_glb(glb: &[u8], shaken: &Shaken) -> Result<Vec<u8>, AnimateError
             let turned: Vec<f32> = object.rotations.iter().flat_map(|q| unit(*q)).collect();
             channel(node, "rotation", floats(&mut doc, &mut binary, &turned, "VEC4"));
         }
+    }
+    // Below the node of all lights, which follows the ground.
+    for (node, object) in lit {
+        let (Some(first), base) = (object.at(0), translation(&doc["nodes"][node])) else { continue };
+        let base_turn = rotation(&doc["nodes"][node]);
+        let (mut moved, mut turned) = (Vec::new(), Vec::new());
+        for frame in 0..shaken.frames() {
+            let now = object.at(frame).unwrap_or(first);
+            let turn =
+                DQuat::from_array(now.rotation).normalize() * DQuat::from_array(first.rotation).normalize().inverse();
+            let at = now.position + turn * (DVec3::from_array(base) - first.position);
+            moved.extend(at.to_array().map(|v| v as f32));
+            turned.extend(unit((turn * base_turn).to_array()));
+        }
+        channel(node, "translation", floats(&mut doc, &mut binary, &moved, "VEC3"));
+        channel(node, "rotation", floats(&mut doc, &mut binary, &turned, "VEC4"));
     }
     let missing = shaken.objects.iter().find(|o| find_node(&doc, &o.id).is_none());
     if let Some(object) = missing {
@@ -108,6 +126,22 @@ pub fn posed_glb(glb: &[u8], places: &[(&str, Placed)]) -> Result<Vec<u8>, Anima
 fn unit(q: [f64; 4]) -> [f32; 4] {
     let length = q.iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-12);
     q.map(|v| (v / length) as f32)
+}
+
+/// Nodes of lights that are below another node and belong to what moves, with what they belong to.
+fn lights_of<'a>(doc: &Value, shaken: &'a Shaken) -> Vec<(usize, &'a Trajectory)> {
+    let roots = root_nodes(doc);
+    let nodes = doc["nodes"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let owner = |node: &Value| {
+        let id = node["extras"]["light"]["object"].as_str()?;
+        shaken.objects.iter().find(|o| o.id == id && !o.positions.is_empty())
+    };
+    nodes.iter().enumerate().filter(|(k, _)| !roots.contains(k)).filter_map(|(k, n)| Some((k, owner(n)?))).collect()
+}
+
+fn rotation(node: &Value) -> DQuat {
+    let q: [f64; 4] = std::array::from_fn(|k| node["rotation"][k].as_f64().unwrap_or(if k == 3 { 1.0 } else { 0.0 }));
+    if q.iter().map(|v| v * v).sum::<f64>() > 1e-12 { DQuat::from_array(q).normalize() } else { DQuat::IDENTITY }
 }
 
 fn translation(node: &Value) -> [f64; 3] {
@@ -211,11 +245,11 @@ mod tests {
     use std::sync::Arc;
 
     use harmony_io::{GlbNode, GlbScene, NodeTransform, ReadLimits, glb_bytes, read_glb};
-    use harmony_scene::Vec3;
+    use harmony_scene::{Light, LightKind, Lighting, ObjectId, Vec3, ViewTransform};
 
     use super::*;
     use crate::matter::Motion;
-    use crate::quake::{Quake, Trajectory};
+    use crate::quake::Quake;
     use crate::testing::cuboid_mesh;
 
     fn track(id: &str, positions: Vec<[f64; 3]>) -> Trajectory {
@@ -302,6 +336,59 @@ mod tests {
             (read_glb(&file, &ReadLimits::default()).unwrap(), read_glb(&out, &ReadLimits::default()).unwrap());
         assert_eq!(a.nodes.len(), b.nodes.len());
         assert!(a.nodes.iter().zip(&b.nodes).all(|(x, y)| x.name == y.name && x.transform == y.transform));
+    }
+
+    #[test]
+    fn a_lamp_takes_its_light_along() {
+        let (_, shaken) = file_and_motion();
+        let light = |id: &str, object: Option<&str>, position| Light {
+            id: id.into(),
+            kind: LightKind::Area { direction: [0.0, -1.0, 0.0], size_m: [0.1, 0.1] },
+            position,
+            color: [1.0; 3],
+            intensity: 5.0,
+            on: true,
+            object: object.map(|o| ObjectId::new(o).unwrap()),
+        };
+        let lighting = Lighting {
+            lights: vec![
+                light("lamp", Some("box_01"), [1.0, 0.5, 0.0]),
+                light("other", Some("box_02"), [2.0, 0.5, 0.0]),
+                light("sky", None, [0.0, 2.0, 0.0]),
+            ],
+            ambient_color: [1.0; 3],
+            ambient_intensity: 0.0,
+            exposure: 0.0,
+            view: ViewTransform::Standard,
+        };
+        let mesh = Arc::new(cuboid_mesh(Vec3::ONE));
+        let node = |name: &str| GlbNode {
+            name: name.into(),
+            mesh: Arc::clone(&mesh),
+            transform: NodeTransform { translation: Vec3::ZERO, yaw: 0.0, scale: Vec3::ONE },
+            extras: Value::Null,
+        };
+        let objects = vec![node("box_01"), node("box_02")];
+        let scene = GlbScene { objects, lighting: Some(&lighting), ..GlbScene::default() };
+        let out = animated_glb(&glb_bytes(&scene).unwrap(), &shaken).unwrap();
+        let gltf = gltf::Gltf::from_slice(&out).unwrap();
+        let blob = gltf.blob.clone().unwrap();
+        let (mut places, mut turns) = (Vec::new(), Vec::new());
+        let animation = gltf.animations().next().unwrap();
+        for channel in animation.channels().filter(|c| c.target().node().light().is_some()) {
+            assert_eq!(channel.target().node().name(), Some("lamp"), "others stay in their room");
+            let reader = channel.reader(|_| Some(blob.as_slice()));
+            match reader.read_outputs().unwrap() {
+                gltf::animation::util::ReadOutputs::Translations(t) => places.extend(t),
+                gltf::animation::util::ReadOutputs::Rotations(r) => turns.extend(r.into_f32()),
+                _ => panic!(),
+            }
+        }
+        // Half a metre above what goes to (1.5, 0.25) and turns by 0.4 rad; the ground comes from the node above.
+        let wanted = Vec3::new(1.5 - 0.5 * 0.4_f64.sin(), 0.25 + 0.5 * 0.4_f64.cos(), 0.0);
+        assert!(Vec3::from_array(places[2].map(f64::from)).distance(wanted) < 1e-6, "{:?}", places[2]);
+        let down = DQuat::from_array(turns[2].map(f64::from)) * Vec3::NEG_Z;
+        assert!(down.distance(Vec3::new(0.4_f64.sin(), -(0.4_f64.cos()), 0.0)) < 1e-6, "{down}");
     }
 
     #[test]

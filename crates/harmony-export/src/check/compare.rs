@@ -190,10 +190,16 @@ pub(super) fn compare(
             differs("camera", format!("stands at {}, in the scene at {}", metres(camera), metres(wanted)));
         }
     }
-    if let Some(lights) = found.lights {
-        let wanted = world.scene.lighting.lights.len();
-        if lights != wanted {
-            differs("lights", format!("{lights} of them, in the scene {wanted}"));
+    if let Some(lights) = &found.lights {
+        let wanted = &world.scene.lighting.lights;
+        if lights.len() != wanted.len() {
+            differs("lights", format!("{} of them, in the scene {}", lights.len(), wanted.len()));
+        }
+        for light in wanted {
+            let at = DVec3::from_array(light.position);
+            if !lights.iter().any(|l| (*l - at).abs().max_element() <= PLACE_M) {
+                differs(&light.id, format!("no light stands at {}", metres(at)));
+            }
         }
     }
     out

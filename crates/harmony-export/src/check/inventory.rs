@@ -70,8 +70,8 @@ pub struct Inventory {
     pub faces: BTreeMap<String, Seen>,
     /// Names that stand twice.
     pub twice: Vec<String>,
-    /// Lights, where the format has them.
-    pub lights: Option<usize>,
+    /// Places of lights, where the format has them.
+    pub lights: Option<Vec<DVec3>>,
     /// The camera's place, where the format has one.
     pub camera: Option<DVec3>,
 }

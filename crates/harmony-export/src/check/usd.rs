@@ -2,7 +2,7 @@
 
 use std::io::{Cursor, Read as _};
 
-use glam::{DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 
 use super::Unreadable;
 use super::inventory::{Inventory, Seen, from_z_up};
@@ -62,9 +62,9 @@ fn read(text: &str) -> Result<Inventory, Unreadable> {
     let world = layer.child("World").ok_or("there is no /World")?;
     let looks = world.child("Looks");
     let mut out = Inventory::default();
-    let lights =
-        world.child("lights").map_or(0, |l| l.children.iter().filter(|c| LIGHTS.contains(&c.kind.as_str())).count());
-    out.lights = Some(lights);
+    let mut places = Vec::new();
+    lights(world, DAffine3::IDENTITY, &mut places);
+    out.lights = Some(places);
     out.camera = world
         .child("camera")
         .and_then(|c| c.numbers("xformOp:transform"))
@@ -86,9 +86,32 @@ fn read(text: &str) -> Result<Inventory, Unreadable> {
     Ok(out)
 }
 
+/// Places of the lights at and below a prim, in the room.
+fn lights(prim: &Prim, stage_from_parent: DAffine3, out: &mut Vec<DVec3>) {
+    let column = |m: &[f64], row: usize| DVec3::from_slice(&m[4 * row..4 * row + 3]);
+    let local = match prim.numbers("xformOp:transform") {
+        Some(m) if m.len() == 16 => DAffine3::from_cols(column(m, 0), column(m, 1), column(m, 2), column(m, 3)),
+        _ => DAffine3::from_mat3_translation(turn(prim), place(prim)),
+    };
+    let stage_from_prim = stage_from_parent * local;
+    if LIGHTS.contains(&prim.kind.as_str()) {
+        out.push(from_z_up(stage_from_prim.translation));
+    }
+    for child in &prim.children {
+        lights(child, stage_from_prim, out);
+    }
+}
+
+fn place(prim: &Prim) -> DVec3 {
+    prim.numbers("xformOp:translate").filter(|t| t.len() == 3).map_or(DVec3::ZERO, DVec3::from_slice)
+}
+
+fn turn(prim: &Prim) -> DMat3 {
+    DMat3::from_rotation_z(prim.number("xformOp:rotateZ").unwrap_or(0.0).to_radians())
+}
+
 fn object(prim: &Prim, looks: Option<&Prim>) -> Result<Seen, Unreadable> {
-    let at = prim.numbers("xformOp:translate").filter(|t| t.len() == 3).map_or(DVec3::ZERO, DVec3::from_slice);
-    let turn = DMat3::from_rotation_z(prim.number("xformOp:rotateZ").unwrap_or(0.0).to_radians());
+    let (at, turn) = (place(prim), turn(prim));
     let mut seen = Seen { position: Some(from_z_up(at)), ..Seen::default() };
     // An object with parts that open has its body and them beside each other.
     let own = prim.child("body").unwrap_or(prim);

@@ -10,7 +10,8 @@
 //! | `/World` | `kind = "assembly"`, gravity, all below |
 //! | `/World/room/<face>` | the shell, and its colliders without a body: static |
 //! | `/World/<level>/<id>` | one Xform an object, `kind = "component"`; meshes under `visual`, convex hulls under `collision` |
-//! | `/World/lights/<id>`, `/World/camera` | UsdLux lights, the photo's camera |
+//! | `/World/lights/<id>`, `/World/camera` | UsdLux lights that stay, the photo's camera |
+//! | `/World/<level>/<id>/<light>` | the light of a thing that moves: below its Xform, or its `body` where parts open |
 //! | `/World/Looks` | UsdPreviewSurface materials, and physics materials by friction and restitution |
 //!
 //! # Light

@@ -1,15 +1,15 @@
 //! The stage.
 
-use glam::{DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 use harmony_physics::Bodies;
-use harmony_scene::{Level, Light, LightKind};
+use harmony_scene::{Level, Light, LightKind, Lighting};
 
 use super::physics::{self, Frictions, ROOM_FRICTION};
 use super::text::{Text, quoted, schemas, tuple};
 use crate::World;
 use crate::moving;
 use crate::text::num;
-use crate::world::{Item, Look, Piece, Select, identifier, z_up, z_up_f32};
+use crate::world::{Item, Look, Piece, Select, identifier, z_up, z_up_f32, z_up_rotation};
 
 /// Width of the camera's film; only ratios count.
 const FILM: f64 = 36.0;
@@ -54,7 +54,7 @@ pub(super) fn stage(world: &World, bodies: &Bodies) -> String {
                 }
             });
         }
-        t.prim("Xform", "lights", &[], |t| lights(t, world));
+        t.prim("Xform", "lights", &[], |t| lights(t, world, bodies));
         camera(t, world);
     });
     t.finish()
@@ -109,6 +109,7 @@ fn object(t: &mut Text, world: &World, item: &Item, body: &harmony_physics::Body
             }
         });
         t.prim("Xform", "collision", &[], |t| physics::colliders(t, &body.hulls, &material));
+        own_lights(t, world, item, body);
     };
     if parts.is_empty() {
         t.prim("Xform", item.name(), &metadata, |t| {
@@ -262,40 +263,59 @@ fn place(t: &mut Text, axes: DMat3, at: DVec3) {
     t.line("uniform token[] xformOpOrder = [\"xformOp:transform\"]");
 }
 
-fn lights(t: &mut Text, world: &World) {
+/// Lights that stand in the room; those of things that move stand below them.
+fn lights(t: &mut Text, world: &World, bodies: &Bodies) {
     let lighting = &world.scene.lighting;
     let mut taken = std::collections::BTreeSet::new();
-    for light in &lighting.lights {
-        let mut name = identifier(&light.id);
-        while !taken.insert(name.clone()) {
-            name.push('_');
-        }
-        let (kind, own, axes) = kind_of(light);
-        t.prim(kind, &name, &[], |t| {
-            t.line(&format!("color3f inputs:color = {}", tuple(&light.color.map(|c| c.clamp(0.0, 1.0)), 5)));
-            let per_watt = if matches!(light.kind, LightKind::Sun { .. }) { 1.0 } else { std::f64::consts::FRAC_1_PI };
-            t.line(&format!("float inputs:intensity = {}", num(light.intensity.max(0.0) * per_watt, 6)));
-            t.line(&format!("float inputs:exposure = {}", num(lighting.exposure.clamp(-30.0, 30.0), 5)));
-            t.line("bool inputs:normalize = 1");
-            for line in &own {
-                t.line(line);
-            }
-            if !light.on {
-                t.line("token visibility = \"invisible\"");
-            }
-            place(t, axes, z_up(DVec3::from_array(light.position)));
-        });
+    for light in moving::still_lights(world, bodies) {
+        light_prim(t, lighting, light, &free_name(&mut taken, &light.id), &DAffine3::IDENTITY);
     }
     if lighting.ambient_intensity > 0.0 {
-        let mut name = "ambient".to_owned();
-        while taken.contains(&name) {
-            name.push('_');
-        }
+        let name = free_name(&mut taken, "ambient");
         t.prim("DomeLight", &name, &[], |t| {
             t.line(&format!("color3f inputs:color = {}", tuple(&lighting.ambient_color.map(|c| c.clamp(0.0, 1.0)), 5)));
             t.line(&format!("float inputs:intensity = {}", num(lighting.ambient_intensity, 6)));
             t.line(&format!("float inputs:exposure = {}", num(lighting.exposure.clamp(-30.0, 30.0), 5)));
         });
+    }
+}
+
+/// A name that nothing beside it has.
+fn free_name(taken: &mut std::collections::BTreeSet<String>, wanted: &str) -> String {
+    let mut name = identifier(wanted);
+    while !taken.insert(name.clone()) {
+        name.push('_');
+    }
+    name
+}
+
+/// A light in a frame of the room.
+fn light_prim(t: &mut Text, lighting: &Lighting, light: &Light, name: &str, room_from_frame: &DAffine3) {
+    let (kind, own, axes) = kind_of(light);
+    t.prim(kind, name, &[], |t| {
+        t.line(&format!("color3f inputs:color = {}", tuple(&light.color.map(|c| c.clamp(0.0, 1.0)), 5)));
+        let per_watt = if matches!(light.kind, LightKind::Sun { .. }) { 1.0 } else { std::f64::consts::FRAC_1_PI };
+        t.line(&format!("float inputs:intensity = {}", num(light.intensity.max(0.0) * per_watt, 6)));
+        t.line(&format!("float inputs:exposure = {}", num(lighting.exposure.clamp(-30.0, 30.0), 5)));
+        t.line("bool inputs:normalize = 1");
+        for line in &own {
+            t.line(line);
+        }
+        if !light.on {
+            t.line("token visibility = \"invisible\"");
+        }
+        let frame_from_room = room_from_frame.inverse();
+        let at = frame_from_room.transform_point3(DVec3::from_array(light.position));
+        place(t, z_up_rotation(frame_from_room.matrix3) * axes, z_up(at));
+    });
+}
+
+/// Lights that an object takes along, in its frame.
+fn own_lights(t: &mut Text, world: &World, item: &Item, body: &harmony_physics::Body) {
+    let room_from_body = DAffine3::from_mat3_translation(item.rotation(), item.object.pose.position);
+    let mut taken = ["visual", "collision"].map(str::to_owned).into_iter().collect();
+    for light in moving::lights(world, item, body) {
+        light_prim(t, &world.scene.lighting, light, &free_name(&mut taken, &light.id), &room_from_body);
     }
 }
 

@@ -48,7 +48,7 @@ fn thing(
     });
 }
 
-/// The scene: 4.2 x 3.6 x 2.6 m, ten things, three lights.
+/// The scene: 4.2 x 3.6 x 2.6 m, ten things, four lights, one of them on a chair that stands askew.
 pub fn scene() -> Scene {
     let half_turn = std::f64::consts::PI;
     let mut o = Vec::new();
@@ -102,6 +102,11 @@ pub fn scene() -> Scene {
         on,
         object: None,
     };
+    let spot = LightKind::Area { direction: [0.6, -0.8, 0.0], size_m: [0.1, 0.2] };
+    let reading = Light {
+        object: Some(ObjectId::new("chair_02").unwrap()),
+        ..light("reading_light", spot, [3.3, 0.95, 2.2], 5.0, true)
+    };
     Scene {
         generator: "harmony test".to_owned(),
         lighting: Lighting {
@@ -115,6 +120,7 @@ pub fn scene() -> Scene {
                     true,
                 ),
                 light("sun", LightKind::Sun { direction: [0.2, -0.7, 0.6] }, [2.4, 2.0, -1.0], 2.0, false),
+                reading,
             ],
             ambient_color: [1.0, 1.0, 1.0],
             ambient_intensity: 0.4,

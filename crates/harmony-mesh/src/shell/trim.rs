@@ -28,10 +28,8 @@ pub struct Trims {
     pub casing: Option<Trim>,
 }
 
-/// Material and group name of the boards under the ceiling.
-pub const CORNICE: &str = "cornice";
-/// Material and group names.
-const NAMES: [&str; 3] = ["skirting", CORNICE, "casing"];
+/// Material names of the boards: along the floor, under the ceiling, around doors.
+pub const TRIMS: [&str; 3] = ["skirting", "cornice", "casing"];
 /// Shortest piece that is made, metres.
 const SHORTEST: f64 = 0.02;
 /// Bevel of the free edge as a share of the depth.
@@ -53,7 +51,7 @@ enum Edge {
 
 /// Adds the boards to a shell, one group and material a kind.
 pub(super) fn add(mesh: &mut Mesh, room: &Room, trims: &Trims, omit: &[Surface]) {
-    for (name, trim) in NAMES.into_iter().zip([trims.skirting, trims.cornice, trims.casing]) {
+    for (name, trim) in TRIMS.into_iter().zip([trims.skirting, trims.cornice, trims.casing]) {
         let Some(trim) = trim.filter(|t| t.height > 0.005 && t.depth > 0.001) else { continue };
         let mut triangles = Vec::new();
         for wall in Surface::ALL.into_iter().filter(|s| s.wall().is_some() && !omit.contains(s)) {
@@ -84,7 +82,7 @@ fn boards(name: &str, trim: &Trim, room: &Room, wall: Surface) -> Vec<(WallPlane
     };
     match name {
         "skirting" => along([0.0, trim.height.min(height)], Edge::Top),
-        CORNICE => along([(height - trim.height).max(0.0), height], Edge::Bottom),
+        "cornice" => along([(height - trim.height).max(0.0), height], Edge::Bottom),
         _ => {
             let length = wall.size(&room.extents).x;
             wall.wall()

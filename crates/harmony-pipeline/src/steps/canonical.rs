@@ -5,7 +5,7 @@ use std::sync::Arc;
 use harmony_catalogue::Trait;
 use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_lighting::{MaterialAnswer, material_for};
-use harmony_mesh::{PartModel, TextureMode, broad_sides, front_by_form, front_by_size};
+use harmony_mesh::{TextureMode, broad_sides, front_by_form, front_by_size};
 use harmony_placement::Shape;
 use harmony_prompts::{FrontPanel, FrontsQuestion, InspectedObject, InspectedSize, NamedObject};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture};
@@ -212,13 +212,18 @@ pub async fn assemble(
     if let Some(model) = &g.part_model {
         ctx.write_json(&format!("meshes/{id}.part_model.json"), model)?;
     }
-    let plain = |model: &PartModel| {
-        let kept = model.slots.iter().filter(|s| s.texture == TextureMode::Plain);
-        kept.map(|s| s.name.clone()).collect()
+    let (plain_slots, said_slots) = match &g.part_model {
+        // What it does not take from the photo has a colour that was said, as a program's.
+        Some(model) => {
+            let kept = model.slots.iter().filter(|s| s.texture == TextureMode::Plain);
+            let plain: Vec<String> = kept.map(|s| s.name.clone()).collect();
+            (plain.clone(), plain)
+        }
+        None => (c.plain_slots, c.said_slots),
     };
     let model = Model {
-        plain_slots: g.part_model.as_ref().map_or(c.plain_slots, plain),
-        said_slots: c.said_slots,
+        plain_slots,
+        said_slots,
         bulb: c.bulb,
         material: material_of(ctx, &id, &c.object.said),
         mesh: g.mesh.clone(),

@@ -1,4 +1,4 @@
-//! The photo's light on what was modelled by programs, for looks without lamps ([`harmony_render::shade`]).
+//! The photo's light on boards and on what was modelled by programs, for looks without lamps ([`harmony_render::shade`]).
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,16 +7,18 @@ use harmony_mesh::{Material, Mesh};
 use harmony_render::{SOLID, Stands, opacity, shade};
 use harmony_scene::{Mask, ObjectId, Pose};
 
-use super::grain;
+use super::{grain, surfaces};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Model, SceneState};
 use crate::views;
 
-/// Fits the law of light to what the photo shows and lights every material whose colour was said.
+/// Gives boards the photo's light, fits the law of light to what it shows and lights every material whose colour was said.
 ///
 /// # Errors
 /// Only that of a computation that broke.
 pub async fn everything(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
+    let bare = state.clone();
+    state.trims = ctx.computed(move || surfaces::trims_in_photo(&bare)).await?;
     let any =
         |id: &ObjectId| state.objects.get(id).and_then(|o| o.model.as_ref()).is_some_and(|m| !m.said_slots.is_empty());
     if !state.partial.placed.iter().any(|p| any(&p.item.id)) {
@@ -74,9 +76,36 @@ fn lit(state: &SceneState) -> BTreeMap<ObjectId, Arc<Mesh>> {
 
 /// Whether a material has a colour that was said and light falls on: not what shines or is seen through.
 fn is_said(model: &Model, material: &Material) -> bool {
-    model.program.is_some()
-        && model.said_slots.contains(&material.name)
+    model.said_slots.contains(&material.name)
         && material.texture.is_none()
         && material.emissive.iter().all(|e| *e <= 0.0)
         && opacity(material) >= SOLID
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use harmony_scene::{Level, Support};
+    use image::{Rgb, RgbImage};
+
+    use super::*;
+    use crate::testing::{add, empty_room};
+
+    #[test]
+    fn what_was_said_is_lit_as_the_photo_has_it_whoever_built_it() {
+        let mut state = empty_room();
+        let size = state.photo.dimensions();
+        state.photo = Arc::new(RgbImage::from_pixel(size.0, size.1, Rgb([70; 3])));
+        let (a, b) = (DVec3::new(1.2, 0.0, 2.0), DVec3::new(2.8, 0.0, 2.0));
+        let said = add(&mut state, "cabinet_01", Level::Furniture, DVec3::splat(0.8), a, Support::Floor);
+        let painted = add(&mut state, "chest_01", Level::Furniture, DVec3::splat(0.8), b, Support::Floor);
+        state.objects.get_mut(&said).unwrap().model.as_mut().unwrap().said_slots = vec!["box".to_owned()];
+        let lit = lit(&state);
+        assert!(!lit.contains_key(&painted), "the photo's pixels hold its light");
+        let mesh = &lit[&said];
+        let base = mesh.materials[0].base_color[0];
+        let seen: f32 = mesh.colors.iter().map(|c| c[0] * base).sum::<f32>() / mesh.colors.len() as f32;
+        // Said 0.5, in the photo 0.061 linear.
+        assert!((0.03..0.12).contains(&seen), "{seen}");
+    }
 }

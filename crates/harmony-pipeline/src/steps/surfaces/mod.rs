@@ -7,6 +7,7 @@ mod openings;
 mod paint;
 mod pattern;
 mod trim;
+mod trim_light;
 
 use std::sync::Arc;
 
@@ -23,6 +24,7 @@ use evidence::{Bare, Face};
 pub use evidence::{standing, unnamed};
 pub use openings::{keep_walls_open, open_walls};
 use paint::Painted;
+pub use trim_light::in_photo as trims_in_photo;
 
 use crate::Phase;
 use crate::ctx::{PhaseCtx, PhaseError};
