@@ -40,11 +40,12 @@ pub mod world;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use harmony_mesh::Mesh;
 use harmony_physics::{Bodies, BodySettings};
 use harmony_scene::ObjectId;
+use rayon::prelude::*;
 
 pub use budget::Budget;
 pub use check::{Checked, Difference, Inventory, Report, Rules, Seen, check};
@@ -136,24 +137,40 @@ pub fn bodies(world: &World, options: &Options) -> Result<Bodies, ExportError> {
 /// [`ExportError`]; nothing was written when a file could not be made.
 pub fn export(world: &World, formats: &[Format], folder: &Path, options: &Options) -> Result<Files, ExportError> {
     let world = &world.within(&options.budget);
-    let wants = |all: &[Format]| formats.iter().any(|f| all.contains(f));
-    let bodies = if wants(&[Format::Usd, Format::Usdz, Format::Mjcf, Format::Urdf]) {
-        bodies(world, options)?
-    } else {
-        Bodies { objects: Vec::new(), shell: Vec::new() }
+    let physical = |f: &&Format| [Format::Usd, Format::Usdz, Format::Mjcf, Format::Urdf].contains(f);
+    let made = || {
+        if formats.iter().any(|f| physical(&f)) {
+            bodies(world, options)
+        } else {
+            Ok(Bodies { objects: Vec::new(), shell: Vec::new() })
+        }
     };
+    // What needs no bodies is made while they are.
+    let visual = || -> Result<Vec<Files>, ExportError> {
+        let visual: Vec<Format> = formats.iter().filter(|f| !physical(f)).copied().collect();
+        let one = |format: &Format| match format {
+            Format::Glb => glb::write(world, options.glb),
+            Format::Blend => blend::write(world),
+            Format::Obj => obj::write(world),
+            _ => Ok(plan::write(world)),
+        };
+        visual.par_iter().map(one).collect()
+    };
+    let (bodies, visual) = rayon::join(made, visual);
+    let bodies = bodies?;
+    let stage = OnceLock::new();
+    let stage = || -> &String { stage.get_or_init(|| usd::stage(world, &bodies)) };
+    let one = |format: &Format| match format {
+        Format::Usd => usd::write(world, stage()),
+        Format::Usdz => usd::write_package(world, stage()),
+        Format::Mjcf => mjcf::write(world, &bodies),
+        _ => urdf::write(world, &bodies),
+    };
+    let physical: Vec<Format> = formats.iter().filter(physical).copied().collect();
+    let physical: Vec<Files> = physical.par_iter().map(one).collect::<Result<_, _>>()?;
     let mut files = Files::default();
-    for format in formats {
-        files.extend(match format {
-            Format::Glb => glb::write(world, options.glb)?,
-            Format::Usd => usd::write(world, &bodies)?,
-            Format::Usdz => usd::write_package(world, &bodies)?,
-            Format::Mjcf => mjcf::write(world, &bodies)?,
-            Format::Urdf => urdf::write(world, &bodies)?,
-            Format::Blend => blend::write(world)?,
-            Format::Obj => obj::write(world)?,
-            Format::Plan => plan::write(world),
-        });
+    for some in visual?.into_iter().chain(physical) {
+        files.extend(some);
     }
     let mut manifest = Manifest::of(world, formats, options, &bodies, &files);
     if let Ok(before) = Manifest::read(folder) {

@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 use harmony_scene::Vec3 as DVec3;
 use rayon::prelude::*;
 
-use crate::hull::{Hull, extreme_points};
+use crate::hull::{Hull, beyond, extreme_points};
 use crate::surface::{Surface, bounds, samples};
 
 /// Thinnest hull, metres: thinner things slip through each other in a step.
@@ -418,15 +418,19 @@ fn fit(surface: &Surface, open: &[[DVec3; 3]], hulls: &[Hull]) -> Fit {
     if hulls.is_empty() {
         return Fit { visual_to_collider: f64::INFINITY, collider_to_visual: f64::INFINITY };
     }
+    let probes: Vec<Probe<'_>> = hulls.iter().map(Probe::of).collect();
     let to_hulls = |p: &DVec3| {
         let (mut outside, mut depth) = (f64::INFINITY, 0.0_f64);
-        for hull in hulls {
-            let (d, inside) = hull.distance(*p);
-            if inside {
-                depth = depth.max(d);
+        for probe in &probes {
+            if probe.off_box(*p) >= outside.max(f64::MIN_POSITIVE) {
+                continue;
+            }
+            let signed = probe.outside(*p);
+            if signed <= 0.0 {
+                depth = depth.max(-signed);
                 outside = 0.0;
-            } else {
-                outside = outside.min(d);
+            } else if signed < outside {
+                outside = outside.min(probe.hull.to_faces(*p));
             }
         }
         if outside > 0.0 { outside } else { depth }
@@ -442,12 +446,38 @@ fn fit(surface: &Surface, open: &[[DVec3; 3]], hulls: &[Hull]) -> Fit {
         .par_iter()
         .filter(|(face, p)| {
             let own = faces[*face].0;
-            let covered = hulls.iter().enumerate().any(|(i, h)| i != own && h.outside(*p) <= seam);
+            let covers = |probe: &Probe<'_>| probe.off_box(*p) <= 2.0 * seam && probe.outside(*p) <= seam;
+            let covered = probes.iter().enumerate().any(|(i, probe)| i != own && covers(probe));
             !covered && surface.is_open(*p)
         })
         .map(|(_, p)| surface.distance(*p))
         .collect();
     Fit { visual_to_collider: percentile(visual, 0.95), collider_to_visual: percentile(collider, 0.95) }
+}
+
+/// A hull that many points are measured against.
+struct Probe<'h> {
+    hull: &'h Hull,
+    planes: Vec<(DVec3, f64)>,
+    low: DVec3,
+    high: DVec3,
+}
+
+impl<'h> Probe<'h> {
+    fn of(hull: &'h Hull) -> Self {
+        let (low, high) = hull.bounds();
+        Self { hull, planes: hull.planes().collect(), low, high }
+    }
+
+    /// Distance of a point to the hull's upright box, 0 inside.
+    fn off_box(&self, point: DVec3) -> f64 {
+        (self.low - point).max(point - self.high).max(DVec3::ZERO).length()
+    }
+
+    /// As [`Hull::outside`].
+    fn outside(&self, point: DVec3) -> f64 {
+        beyond(&self.planes, point)
+    }
 }
 
 /// As [`samples`], with the triangle that each is on.

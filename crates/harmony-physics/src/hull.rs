@@ -228,8 +228,13 @@ impl Hull {
         if signed <= 0.0 {
             return (-signed, true);
         }
+        (self.to_faces(point), false)
+    }
+
+    /// Distance of a point to the nearest face.
+    pub(crate) fn to_faces(&self, point: DVec3) -> f64 {
         let nearest = |f: &[u32; 3]| closest_on_triangle(point, self.corners(*f)).distance_squared(point);
-        (self.faces.iter().map(nearest).fold(f64::INFINITY, f64::min).sqrt(), false)
+        self.faces.iter().map(nearest).fold(f64::INFINITY, f64::min).sqrt()
     }
 
     /// Smallest and largest corner.
@@ -302,7 +307,8 @@ pub fn hull_mesh(hulls: &[Hull], color: [f32; 3]) -> Mesh {
 }
 
 /// The largest distance of a point to planes, negative behind all of them.
-fn beyond(planes: &[(DVec3, f64)], point: DVec3) -> f64 {
+/// The largest distance of a point to some planes, negative behind all of them.
+pub(crate) fn beyond(planes: &[(DVec3, f64)], point: DVec3) -> f64 {
     planes.iter().map(|(n, d)| n.dot(point) - d).fold(f64::NEG_INFINITY, f64::max)
 }
 

@@ -27,21 +27,19 @@ mod stage;
 mod text;
 mod usdz;
 
-use harmony_physics::Bodies;
-
 use crate::files::Files;
 use crate::{ExportError, World};
 
-pub(crate) use stage::level_name;
+pub(crate) use stage::{level_name, stage};
 use usdz::package;
 
 /// `scene.usda` and its textures.
 ///
 /// # Errors
 /// [`ExportError::Texture`].
-pub(crate) fn write(world: &World, bodies: &Bodies) -> Result<Files, ExportError> {
+pub(crate) fn write(world: &World, stage: &str) -> Result<Files, ExportError> {
     let mut files = Files::default();
-    files.text("usd/scene.usda", stage::stage(world, bodies));
+    files.text("usd/scene.usda", stage.to_owned());
     for picture in world.looks.small_files()? {
         files.add(format!("usd/textures/{}", picture.name), picture.bytes);
     }
@@ -52,8 +50,8 @@ pub(crate) fn write(world: &World, bodies: &Bodies) -> Result<Files, ExportError
 ///
 /// # Errors
 /// [`ExportError::Texture`], [`ExportError::TooLarge`].
-pub(crate) fn write_package(world: &World, bodies: &Bodies) -> Result<Files, ExportError> {
-    let mut entries = vec![("scene.usda".to_owned(), stage::stage(world, bodies).into_bytes().into())];
+pub(crate) fn write_package(world: &World, stage: &str) -> Result<Files, ExportError> {
+    let mut entries = vec![("scene.usda".to_owned(), stage.as_bytes().into())];
     for picture in world.looks.small_files()? {
         entries.push((format!("textures/{}", picture.name), picture.bytes));
     }

@@ -25,7 +25,7 @@ pub(crate) fn level_name(level: Level) -> &'static str {
 }
 
 /// The whole stage as text.
-pub(super) fn stage(world: &World, bodies: &Bodies) -> String {
+pub(crate) fn stage(world: &World, bodies: &Bodies) -> String {
     let doc = format!("HARMONY scene ({}), one photo's room", world.scene.generator);
     let mut t = Text::new(&format!(
         "(\n    defaultPrim = \"World\"\n    doc = {}\n    kilogramsPerUnit = 1\n    metersPerUnit = 1\n    upAxis = \"Z\"\n)\n",

@@ -1,7 +1,7 @@
 //! Materials and textures of a scene, each once and with a name that every format can write.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use harmony_io::picture;
 use harmony_mesh::{Material, Mesh, Tile};
@@ -62,9 +62,12 @@ pub struct Picture {
     pub pixels: Arc<RgbaImage>,
     /// Whether alpha says anything.
     pub alpha: bool,
-    small: Arc<OnceLock<Arc<[u8]>>>,
-    lossless: Arc<OnceLock<Arc<[u8]>>>,
+    small: Encoded,
+    lossless: Encoded,
 }
+
+/// Bytes once they were made; who asks while they are waits for them.
+type Encoded = Arc<Mutex<Option<Arc<[u8]>>>>;
 
 /// A texture as a file.
 #[derive(Debug, Clone)]
@@ -243,14 +246,16 @@ impl Picture {
 
     fn encoded(
         &self,
-        known: &OnceLock<Arc<[u8]>>,
+        known: &Encoded,
         make: impl FnOnce() -> Result<Vec<u8>, picture::PictureError>,
     ) -> Result<Arc<[u8]>, ExportError> {
-        if let Some(bytes) = known.get() {
+        let mut known = known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(bytes) = &*known {
             return Ok(Arc::clone(bytes));
         }
         let bytes: Arc<[u8]> =
             make().map_err(|source| ExportError::Texture { name: self.name.clone(), source })?.into();
-        Ok(Arc::clone(known.get_or_init(|| bytes)))
+        *known = Some(Arc::clone(&bytes));
+        Ok(bytes)
     }
 }
