@@ -178,9 +178,15 @@ impl<'a> Proposer<'a, '_> {
                 }
                 let faced = self.faced(around);
                 for (yaw, turn_price) in self.quarter_turns(yaw) {
-                    // Two answers that contradict one another: neither costs more.
                     let agrees = faced.is_some_and(|faced| angle_between(yaw.start(), faced).abs() < AGREES);
-                    let turn_price = if agrees { 0.0 } else { turn_price };
+                    let (yaw, turn_price) = match (turn_price > 0.0, agrees, self.target()) {
+                        // Two answers that contradict one another: neither costs more. Which way it would face is asked
+                        // where it comes to stand, not where the search began.
+                        (true, true, Some(target)) => {
+                            (YawRule::Facing { target, start: yaw.start(), sigma: noise.yaw_facing }, 0.0)
+                        }
+                        _ => (yaw, turn_price),
+                    };
                     out.push(self.settled(self.constraint(Attachment::Floor, yaw), around, price + turn_price));
                 }
                 if let Some(along) = along_the_room(yaw) {
