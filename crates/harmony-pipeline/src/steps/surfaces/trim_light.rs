@@ -112,8 +112,8 @@ mod tests {
     use super::*;
     use crate::testing::empty_room;
 
-    fn board(color: [u8; 3]) -> Option<Trim> {
-        Some(Trim { height: 0.2, depth: 0.02, color: linear_from_rgb8(color) })
+    fn board(color: [u8; 3]) -> Trim {
+        Trim { height: 0.2, depth: 0.02, color: linear_from_rgb8(color) }
     }
 
     fn room(photo: [u8; 3]) -> SceneState {
@@ -126,9 +126,9 @@ mod tests {
     #[test]
     fn white_boards_of_a_dim_photo_are_as_dim_as_it_shows_them() {
         let mut state = room([92, 96, 100]);
-        state.trims.skirting = board([240, 240, 235]);
+        state.trims.skirting = Some(board([240, 240, 235]));
         // There is no door, so that no casing is seen.
-        state.trims.casing = board([240, 240, 235]);
+        state.trims.casing = Some(board([240, 240, 235]));
         let trims = in_photo(&state);
         assert_eq!(rgb8_from_linear(trims.skirting.unwrap().color), [92, 96, 100]);
         let casing = rgb8_from_linear(trims.casing.unwrap().color);
@@ -138,7 +138,7 @@ mod tests {
     #[test]
     fn a_red_board_stays_red_in_what_light_the_photo_has() {
         let mut state = room([60, 60, 60]);
-        state.trims.skirting = board([200, 60, 40]);
+        state.trims.skirting = Some(board([200, 60, 40]));
         let color = in_photo(&state).skirting.unwrap().color;
         let said = linear_from_rgb8([200, 60, 40]);
         assert!((color[0] / color[2] - said[0] / said[2]).abs() < 1e-3, "{color:?}");
@@ -148,7 +148,7 @@ mod tests {
     #[test]
     fn what_is_too_dark_to_be_the_board_says_nothing() {
         let mut state = room([4, 4, 4]);
-        state.trims.skirting = board([240, 240, 235]);
+        state.trims.skirting = Some(board([240, 240, 235]));
         assert_eq!(in_photo(&state), state.trims);
     }
 }
