@@ -137,39 +137,31 @@ pub fn bodies(world: &World, options: &Options) -> Result<Bodies, ExportError> {
 /// [`ExportError`]; nothing was written when a file could not be made.
 pub fn export(world: &World, formats: &[Format], folder: &Path, options: &Options) -> Result<Files, ExportError> {
     let world = &world.within(&options.budget);
-    let physical = |f: &&Format| [Format::Usd, Format::Usdz, Format::Mjcf, Format::Urdf].contains(f);
-    let made = || {
-        if formats.iter().any(|f| physical(&f)) {
-            bodies(world, options)
-        } else {
-            Ok(Bodies { objects: Vec::new(), shell: Vec::new() })
-        }
-    };
-    // What needs no bodies is made while they are.
-    let visual = || -> Result<Vec<Files>, ExportError> {
-        let visual: Vec<Format> = formats.iter().filter(|f| !physical(f)).copied().collect();
+    let (physical, visual): (Vec<Format>, Vec<Format>) = formats.iter().partition(|f| f.has_bodies());
+    let make = |some: &[Format], bodies: &Bodies| -> Result<Vec<Files>, ExportError> {
+        let stage = OnceLock::new();
+        let stage = || stage.get_or_init(|| usd::stage(world, bodies));
         let one = |format: &Format| match format {
             Format::Glb => glb::write(world, options.glb),
+            Format::Usd => usd::write(world, stage()),
+            Format::Usdz => usd::write_package(world, stage()),
+            Format::Mjcf => mjcf::write(world, bodies),
+            Format::Urdf => urdf::write(world, bodies),
             Format::Blend => blend::write(world),
             Format::Obj => obj::write(world),
-            _ => Ok(plan::write(world)),
+            Format::Plan => Ok(plan::write(world)),
         };
-        visual.par_iter().map(one).collect()
+        some.par_iter().map(one).collect()
     };
-    let (bodies, visual) = rayon::join(made, visual);
+    let none = Bodies { objects: Vec::new(), shell: Vec::new() };
+    // What needs no bodies is made while they are.
+    let (bodies, visual) = rayon::join(
+        || if physical.is_empty() { Ok(none.clone()) } else { bodies(world, options) },
+        || make(&visual, &none),
+    );
     let bodies = bodies?;
-    let stage = OnceLock::new();
-    let stage = || -> &String { stage.get_or_init(|| usd::stage(world, &bodies)) };
-    let one = |format: &Format| match format {
-        Format::Usd => usd::write(world, stage()),
-        Format::Usdz => usd::write_package(world, stage()),
-        Format::Mjcf => mjcf::write(world, &bodies),
-        _ => urdf::write(world, &bodies),
-    };
-    let physical: Vec<Format> = formats.iter().filter(physical).copied().collect();
-    let physical: Vec<Files> = physical.par_iter().map(one).collect::<Result<_, _>>()?;
     let mut files = Files::default();
-    for some in visual?.into_iter().chain(physical) {
+    for some in visual?.into_iter().chain(make(&physical, &bodies)?) {
         files.extend(some);
     }
     let mut manifest = Manifest::of(world, formats, options, &bodies, &files);

@@ -306,7 +306,6 @@ pub fn hull_mesh(hulls: &[Hull], color: [f32; 3]) -> Mesh {
     mesh
 }
 
-/// The largest distance of a point to planes, negative behind all of them.
 /// The largest distance of a point to some planes, negative behind all of them.
 pub(crate) fn beyond(planes: &[(DVec3, f64)], point: DVec3) -> f64 {
     planes.iter().map(|(n, d)| n.dot(point) - d).fold(f64::NEG_INFINITY, f64::max)

@@ -303,6 +303,7 @@ mod tests {
     use harmony_scene::{Mask, ObjectId, Support, Vec3, Wall};
 
     use super::*;
+    use crate::scene::attachment::YawRule;
     use crate::testing::{boxed, empty_room, of_boxes, seen};
     use crate::{Evidence, Placed};
 
@@ -414,6 +415,18 @@ mod tests {
         assert!(cheapest_backwards(&chair) > 0.1);
         chair.relations.facing_toward = Some(ObjectId::numbered("box", 1));
         assert!(cheapest_backwards(&chair) < 1e-9);
+        // Tucked in behind the desk, its mask begins where one would have to turn round to face the desk: that turn is
+        // asked again wherever the chair comes to stand.
+        let mut tucked = boxed(&scene, Vec3::new(0.4, 0.7, 0.4), Vec3::new(2.0, 0.0, 1.2), 0.0);
+        tucked.id = ObjectId::numbered("chair", 2);
+        tucked.yaw = crate::YawHint::About(0.0);
+        tucked.relations.facing_toward = Some(ObjectId::numbered("box", 1));
+        let window = Window::new(&scene, &tucked, None, &[], &settings).unwrap();
+        let starts = Proposer { scene: &scene, item: &tucked, window: &window, settings: &settings }.all();
+        let backwards = |h: &&Hypothesis<'_>| angle_between(h.pose.yaw, std::f64::consts::PI).abs() < 0.1;
+        let free: Vec<_> = starts.iter().filter(backwards).filter(|h| h.price < 1e-9).collect();
+        assert!(!free.is_empty());
+        assert!(free.iter().all(|h| matches!(h.constraint.yaw, YawRule::Facing { .. })));
     }
 
     #[test]

@@ -4,10 +4,11 @@
 //! photo said white boards would glow. What the photo shows where a board is seen tells its colour there, and boards that
 //! it does not show get as much light as those that it does.
 
-use harmony_imaging::color::{lab_from_rgb8, rgb8_from_linear};
+use harmony_imaging::color::{lab_from_rgb8, linear_from_rgb8, median_color, rgb8_from_linear};
+use harmony_lighting::linear::luminance;
 use harmony_mesh::{TRIMS, Trim, Trims};
 use harmony_render::{Instance, RenderOptions, render_depth_ids};
-use image::Rgb;
+use harmony_scene::Mask;
 
 use crate::state::SceneState;
 use crate::views;
@@ -26,10 +27,10 @@ pub fn in_photo(state: &SceneState) -> Trims {
     if said.iter().all(Option::is_none) {
         return state.trims;
     }
-    let seen = said.iter().zip(pixels(state)).map(|(trim, pixels)| Some(seen_as((*trim)?, &pixels)?.color));
-    let seen: Vec<Option<[f32; 3]>> = seen.collect();
-    let lights: Vec<f32> =
-        said.iter().zip(&seen).filter_map(|(t, s)| Some(luminance((*s)?) / luminance((*t)?.color))).collect();
+    let shown = masks(state);
+    let seen: [Option<[f32; 3]>; 3] =
+        std::array::from_fn(|k| seen_as(said[k]?.color, median_color(&state.photo, shown[k].as_ref()?)?));
+    let lights: Vec<f32> = said.iter().zip(&seen).filter_map(|(t, s)| Some(light((*s)?, (*t)?.color))).collect();
     let usual = if lights.is_empty() { 1.0 } else { lights.iter().sum::<f32>() / lights.len() as f32 };
     let [skirting, cornice, casing] = std::array::from_fn(|k| {
         said[k].map(|trim| Trim { color: seen[k].unwrap_or(trim.color.map(|c| c * usual)), ..trim })
@@ -37,77 +38,64 @@ pub fn in_photo(state: &SceneState) -> Trims {
     Trims { skirting, cornice, casing }
 }
 
-/// Linear colours of the photo where each kind of board is the nearest thing, their edges left out.
-fn pixels(state: &SceneState) -> [Vec<[f32; 3]>; 3] {
+/// Where each kind of board is the nearest thing, its edges and what was found left out; `None` where that is too little.
+fn masks(state: &SceneState) -> [Option<Mask>; 3] {
     let mut shell = views::shell(state, Vec::new());
     let names: Vec<String> = shell.materials.iter().map(|m| m.name.clone()).collect();
-    // The room is 1; its boards are ids that nothing else has.
-    let first = u32::MAX - TRIMS.len() as u32;
-    let mut boards = Vec::new();
-    for (k, name) in TRIMS.iter().enumerate() {
+    let mut boards = TRIMS.map(|name| {
         let mut board = shell.clone();
-        board.groups.retain(|g| names[g.material] == *name);
-        boards.push((board, first + k as u32));
-    }
+        board.groups.retain(|g| names[g.material] == name);
+        board
+    });
     shell.groups.retain(|g| !TRIMS.contains(&names[g.material].as_str()));
+    // The room is 1; its boards are ids that nothing else has.
+    let ids_of = |k: usize| u32::MAX - 1 - k as u32;
     let things =
         state.partial.placed.iter().filter_map(|placed| {
             Some(Instance::posed(state.mesh_of(&placed.item.id)?, &placed.pose, placed.item.index))
         });
+    let boards = boards.iter_mut().enumerate().filter(|(_, b)| !b.groups.is_empty());
     let all: Vec<Instance<'_>> = std::iter::once(Instance::in_room(&shell, 1))
-        .chain(boards.iter().filter(|(b, _)| !b.groups.is_empty()).map(|(b, id)| Instance::in_room(b, *id)))
+        .chain(boards.map(|(k, board)| Instance::in_room(board, ids_of(k))))
         .chain(things)
         .collect();
-    let camera = &state.partial.camera;
-    let ids = render_depth_ids(camera, &all, &RenderOptions::default()).ids;
-    let objects = state.all_objects();
-    let (w, h) = (camera.size.width as usize, camera.size.height as usize);
-    let mut out: [Vec<[f32; 3]>; 3] = Default::default();
-    for y in 1..h.saturating_sub(1) {
-        for x in 1..w.saturating_sub(1) {
-            let id = ids[y * w + x];
-            let around = [y * w + x - 1, y * w + x + 1, (y - 1) * w + x, (y + 1) * w + x];
-            let covered = objects.get(x as i64, y as i64) || state.photo_frame.get(x as i64, y as i64);
-            if id < first || id == u32::MAX || covered || around.iter().any(|p| ids[*p] != id) {
-                continue;
-            }
-            let Rgb(color) = *state.photo.get_pixel(x as u32, y as u32);
-            out[(id - first) as usize].push(harmony_imaging::color::linear_from_rgb8(color));
-        }
-    }
-    out
+    let size = state.partial.camera.size;
+    let seen = render_depth_ids(&state.partial.camera, &all, &RenderOptions::default());
+    let covered = state.all_objects().or(&state.photo_frame);
+    std::array::from_fn(|k| {
+        let board = seen.mask(ids_of(k));
+        let inner = Mask::from_fn(size, |x, y| {
+            let (x, y) = (i64::from(x), i64::from(y));
+            let around = [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)];
+            !covered.get(x, y) && around.into_iter().all(|(i, j)| board.get(x + i, y + j))
+        });
+        (inner.count() >= FEWEST).then_some(inner)
+    })
 }
 
-/// A board in the light that the photo shows on it; `None` where the photo shows too little of it, or something else.
-fn seen_as(trim: Trim, pixels: &[[f32; 3]]) -> Option<Trim> {
-    if pixels.len() < FEWEST {
-        return None;
-    }
-    let middle: [f32; 3] = std::array::from_fn(|k| {
-        let mut channel: Vec<f32> = pixels.iter().map(|p| p[k]).collect();
-        let half = channel.len() / 2;
-        *channel.select_nth_unstable_by(half, f32::total_cmp).1
-    });
-    let light = luminance(middle) / luminance(trim.color);
+/// A board's colour in the light that the photo shows on it; `None` where the photo shows something else.
+fn seen_as(said: [f32; 3], shown: [u8; 3]) -> Option<[f32; 3]> {
+    let seen = linear_from_rgb8(shown);
+    let light = light(seen, said);
     if !(LIGHT[0]..=LIGHT[1]).contains(&light) {
         return None;
     }
-    let dimmed = trim.color.map(|c| c * light);
-    let (a, b) = (lab_from_rgb8(rgb8_from_linear(middle)), lab_from_rgb8(rgb8_from_linear(dimmed)));
+    let dimmed = said.map(|c| c * light);
+    let (a, b) = (lab_from_rgb8(shown), lab_from_rgb8(rgb8_from_linear(dimmed)));
     let tint = ((a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2)).sqrt();
-    Some(Trim { color: if tint <= TINT { middle } else { dimmed }, ..trim })
+    Some(if tint <= TINT { seen } else { dimmed })
 }
 
-fn luminance(c: [f32; 3]) -> f32 {
-    (0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]).max(1e-4)
+/// How much light falls on a colour that is seen, as a share of that in which it was said.
+fn light(seen: [f32; 3], said: [f32; 3]) -> f32 {
+    luminance(seen).max(1e-4) / luminance(said).max(1e-4)
 }
 
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
 
-    use harmony_imaging::color::linear_from_rgb8;
-    use image::RgbImage;
+    use image::{Rgb, RgbImage};
 
     use super::*;
     use crate::testing::empty_room;
