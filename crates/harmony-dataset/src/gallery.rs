@@ -221,12 +221,14 @@ fn turntable(scene: &Scene, glb: &LoadedGlb, options: &GalleryOptions) -> Vec<Rg
 /// The scene in even light, without the faces that hide the room and what is fixed to them.
 fn picture_of(scene: &Scene, glb: &LoadedGlb, view: &RoomView) -> RgbImage {
     let gone = scene.gone_with(&view.omit);
-    let faces = view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s));
-    let hidden: Vec<&str> = faces.chain(gone.iter().map(|id| id.as_str())).collect();
+    let faces: Vec<&str> = view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s)).collect();
+    let hidden = |name: &str| {
+        faces.iter().any(|f| harmony_mesh::goes_with_face(name, f)) || gone.iter().any(|id| id.as_str() == name)
+    };
     let instances: Vec<Instance<'_>> = glb
         .nodes
         .iter()
-        .filter(|node| !hidden.contains(&node.name.as_str()))
+        .filter(|node| !hidden(&node.name))
         .map(|node| Instance {
             mesh: &node.mesh,
             linear: DMat3::from_cols_array(&node.transform.matrix3.to_cols_array()),

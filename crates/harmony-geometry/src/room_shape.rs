@@ -1,11 +1,11 @@
-//! Blocks, niches and slopes of a room, measured: what a layout answer points at, fitted to the point map and the photo.
+//! Blocks, niches, slopes and trays of a room, measured: what a layout answer points at, fitted to the point map and the photo.
 //!
 //! The answer names the wall and outlines the face in the photo. The face's plane is where the map's points of the outline
 //! agree (or where the outline meets the floor, or else the depth that was told); the outline's rays on that plane give
 //! its sides. When the plane turns out to be the one that calibration took for the wall, the box's wall is moved to where
 //! the wall really is. Beyond the paper, whose rooms are boxes. Key `layout.shape`.
 
-use harmony_scene::{Block, Camera, Extents, ImageSize, Niche, RoomShape, Slope, Vec2, Vec3, Wall};
+use harmony_scene::{Block, Camera, Extents, ImageSize, Niche, RoomShape, Slope, Surface, Vec2, Vec3, Wall};
 
 use crate::stats::{median, median_absolute_deviation};
 
@@ -18,6 +18,8 @@ pub enum ShapeKind {
     Niche,
     /// A ceiling that comes down towards a wall.
     Slope,
+    /// A recess in the ceiling.
+    Tray,
 }
 
 /// A feature of the room as a layout answer gives it.
@@ -27,16 +29,18 @@ pub struct ShapeHint {
     pub kind: ShapeKind,
     /// In a word or two.
     pub what: String,
-    /// The wall concerned.
+    /// The wall concerned; none is of a tray.
     pub wall: Wall,
     /// Outline of its face, pixels of the camera's image.
     pub face: Vec<Vec2>,
-    /// How far it stands out of the wall, goes behind it, or reaches into the room, metres.
+    /// How far it stands out of the wall, goes behind it, reaches into the room, or goes up, metres.
     pub depth: f64,
     /// Whether the face goes on to floor, ceiling, and the walls at its left and right end in the photo.
     pub reaches: [bool; 4],
     /// A slope's height at its wall, metres.
     pub low: f64,
+    /// Linear colour of the light hidden behind a tray's edge.
+    pub glow: Option<[f32; 3]>,
 }
 
 /// A point map in the room frame.
@@ -84,7 +88,8 @@ const SIDE: f64 = 0.15;
 pub fn measure_shape(hints: &[ShapeHint], camera: &Camera, extents: &Extents, map: Option<MapInRoom>) -> MeasuredShape {
     let mut out = MeasuredShape::default();
     let view = View { camera, extents, map };
-    let uprights: Vec<&ShapeHint> = hints.iter().filter(|h| h.kind != ShapeKind::Slope).collect();
+    let uprights: Vec<&ShapeHint> =
+        hints.iter().filter(|h| matches!(h.kind, ShapeKind::Block | ShapeKind::Niche)).collect();
     // Walls first: what one feature says of its wall holds for all on it.
     for wall in Wall::ALL {
         let moves: Vec<f64> =
@@ -100,6 +105,9 @@ pub fn measure_shape(hints: &[ShapeHint], camera: &Camera, extents: &Extents, ma
         let (slope, note) = view.slope(hint);
         out.notes.extend(note);
         out.shape.slopes.extend(slope);
+    }
+    for hint in hints.iter().filter(|h| h.kind == ShapeKind::Tray) {
+        view.tray(hint, &mut out);
     }
     out.shape_in_moved_box(extents);
     out
@@ -311,7 +319,10 @@ impl View<'_> {
         }
         let kind = hint.what.clone();
         match hint.kind {
-            ShapeKind::Niche => out.shape.niches.push(Niche { kind, wall: hint.wall, sides: None, min, max }),
+            ShapeKind::Niche => {
+                let surface = hint.wall.surface();
+                out.shape.niches.push(Niche { kind, surface, sides: None, glow: None, min, max });
+            }
             _ => out.shape.blocks.push(Block { kind, min, max }),
         }
     }
@@ -503,6 +514,111 @@ impl View<'_> {
     }
 }
 
+/// Height of the edge that hides a cove's strip from below, at most, metres and as a share of the tray's depth.
+const LIP: (f64, f64) = (0.06, 0.4);
+/// How far a cove's ledge goes back behind the edge, metres.
+const LEDGE: f64 = 0.16;
+/// What is left of the lower ceiling between a tray and a wall at least, metres.
+const BESIDE_TRAY: f64 = 0.05;
+/// A tray shorter than this is none, metres.
+const SHORTEST_TRAY: f64 = 0.3;
+
+impl View<'_> {
+    /// A recess in the ceiling, in coordinates of the box as it was: its sides along the room from the outline's edges on
+    /// the lower ceiling, its depth from the map's points inside or as told. What the picture cuts is as far from its wall
+    /// as the side across.
+    fn tray(&self, hint: &ShapeHint, out: &mut MeasuredShape) {
+        let e = self.extents;
+        let on_ceiling: Vec<Option<Vec3>> = hint.face.iter().map(|p| self.on_level(*p, e.height)).collect();
+        let seen: Vec<Vec3> = on_ceiling.iter().flatten().copied().collect();
+        if seen.len() < 3 {
+            out.notes.push(format!("{}: its outline is not on the ceiling; left out", hint.what));
+            return;
+        }
+        let middle = seen.iter().sum::<Vec3>() / seen.len() as f64;
+        let mut sides: [[Vec<f64>; 2]; 2] = Default::default();
+        for i in 0..hint.face.len() {
+            let k = (i + 1) % hint.face.len();
+            let (Some(a), Some(b)) = (on_ceiling[i], on_ceiling[k]) else { continue };
+            if self.along_border(hint.face[i], hint.face[k]) {
+                continue;
+            }
+            let way = (b - a).abs();
+            // An edge along x tells where the tray ends along z, and the other way round.
+            let (axis, at) = if way.x > way.z { (1, f64::midpoint(a.z, b.z)) } else { (0, f64::midpoint(a.x, b.x)) };
+            let high = usize::from(at > [middle.x, middle.z][axis]);
+            sides[axis][high].push(at);
+        }
+        let mut assumed = false;
+        let beside = BESIDE_TRAY + if hint.glow.is_some() { LEDGE } else { 0.0 };
+        let mut range = |axis: usize, length: f64| {
+            let [low, high] = [0, 1].map(|k| median(&sides[axis][k]));
+            let ends =
+                seen.iter().map(|p| [p.x, p.z][axis]).fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
+            assumed |= low.is_none() || high.is_none();
+            let (low, high) = match (low, high) {
+                (Some(low), Some(high)) => (low, high),
+                (Some(low), None) => (low, (length - low).max(ends.1)),
+                (None, Some(high)) => ((length - high).min(ends.0), high),
+                (None, None) => ends,
+            };
+            [low.max(beside), high.min(length - beside)]
+        };
+        let (x, z) = (range(0, e.width), range(1, e.depth));
+        if (x[1] - x[0]).min(z[1] - z[0]) < SHORTEST_TRAY {
+            out.notes.push(format!("{}: nothing is left of it where it was measured; left out", hint.what));
+            return;
+        }
+        if assumed {
+            out.notes.push(format!("{}: the picture cuts it; there it ends as far from the wall as across", hint.what));
+        }
+        let above: Vec<f64> = self.points(&hint.face).iter().map(|p| p.y - e.height).collect();
+        let believed = |d: &f64| *d > THINNEST && (d / hint.depth).ln().abs() < 1.2;
+        let measured = plane_of(&above, hint.depth).filter(believed);
+        if measured.is_none() {
+            let depth = hint.depth;
+            out.notes.push(format!("{}: its depth of {depth:.2} m is as told, nothing measures it", hint.what));
+        }
+        let top = e.height + measured.unwrap_or(hint.depth);
+        let mut niche = |glow: Option<[f32; 3]>, by: f64, from: f64, to: f64| {
+            out.shape.niches.push(Niche {
+                kind: hint.what.clone(),
+                surface: Surface::Ceiling,
+                sides: None,
+                glow,
+                min: Vec3::new(x[0] - by, from, z[0] - by),
+                max: Vec3::new(x[1] + by, to, z[1] + by),
+            });
+        };
+        if hint.glow.is_none() {
+            niche(None, 0.0, e.height, top);
+        } else {
+            let lip = e.height + LIP.0.min(LIP.1 * (top - e.height));
+            niche(None, 0.0, e.height, lip);
+            niche(hint.glow, LEDGE, lip, top);
+        }
+    }
+
+    /// Where a pixel's ray meets a height above the camera.
+    fn on_level(&self, pixel: Vec2, height: f64) -> Option<Vec3> {
+        let ray = self.camera.ray(pixel);
+        let k = (height - ray.origin.y) / ray.direction.y;
+        (k.is_finite() && k > 0.05 && k < 50.0).then(|| ray.at(k))
+    }
+
+    /// Whether an edge of an outline is one with the picture's border.
+    fn along_border(&self, a: Vec2, b: Vec2) -> bool {
+        let size = self.camera.size;
+        let (w, h) = (f64::from(size.width), f64::from(size.height));
+        let margin = BORDER * w.max(h);
+        let both = |near: &dyn Fn(Vec2) -> bool| near(a) && near(b);
+        both(&|p| p.x < margin) || both(&|p| p.y < margin) || both(&|p| p.x > w - margin) || both(&|p| p.y > h - margin)
+    }
+}
+
+/// An edge of an outline this near to the picture's border is cut by it, share of the picture's longer side.
+const BORDER: f64 = 0.006;
+
 /// A corner of a slope's outline counts as on its wall, or on the ceiling, when that is this near to what was told.
 const NEAR_TOLD: f64 = 0.3;
 
@@ -619,7 +735,7 @@ mod tests {
     }
 
     fn hint(kind: ShapeKind, face: Vec<Vec2>, depth: f64, reaches: [bool; 4]) -> ShapeHint {
-        ShapeHint { kind, what: "it".into(), wall: Wall::Back, face, depth, reaches, low: 0.0 }
+        ShapeHint { kind, what: "it".into(), wall: Wall::Back, face, depth, reaches, low: 0.0, glow: None }
     }
 
     #[test]
@@ -662,8 +778,9 @@ mod tests {
     fn an_outline_that_is_off_is_put_right_by_the_map() {
         let niche = Niche {
             kind: "niche".into(),
-            wall: Wall::Back,
+            surface: Surface::Back,
             sides: None,
+            glow: None,
             min: Vec3::new(3.0, 0.8, -0.3),
             max: Vec3::new(4.1, 1.9, 0.0),
         };
@@ -692,8 +809,9 @@ mod tests {
     fn recesses_and_slopes_are_measured() {
         let niche = Niche {
             kind: "recess".into(),
-            wall: Wall::Back,
+            surface: Surface::Back,
             sides: None,
+            glow: None,
             min: Vec3::new(2.0, 0.5, -0.3),
             max: Vec3::new(3.4, 2.1, 0.0),
         };
@@ -719,5 +837,52 @@ mod tests {
         let got = outlined.shape.slopes[0];
         assert!((got.low - 1.2).abs() < 0.1 && (got.run - 1.5).abs() < 0.1, "{got:?}");
         assert_eq!(outlined.notes.len(), 1, "{:?}", outlined.notes);
+    }
+
+    #[test]
+    fn a_tray_is_measured_and_goes_on_beyond_the_picture() {
+        let box_of = |min: [f64; 3], max: [f64; 3]| Niche {
+            kind: "it".into(),
+            surface: Surface::Ceiling,
+            sides: None,
+            glow: None,
+            min: min.into(),
+            max: max.into(),
+        };
+        let truth = room(RoomShape { niches: vec![box_of([0.7, 2.6, 0.8], [4.4, 2.78, 4.2])], ..RoomShape::default() });
+        let camera = camera();
+        // What is in the picture of its opening: the camera stands under it.
+        let corners = [[0.7, 0.8], [4.4, 0.8], [4.4, 4.2], [0.7, 4.2]].map(|[x, z]| Vec3::new(x, 2.6, z));
+        let before = harmony_scene::clipped(&corners, |p| camera.depth(p) - 0.1);
+        let flat: Vec<Vec3> = before.iter().filter_map(|p| camera.project(*p)).map(|p| p.extend(0.0)).collect();
+        let size = (f64::from(camera.size.width), f64::from(camera.size.height));
+        let inside = [0, 1, 2, 3].into_iter().fold(flat, |polygon, k| {
+            harmony_scene::clipped(&polygon, |p| match k {
+                0 => p.x,
+                1 => size.0 - p.x,
+                2 => p.y,
+                _ => size.1 - p.y,
+            })
+        });
+        let face: Vec<Vec2> = inside.iter().map(|p| p.truncate()).collect();
+        let mut told = hint(ShapeKind::Tray, face, 0.25, [false; 4]);
+        let points = map(&truth, &camera, Vec3::ZERO);
+        let seen = MapInRoom { size: camera.size, xyz: &points };
+        let found = measure_shape(&[told.clone()], &camera, &truth.extents, Some(seen));
+        let [tray] = found.shape.niches.as_slice() else { panic!("{found:?}") };
+        assert_eq!(tray.surface, Surface::Ceiling);
+        assert!((tray.max.y - 2.78).abs() < 0.02, "{tray:?}");
+        assert!((tray.min.x - 0.7).abs() < 0.03 && (tray.min.z - 0.8).abs() < 0.03, "{tray:?}");
+        // Its front is behind the camera: as far from the front wall as its back from the back wall.
+        assert!((tray.max.z - (5.0 - tray.min.z)).abs() < 1e-9, "{tray:?}");
+        assert!(found.notes.iter().any(|n| n.contains("cuts")), "{:?}", found.notes);
+
+        // A cove: the opening's edge hides a ledge, on which the light lies.
+        told.glow = Some([1.0, 0.8, 0.6]);
+        let found = measure_shape(&[told], &camera, &truth.extents, None);
+        let [lip, cove] = found.shape.niches.as_slice() else { panic!("{found:?}") };
+        assert_eq!((lip.glow, cove.glow), (None, Some([1.0, 0.8, 0.6])));
+        assert!((cove.max.y - 2.85).abs() < 1e-9 && cove.min.y == lip.max.y && lip.max.y > 2.63);
+        assert!(cove.min.x < lip.min.x - 0.1 && cove.max.z > lip.max.z + 0.1);
     }
 }

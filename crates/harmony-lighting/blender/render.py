@@ -134,6 +134,8 @@ def hide_from_camera():
         found = meshes_below(name)
         if not found:
             NOTES.append(f"no node {name} to hide")
+        # Sides of a face's niches, and strips in them, go with it.
+        found += [o for o in all_meshes() if o.name.startswith(f"{name}_niche_")]
         for obj in found:
             obj.visible_camera = False
     if JOB["hidden_nodes"]:
@@ -606,7 +608,9 @@ def dress_lamp(light, objects, response):
 def add_lights(scene, response, groups):
     spared = set()
     for index, light in enumerate(JOB["lighting"]["lights"]):
-        objects = meshes_below(light["object"]) if light["object"] else []
+        # The room's own coves are nodes of their light's name.
+        node = light["object"] or (light["id"] if light["id"].endswith("_glow") else None)
+        objects = meshes_below(node) if node else []
         if light["object"] and not objects:
             NOTES.append(f"no node {light['object']} for the light {light['id']}")
         shines = False

@@ -152,6 +152,7 @@ pub fn lights_from_scene<'m>(
         let strip = known.mesh.and_then(|mesh| strip_light(room, object, mesh));
         lights.extend(strip.or_else(|| known.bulb.map(|_| lamp_light(room, object, known))));
     }
+    lights.extend(coves(room));
     Lighting {
         lights,
         ambient_color: [1.0; 3],
@@ -159,6 +160,33 @@ pub fn lights_from_scene<'m>(
         exposure: 0.0,
         view: ViewTransform::Standard,
     }
+}
+
+/// The lights hidden in the room's own trays. For formats that know no glowing mesh each is a rectangle as large as its
+/// field, below it; the path tracer has the strip itself.
+fn coves(room: &Room) -> Vec<Light> {
+    let own = room.shape.niches.iter().enumerate().filter_map(|(k, niche)| Some((k, niche, niche.glow?)));
+    own.map(|(k, niche, glow)| {
+        let size = niche.max - niche.min;
+        let middle = niche.min.midpoint(niche.max).with_y(niche.max.y - PANE_GAP_M);
+        let kind = LightKind::Area { direction: DVec3::NEG_Y.to_array(), size_m: [size.x, size.z] };
+        let most = glow.iter().copied().fold(1e-6, f32::max);
+        Light {
+            id: harmony_mesh::cove_name(niche.surface, k),
+            intensity: bounds::intensity(&kind, STRIP_WATTS_PER_M * size.x.max(size.z)),
+            kind,
+            position: middle.to_array(),
+            color: glow.map(|c| f64::from(c / most)),
+            on: true,
+            object: None,
+        }
+    })
+    .collect()
+}
+
+/// Whether a light is one that is hidden in a tray of the room.
+pub fn is_cove(light: &Light) -> bool {
+    light.object.is_none() && harmony_mesh::is_cove_name(&light.id)
 }
 
 /// Windows that a photo may be lit by without showing them: one in the longest stretch of each wall outside of the

@@ -24,7 +24,10 @@ pub use part_model::{
     Repeat, Repeats, Shape, Slot, TextureMode, hex_color, linear_rgb, pack_charts, parse_color,
 };
 pub use rest::{Stand, stand};
-pub use shell::{ShellOptions, TRIMS, Trim, Trims, room_shell, room_shell_with, shell_material_name};
+pub use shell::{
+    ShellOptions, TRIMS, Trim, Trims, cove_name, goes_with_face, is_cove_name, room_shell, room_shell_with,
+    shell_material_name,
+};
 pub use templates::{
     ArmStyle, BackStyle, LegStyle, PlantHabit, ShadeShape, SlotColor, TemplateParams, template, template_name,
 };

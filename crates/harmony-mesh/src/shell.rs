@@ -82,18 +82,69 @@ pub fn room_shell_with(
         mesh.materials.push(material);
     }
     for (k, niche) in room.shape.niches.iter().enumerate() {
-        let Some(color) = niche.sides.filter(|_| !options.omit.contains(&niche.wall.surface())) else { continue };
-        let mut sheet = Sheet::new(niche.wall.surface(), &room.extents, &mut mesh);
+        let Some(color) = niche.sides.filter(|_| !options.omit.contains(&niche.surface)) else { continue };
+        let mut sheet = Sheet::new(niche.surface, &room.extents, &mut mesh);
         for face in faces.iter().filter(|f| f.side_of == Some(k)) {
             sheet.polygon(&face.polygon, face.normal);
         }
         let triangles = sheet.triangles;
         mesh.groups.push(Group { material: mesh.materials.len(), triangles });
-        mesh.materials.push(Material::plain(&format!("niche_{:02}", k + 1), color));
+        mesh.materials.push(Material::plain(&niche_name(niche.surface, k), color));
+    }
+    if !options.omit.contains(&Surface::Ceiling) {
+        coves(&mut mesh, room);
     }
     caps(&mut mesh, room, options.plain);
     trim::add(&mut mesh, room, &options.trims, &options.omit);
     mesh
+}
+
+/// Material and group name of a niche's sides: `wall_left_niche_01`, `ceiling_niche_02`.
+fn niche_name(surface: Surface, niche: usize) -> String {
+    format!("{}_niche_{:02}", shell_material_name(surface), niche + 1)
+}
+
+/// Material name, and id of the light, of the strip in a niche that glows: `ceiling_niche_02_glow`.
+pub fn cove_name(surface: Surface, niche: usize) -> String {
+    format!("{}_glow", niche_name(surface, niche))
+}
+
+/// Whether a name is one of [`cove_name`].
+pub fn is_cove_name(name: &str) -> bool {
+    let of_a_niche = |s: Surface| name.strip_prefix(shell_material_name(s)).is_some_and(|n| n.starts_with("_niche_"));
+    name.ends_with("_glow") && Surface::ALL.into_iter().any(of_a_niche)
+}
+
+/// Whether a piece of the shell goes when a face (by its name) is left out: the face, and sides and strips of its niches.
+pub fn goes_with_face(name: &str, face: &str) -> bool {
+    name.strip_prefix(face).is_some_and(|rest| rest.is_empty() || rest.starts_with("_niche_"))
+}
+
+/// A cove's strip: how far it lies behind the niche's side, its width and its height, metres.
+const STRIP: (f64, f64, f64) = (0.08, 0.02, 0.008);
+
+/// Strips of light on the lower sides of niches that glow, along all four edges.
+fn coves(mesh: &mut Mesh, room: &Room) {
+    for (k, niche) in room.shape.niches.iter().enumerate() {
+        let Some(color) = niche.glow else { continue };
+        let (low, high) =
+            (niche.min + DVec3::new(STRIP.0, 0.0, STRIP.0), niche.max - DVec3::new(STRIP.0, 0.0, STRIP.0));
+        let (y, w) = ([niche.min.y + 1e-3, niche.min.y + STRIP.2], STRIP.1);
+        let mut sheet = Sheet::new(Surface::Ceiling, &room.extents, mesh);
+        for (x, z) in [
+            ([low.x, high.x], [low.z, low.z + w]),
+            ([low.x, high.x], [high.z - w, high.z]),
+            ([low.x, low.x + w], [low.z + w, high.z - w]),
+            ([high.x - w, high.x], [low.z + w, high.z - w]),
+        ] {
+            sheet.cuboid(x, y, z);
+        }
+        let triangles = sheet.triangles;
+        let mut material = Material::plain(&cove_name(niche.surface, k), color);
+        material.emissive = color;
+        mesh.groups.push(Group { material: mesh.materials.len(), triangles });
+        mesh.materials.push(material);
+    }
 }
 
 /// How far below the ceiling a block's cap lies, metres: nobody in the room sees it there.
@@ -278,6 +329,21 @@ impl<'a> Sheet<'a> {
         })
     }
 
+    /// A box, its sides outward.
+    fn cuboid(&mut self, x: [f64; 2], y: [f64; 2], z: [f64; 2]) {
+        let at = |i: usize, j: usize, k: usize| DVec3::new(x[i], y[j], z[k]);
+        for (side, normal) in [
+            ([at(0, 0, 0), at(0, 1, 0), at(0, 1, 1), at(0, 0, 1)], DVec3::NEG_X),
+            ([at(1, 0, 0), at(1, 1, 0), at(1, 1, 1), at(1, 0, 1)], DVec3::X),
+            ([at(0, 0, 0), at(1, 0, 0), at(1, 0, 1), at(0, 0, 1)], DVec3::NEG_Y),
+            ([at(0, 1, 0), at(1, 1, 0), at(1, 1, 1), at(0, 1, 1)], DVec3::Y),
+            ([at(0, 0, 0), at(1, 0, 0), at(1, 1, 0), at(0, 1, 0)], DVec3::NEG_Z),
+            ([at(0, 0, 1), at(1, 0, 1), at(1, 1, 1), at(0, 1, 1)], DVec3::Z),
+        ] {
+            self.polygon(&side, normal);
+        }
+    }
+
     /// A convex polygon as a fan, wound so that its normal agrees with the one given.
     fn polygon(&mut self, corners: &[DVec3], normal: DVec3) {
         if corners.len() < 3 {
@@ -433,6 +499,52 @@ mod tests {
             let hit = from_above(x);
             assert!((height + 1.0 - hit.distance - top).abs() < 2e-3 && hit.normal.y > 0.9, "{x}: {hit:?}");
         }
+    }
+
+    #[test]
+    fn a_cove_lights_its_tray_and_is_not_seen_from_below() {
+        let mut room = room();
+        let niche = |glow, min: [f64; 3], max: [f64; 3]| harmony_scene::Niche {
+            kind: "tray".to_owned(),
+            surface: Surface::Ceiling,
+            sides: Some([0.5; 3]),
+            glow,
+            min: min.into(),
+            max: max.into(),
+        };
+        room.shape.niches = vec![
+            niche(None, [0.85, 2.5, 0.85], [3.15, 2.55, 4.15]),
+            niche(Some([1.0, 0.8, 0.6]), [0.7, 2.55, 0.7], [3.3, 2.7, 4.3]),
+        ];
+        let mesh = room_shell(&room, &|_| None);
+        mesh.check().unwrap();
+        let cove = mesh.materials.iter().position(|m| m.name == cove_name(Surface::Ceiling, 1)).unwrap();
+        assert_eq!(mesh.materials[cove].emissive, [1.0, 0.8, 0.6]);
+        assert!(mesh.materials.iter().any(|m| m.name == "ceiling_niche_01"));
+        let group = mesh.groups.iter().find(|g| g.material == cove).unwrap();
+        let strips: Vec<[u32; 3]> = mesh.triangles().collect();
+        let bvh = Bvh::new(&mesh);
+        let places = || group.triangles.iter().flatten().map(|i| mesh.positions[*i as usize].as_dvec3());
+        let eye = DVec3::new(1.2, 1.4, 2.8);
+        for at in places() {
+            assert!(room.is_free(at + DVec3::Y * 1e-4), "{at} lies in the tray");
+            let hit = bvh.raycast(eye, at - eye, 100.0).unwrap();
+            let own = group.triangles.contains(&strips[hit.triangle]);
+            assert!(!own && hit.point.distance(at) > 0.005, "{at} is seen from {eye}");
+        }
+        // It shines up to the field.
+        let top = bvh.raycast(DVec3::new(0.73, 2.56, 2.0), DVec3::new(0.5, 1.0, 0.0), 1.0).unwrap();
+        assert!((top.point.y - 2.7).abs() < 1e-6);
+        assert!(is_cove_name(&cove_name(Surface::Ceiling, 1)) && !is_cove_name("ceiling_cove_01_glow"));
+        for (name, face) in
+            [("ceiling_niche_02_glow", "ceiling"), ("ceiling", "ceiling"), ("wall_left_niche_01", "wall_left")]
+        {
+            assert!(goes_with_face(name, face));
+        }
+        assert!(!goes_with_face("ceiling_lamp_01", "ceiling") && !goes_with_face("wall_left_niche_01", "wall_right"));
+        let without = ShellOptions { omit: vec![Surface::Ceiling], ..ShellOptions::default() };
+        let mesh = room_shell_with(&room, &|_| None, &without);
+        assert!(mesh.materials.iter().all(|m| m.name != cove_name(Surface::Ceiling, 1)));
     }
 
     #[test]

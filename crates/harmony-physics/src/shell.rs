@@ -32,7 +32,7 @@ fn others(room: &Room) -> Vec<(Surface, Hull)> {
     }
     for niche in &room.shape.niches {
         // A jacket as thick as the walls, less the niche and what is free before it.
-        let out_of_room = -niche.wall.normal() * SHELL_M;
+        let out_of_room = -niche.surface.normal() * SHELL_M;
         let jacket = (niche.min - SHELL_M, niche.max + SHELL_M);
         let (low, high) = (niche.min, niche.max);
         let before = (low.min(low - out_of_room), high.max(high - out_of_room));
@@ -41,7 +41,7 @@ fn others(room: &Room) -> Vec<(Surface, Hull)> {
         out.extend(
             pieces
                 .flat_map(|p| without(p, (Vec3::ZERO, e.as_vec())))
-                .map(|(min, max)| (niche.wall.surface(), Hull::cuboid(min, max))),
+                .map(|(min, max)| (niche.surface, Hull::cuboid(min, max))),
         );
     }
     for slope in &room.shape.slopes {
@@ -90,8 +90,8 @@ fn face(room: &Room, surface: Surface) -> Vec<Hull> {
         .iter()
         .filter(|o| Some(o.wall) == surface.wall() && o.inset.abs() < 0.01)
         .map(|o| (Vec2::new(o.u[0], o.y[0]).max(low), Vec2::new(o.u[1], o.y[1]).min(high)))
-        .chain(room.shape.niches.iter().filter(|n| Some(n.wall) == surface.wall()).map(|n| {
-            let (a, b) = (n.wall.coordinates(n.min), n.wall.coordinates(n.max));
+        .chain(room.shape.niches.iter().filter(|n| n.surface == surface).map(|n| {
+            let (a, b) = (surface.coordinates(n.min), surface.coordinates(n.max));
             (a.max(low), b.min(high))
         }))
         .filter(|(a, b)| a.is_finite() && b.is_finite() && (*b - *a).min_element() > 1e-3)
@@ -235,8 +235,9 @@ mod tests {
         });
         room.shape.niches.push(harmony_scene::Niche {
             kind: "niche".into(),
-            wall: Wall::Back,
+            surface: Surface::Back,
             sides: None,
+            glow: None,
             min: Vec3::new(0.5, 0.5, -0.3),
             max: Vec3::new(1.0, 1.5, 0.0),
         });

@@ -48,7 +48,7 @@ fn contact_gap(constraint: &PoseConstraint, object: usize) -> f64 {
             let away = |at| wall.distance(&scene.room.extents, at);
             away(at) - away(constraint.settle(&placed.pose).position)
         }
-        Attachment::Ceiling => scene.room.extents.height - at.y - placed.size().height,
+        Attachment::Ceiling => scene.room.ceiling_over(at) - at.y - placed.size().height,
     }
 }
 

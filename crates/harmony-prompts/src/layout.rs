@@ -235,6 +235,8 @@ pub enum LayoutFeatureKind {
     Niche,
     /// A ceiling that comes down towards a wall.
     Slope,
+    /// A recess in the ceiling, away from the walls.
+    Tray,
 }
 
 /// Where a feature's face goes on to, seen or not.
@@ -253,16 +255,17 @@ pub enum LayoutReach {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LayoutFeature {
-    /// block, niche or slope.
+    /// block, niche, slope or tray.
     pub kind: LayoutFeatureKind,
     /// In a word or two: `chimney breast`, `window recess`, ...
     pub what: String,
-    /// The wall that it stands out of, opens behind, or comes down to.
+    /// The wall that it stands out of, opens behind, or comes down to; a tray's is not asked for: `back`.
     pub wall: harmony_scene::Wall,
     /// Corners in the photo, 0..1000, in order: of a block's face that looks the same way as the wall, of a niche's
-    /// opening, of the slope.
+    /// opening, of the slope, of a tray's opening in the lower ceiling.
     pub face: Vec<[f64; 2]>,
-    /// Metres: how far a block stands out of its wall, a niche goes behind it, a slope reaches into the room.
+    /// Metres: how far a block stands out of its wall, a niche goes behind it, a slope reaches into the room, a tray goes
+    /// up.
     pub depth_m: f64,
     /// Where the face goes on to.
     #[serde(default)]
@@ -270,6 +273,9 @@ pub struct LayoutFeature {
     /// A slope's height at its wall, metres; null for others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub low_m: Option<f64>,
+    /// Colour of the light hidden behind a tray's edge, `#rrggbb`; null where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub glow_hex: Option<String>,
 }
 
 /// Which room edge a pin lies on.
@@ -414,6 +420,7 @@ impl LayoutAnswer {
                 depth_m: 0.35,
                 reaches: vec![LayoutReach::Floor, LayoutReach::Ceiling],
                 low_m: None,
+                glow_hex: None,
             }],
             ignore: vec![],
         }
@@ -482,6 +489,11 @@ impl LayoutOpening {
 }
 
 impl LayoutFeature {
+    /// Colour of the light hidden behind its edge, sRGB bytes.
+    pub fn glow(&self) -> Option<[u8; 3]> {
+        self.glow_hex.as_deref().and_then(surfaces::rgb)
+    }
+
     fn check(&self) -> Result<(), String> {
         if self.face.len() < 3 {
             return Err(format!(
@@ -494,7 +506,11 @@ impl LayoutFeature {
             in_range("a face corner's x", p[0], -500.0, 1500.0)?;
             in_range("a face corner's y", p[1], -500.0, 1500.0)?;
         }
-        in_range("a shape's depth_m", self.depth_m, 0.02, 20.0)?;
+        let most = if self.kind == LayoutFeatureKind::Tray { 1.5 } else { 20.0 };
+        in_range("a shape's depth_m", self.depth_m, 0.02, most)?;
+        if self.glow_hex.is_some() && self.glow().is_none() {
+            return Err(format!("the glow_hex of the {} is not a colour; expected #rrggbb", self.what));
+        }
         match (self.kind, self.low_m) {
             (LayoutFeatureKind::Slope, Some(low)) => in_range("a slope's low_m", low, 0.0, 8.0),
             (LayoutFeatureKind::Slope, None) => Err(format!("the {} needs low_m, its height at its wall", self.what)),

@@ -20,6 +20,9 @@ pub struct ListQuestion {
     /// Furniture placed already, for decorations.
     #[serde(skip)]
     pub placed: Vec<PlacedObject>,
+    /// Recesses of the ceiling that are in the room's shape, by their words.
+    #[serde(skip)]
+    pub trays: Vec<String>,
     /// The photo's camera and the room box, where they are known.
     #[serde(flatten)]
     pub view: Option<RoomView>,
@@ -88,9 +91,16 @@ impl Ask for ListQuestion {
         } else {
             "Leave `instances` empty: a detector looks for the boxes.\n"
         };
-        fill(
+        let prompt = fill(
             template,
             &[("boxes", boxes.to_owned()), ("room_type", self.room_type.clone()), ("placed", lines(&self.placed))],
+        );
+        if self.level != Level::Ceiling || self.trays.is_empty() {
+            return prompt;
+        }
+        format!(
+            "{prompt}\nAlready in the scene as part of the room, with the light hidden behind its edge: {}. List neither that nor its mouldings.\n",
+            self.trays.join(", ")
         )
     }
 

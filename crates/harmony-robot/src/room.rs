@@ -495,8 +495,15 @@ pub(crate) mod tests {
         // A niche in the left wall, 0.3 m deep, and a slope before the front wall.
         let mut shaped = bare();
         let (min, max) = (DVec3::new(-0.3, 0.5, 1.0), DVec3::new(0.0, 1.5, 2.0));
-        let wall = harmony_scene::Wall::Left;
-        shaped.shape.niches.push(harmony_scene::Niche { kind: "niche".into(), wall, sides: None, min, max });
+        let surface = harmony_scene::Surface::Left;
+        shaped.shape.niches.push(harmony_scene::Niche {
+            kind: "niche".into(),
+            surface,
+            sides: None,
+            glow: None,
+            min,
+            max,
+        });
         shaped.shape.slopes.push(harmony_scene::Slope { wall: harmony_scene::Wall::Front, low: 1.6, run: 1.0 });
         let room = Surroundings::of(vec![], &shaped);
         let near = |x: f64, y: f64, z: f64| {

@@ -7,7 +7,7 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3Swizzles as _};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -28,7 +28,7 @@ pub struct RoomShape {
     /// Solid boxes inside the room's box.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub blocks: Vec<Block>,
-    /// Free boxes behind a wall of the box, or in a block.
+    /// Free boxes behind a face of the box, or in a block.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub niches: Vec<Niche>,
     /// Ceilings that come down towards a wall.
@@ -49,16 +49,20 @@ pub struct Block {
     pub max: DVec3,
 }
 
-/// A free box behind a wall: a niche, the recess of a window, the arm of an L.
+/// A free box behind a face of the box: a niche, the recess of a window, the arm of an L, a tray in the ceiling.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Niche {
     /// What it is, in a word.
     pub kind: String,
-    /// The wall that it opens from.
-    pub wall: Wall,
+    /// The face that it opens from: a wall, or the ceiling.
+    #[serde(alias = "wall")]
+    pub surface: Surface,
     /// Linear colour of its sides, where the photo shows them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sides: Option<[f32; 3]>,
+    /// Linear colour of a strip of light that lies on its lower sides all around, hidden from below: a cove.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub glow: Option<[f32; 3]>,
     /// Its smallest coordinates, metres.
     #[schemars(with = "[f64; 3]")]
     pub min: DVec3,
@@ -149,8 +153,10 @@ pub struct RoomFace {
 }
 
 impl RoomFace {
-    /// The plane as one that objects hang on; `None` when it is not upright along the room's axes.
+    /// The plane as one that objects hang on; `None` when it is not upright along the room's axes, or the side of a tray
+    /// in the ceiling.
     pub fn plane(&self, extents: &Extents) -> Option<WallPlane> {
+        self.surface.wall()?;
         let wall = Wall::ALL.into_iter().find(|w| w.normal().dot(self.normal) > 0.999)?;
         Some(WallPlane { wall, inset: wall.distance(extents, *self.polygon.first()?) })
     }
@@ -203,8 +209,9 @@ pub struct Exit {
 }
 
 impl Exit {
-    /// The wall that looks as the room does there; `None` on floor, ceiling and slopes.
+    /// The wall that looks as the room does there; `None` on floor, ceiling, trays and slopes.
     pub fn wall(&self) -> Option<Wall> {
+        self.surface.wall()?;
         Wall::ALL.into_iter().find(|w| w.normal().dot(self.normal) > 0.999)
     }
 }
@@ -453,9 +460,7 @@ impl Room {
     fn belongs(&self, side: Surface, here: At, behind: At, low: f64) -> Surface {
         let wall = side.wall();
         match (here, behind) {
-            (At::Niche(niche), _) if wall != Some(niche.wall) && !(side == Surface::Floor && low < EPS) => {
-                niche.wall.surface()
-            }
+            (At::Niche(niche), _) if side != niche.surface && !(side == Surface::Floor && low < EPS) => niche.surface,
             (_, At::Block(block)) if side != Surface::Ceiling => {
                 let touched = |w: Wall| block.touches(w, &self.extents);
                 if wall.is_some_and(touched) {
@@ -554,6 +559,18 @@ impl Room {
             .unwrap_or(wall.into())
     }
 
+    /// Height of the level ceiling above a place: in a tray, that of its field.
+    pub fn ceiling_over(&self, at: DVec3) -> f64 {
+        let over = |n: &&Niche| {
+            let (low, high) = (n.min.xz(), n.max.xz());
+            n.surface == Surface::Ceiling && at.xz().cmpge(low).all() && at.xz().cmple(high).all()
+        };
+        // What hangs hangs in the opening, not above the ledge beside it.
+        let open = |n: &&Niche| n.min.y <= self.extents.height + EPS;
+        let trays = || self.shape.niches.iter().filter(over);
+        if trays().any(|n| open(&n)) { trays().map(|n| n.max.y).fold(0.0, f64::max) } else { self.extents.height }
+    }
+
     /// Area of the free floor, metres squared.
     pub fn floor_area(&self) -> f64 {
         let floor = |f: &&RoomFace| f.normal == DVec3::Y && f.polygon.iter().all(|p| p.y.abs() < EPS);
@@ -624,7 +641,21 @@ mod tests {
     }
 
     fn niche(wall: Wall, min: [f64; 3], max: [f64; 3]) -> Niche {
-        Niche { kind: "niche".into(), wall, sides: None, min: min.into(), max: max.into() }
+        let surface = wall.surface();
+        Niche { kind: "niche".into(), surface, sides: None, glow: None, min: min.into(), max: max.into() }
+    }
+
+    /// A tray 0.2 m deep, 3 by 2 m, with a ledge of 0.1 m above a lip of 0.05 m.
+    fn tray() -> Vec<Niche> {
+        let box_of = |min: [f64; 3], max: [f64; 3]| Niche {
+            kind: "tray".into(),
+            surface: Surface::Ceiling,
+            sides: None,
+            glow: None,
+            min: min.into(),
+            max: max.into(),
+        };
+        vec![box_of([1.0, 2.6, 1.0], [4.0, 2.65, 3.0]), box_of([0.9, 2.65, 0.9], [4.1, 2.8, 3.1])]
     }
 
     /// Volume inside closed faces by the divergence theorem; wrong when a face is missing or doubled.
@@ -645,6 +676,7 @@ mod tests {
             (RoomShape { blocks: vec![beam], ..RoomShape::default() }, full - 5.0 * 0.3 * 0.2),
             (RoomShape { niches: vec![recess.clone()], ..RoomShape::default() }, full + 1.0 * 1.5 * 0.3),
             (RoomShape { slopes: vec![slope], ..RoomShape::default() }, full - 1.4 * 1.4 / 2.0 * 4.0),
+            (RoomShape { niches: tray(), ..RoomShape::default() }, full + 3.0 * 2.0 * 0.05 + 3.2 * 2.2 * 0.15),
             (
                 RoomShape { blocks: vec![corner], niches: vec![recess], slopes: vec![slope] },
                 full - 2.0 * 2.6 * 1.5 + 1.0 * 1.5 * 0.3 - 1.4 * 1.4 / 2.0 * 4.0,
@@ -694,6 +726,38 @@ mod tests {
             let (p, normal) = faces.point(hit.surface, hit.surface.coordinates(hit.point));
             assert!(p.distance(hit.point) < 1e-9 && normal == hit.normal);
         }
+    }
+
+    #[test]
+    fn a_tray_is_ceiling_and_nothing_hangs_on_its_sides() {
+        let r = room(RoomShape { niches: tray(), ..RoomShape::default() });
+        let faces = r.faces();
+        let eye = DVec3::new(2.5, 1.3, 3.5);
+        let exit =
+            |to: [f64; 3]| faces.exit(&Ray { origin: eye, direction: (DVec3::from(to) - eye).normalize() }).unwrap();
+        let field = exit([2.0, 2.8, 2.0]);
+        assert_eq!((field.surface, field.side_of), (Surface::Ceiling, None));
+        assert!((field.point.y - 2.8).abs() < 1e-9);
+        let lip = exit([2.0, 2.62, 1.0]);
+        assert_eq!((lip.surface, lip.side_of, lip.wall()), (Surface::Ceiling, Some(0), None));
+        assert!((exit([2.0, 2.6, 0.5]).point.y - 2.6).abs() < 1e-9, "the ceiling around it is where it was");
+        for wall in Wall::ALL {
+            assert_eq!(r.planes(wall).len(), 1, "{wall:?}");
+        }
+        // The field is found by its coordinates, and what is seen from below of the ceiling beside it.
+        let (p, _) = faces.point(Surface::Ceiling, DVec2::new(2.0, 2.0));
+        assert!((p.y - 2.8).abs() < 1e-9);
+        let (p, _) = faces.point(Surface::Ceiling, DVec2::new(0.95, 2.0));
+        assert!((p.y - 2.6).abs() < 1e-9, "the ledge hides what is above it");
+        let over = |x: f64| r.ceiling_over(DVec3::new(x, 1.0, 2.0));
+        assert_eq!([over(2.0), over(0.95), over(0.5)], [2.8, 2.6, 2.6]);
+    }
+
+    #[test]
+    fn a_niche_of_an_older_file_opens_from_its_wall() {
+        let text = r#"{"kind":"niche","wall":"left","min":[-0.3,0.5,1],"max":[0,1.5,2]}"#;
+        let niche: Niche = serde_json::from_str(text).unwrap();
+        assert_eq!(niche.surface, Surface::Left);
     }
 
     #[test]

@@ -108,6 +108,7 @@ const KINDS: [(&str, Read); 12] = [
                 room_type: String::new(),
                 with_boxes: false,
                 placed: Vec::new(),
+                trays: vec![],
                 view: None,
             }
             .into(),
@@ -328,7 +329,14 @@ mod tests {
                 Vec3::NEG_Z,
             );
             let view = RoomView { camera: SceneCamera::from(&camera), extents: study().extents };
-            let list = |placed, view| ListQuestion { level, room_type: String::new(), with_boxes: false, placed, view };
+            let list = |placed, view| ListQuestion {
+                level,
+                room_type: String::new(),
+                with_boxes: false,
+                placed,
+                trays: vec![],
+                view,
+            };
             assert_eq!(read_of(&list(rows(), Some(view)).into()), list(vec![], None).into());
 
             let candidate = InspectCandidate {

@@ -4,8 +4,8 @@
 //! lining, a thick wall that covers a wall of the box; chimney breasts stand out of a wall; the missing corner of an
 //! L-plan is a back corner, where the photo shows it; slopes come down to one side wall, or to both.
 
-use glam::DVec3;
-use harmony_scene::{Block, Extents, Niche, Opening, OpeningKind, Room, RoomShape, Slope, Wall, WallPlane};
+use glam::{DVec3, Vec3Swizzles as _};
+use harmony_scene::{Block, Extents, Niche, Opening, OpeningKind, Room, RoomShape, Slope, Surface, Wall, WallPlane};
 
 use super::dice::Dice;
 
@@ -24,12 +24,14 @@ pub enum RoomFeature {
     Slope,
     /// A passage into another room, half of them arched. The room may be a box besides.
     Passage,
+    /// A recess in the middle of the ceiling.
+    Tray,
 }
 
 impl RoomFeature {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::LShape, Self::ChimneyBreast, Self::Niche, Self::WindowRecess, Self::Slope, Self::Passage];
+    pub const ALL: [Self; 7] =
+        [Self::LShape, Self::ChimneyBreast, Self::Niche, Self::WindowRecess, Self::Slope, Self::Passage, Self::Tray];
 
     /// Name on the command line.
     pub fn name(self) -> &'static str {
@@ -40,6 +42,7 @@ impl RoomFeature {
             Self::WindowRecess => "recess",
             Self::Slope => "slope",
             Self::Passage => "passage",
+            Self::Tray => "tray",
         }
     }
 
@@ -154,6 +157,7 @@ impl Form {
             RoomFeature::WindowRecess => next.niche(dice, e, true),
             RoomFeature::Slope => Some(next.slope(dice, e)),
             RoomFeature::Passage => next.passage(dice, e),
+            RoomFeature::Tray => next.tray(dice, e),
         };
         let Some(made) = made.filter(|m| !m.walls.iter().any(|w| taken.contains(w)) && next.fits(e)) else { return };
         taken.extend(made.walls);
@@ -216,8 +220,25 @@ impl Form {
         let (a, b) = (wall.point(e, u[0], y[0]), wall.point(e, u[1], y[1]) + wall.normal() * thick);
         let kind = if window { WINDOW_RECESS } else { "niche" };
         let (min, max) = (a.min(b), a.max(b));
-        self.shape.niches.push(Niche { kind: kind.into(), wall, sides: None, min, max });
+        self.shape.niches.push(Niche { kind: kind.into(), surface: wall.surface(), sides: None, glow: None, min, max });
         Some(Made { walls: vec![wall], marks: grid(wall.into(), e, u, y) })
+    }
+
+    fn tray(&mut self, dice: &mut Dice, e: &Extents) -> Option<Made> {
+        let (beside, deep) = (cm(dice.range(0.35, 0.7)), cm(dice.range(0.1, 0.25)));
+        let (min, max) =
+            (DVec3::new(beside, e.height, beside), DVec3::new(e.width - beside, e.height + deep, e.depth - beside));
+        // One feature of the ceiling, and no block under it.
+        let alone = self.shape.slopes.is_empty() && self.shape.blocks.iter().all(|b| b.kind == "lining");
+        let niche = Niche { kind: "tray".into(), surface: Surface::Ceiling, sides: None, glow: None, min, max };
+        self.shape.niches.push(niche);
+        // Its lip at the back wall is what a photo shows best.
+        let marks = (0..GRID).map(|k| {
+            let share = (k as f64 + 0.5) / GRID as f64;
+            DVec3::new(min.x + share * (max.x - min.x), min.y + 0.5 * deep, min.z + BEFORE)
+        });
+        (alone && (max - min).xz().min_element() > NARROWEST)
+            .then(|| Made { walls: Vec::new(), marks: marks.collect() })
     }
 
     fn passage(&mut self, dice: &mut Dice, e: &Extents) -> Option<Made> {

@@ -88,7 +88,7 @@ impl Decorator<'_> {
             if niche.kind != WINDOW_RECESS {
                 continue;
             }
-            let wall = niche.wall;
+            let Some(wall) = niche.surface.wall() else { continue };
             let (a, b) = (wall.coordinates(niche.min), wall.coordinates(niche.max));
             let (uv, y) = ([a.x + RECESS_MARGIN, b.x - RECESS_MARGIN], [a.y + RECESS_MARGIN, b.y - RECESS_MARGIN]);
             let (w, h) = ((uv[1] - uv[0]) as f32, (y[1] - y[0]) as f32);

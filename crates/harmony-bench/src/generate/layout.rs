@@ -416,7 +416,8 @@ impl Plan {
 
     /// Something under the ceiling, a few millimetres of air above.
     pub(super) fn hang(&mut self, piece: &Arc<Piece>, at: DVec2, yaw: f64) -> Option<usize> {
-        let y = self.extents.height - piece.size.y - 0.002;
+        let room = super::form::room_of(self.extents, self.form.shape.clone());
+        let y = room.ceiling_over(DVec3::new(at.x, 0.0, at.y)) - piece.size.y - 0.002;
         let item = Self::item(piece, Level::Ceiling, DVec3::new(at.x, y, at.y), yaw);
         self.settle(item, 0.03, &[])
     }

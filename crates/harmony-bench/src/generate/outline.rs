@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
-use harmony_scene::{Room, Slope, Wall};
+use harmony_scene::{Room, Slope, Surface, Wall};
 use serde_json::{Value, json};
 
 use super::GeneratedOpening;
@@ -25,12 +25,12 @@ pub(super) fn shape(room: &Room, openings: &[GeneratedOpening]) -> Value {
         .iter()
         .enumerate()
         .map(|(k, n)| {
-            let (a, b) = (n.wall.coordinates(n.min), n.wall.coordinates(n.max));
+            let (a, b) = (n.surface.coordinates(n.min), n.surface.coordinates(n.max));
             json!({
-                "id": numbered("niche", k), "kind": n.kind, "wall": n.wall.surface().name(),
+                "id": numbered("niche", k), "kind": n.kind, "wall": n.surface.name(),
                 "min": list(n.min, 6), "max": list(n.max, 6),
                 "u0": round(a.x, 6), "u1": round(b.x, 6), "y0": round(a.y, 6), "y1": round(b.y, 6),
-                "depth": round(depth(n.wall, n.min, n.max), 6),
+                "depth": round(depth(n.surface, n.min, n.max), 6),
             })
         })
         .collect();
@@ -47,8 +47,8 @@ pub(super) fn shape(room: &Room, openings: &[GeneratedOpening]) -> Value {
 }
 
 /// How deep a niche is.
-fn depth(wall: Wall, min: DVec3, max: DVec3) -> f64 {
-    (max - min).dot(wall.normal().abs())
+fn depth(surface: Surface, min: DVec3, max: DVec3) -> f64 {
+    (max - min).dot(surface.normal().abs())
 }
 
 fn polygon(points: &[DVec2]) -> Value {
@@ -158,20 +158,24 @@ fn walls(room: &Room, floor: &[DVec2], openings: &[GeneratedOpening]) -> Vec<Val
                     "y0": round(y[0], 6), "y1": round(y[1], 6), "depth": round(depth, 6),
                 })
             };
-            let niches = room.shape.niches.iter().filter(|n| n.wall == wall).filter_map(|n| {
+            let niches = room.shape.niches.iter().filter(|n| n.surface == wall.surface()).filter_map(|n| {
                 let face = wall.distance(e, n.min).max(wall.distance(e, n.max));
                 let (low, high) = (wall.coordinates(n.min), wall.coordinates(n.max));
                 let u = along([low.x, high.x]);
                 let own = (face - inset).abs() < EPS && inside(u);
-                own.then(|| entry(&n.kind, u, [low.y, high.y], depth(wall, n.min, n.max)))
+                own.then(|| entry(&n.kind, u, [low.y, high.y], depth(n.surface, n.min, n.max)))
             });
             let cut = openings.iter().filter(|o| o.wall == wall).filter_map(|o| {
                 let at = o.plane.map_or(0.0, |p| wall.distance(e, wall.normal().abs() * p));
                 let recess = room.shape.niches.iter().find(|n| {
                     let (low, high) = (wall.coordinates(n.min), wall.coordinates(n.max));
-                    n.wall == wall && o.u[0] > low.x && o.u[1] < high.x && o.y[0] > low.y && o.y[1] < high.y
+                    n.surface == wall.surface()
+                        && o.u[0] > low.x
+                        && o.u[1] < high.x
+                        && o.y[0] > low.y
+                        && o.y[1] < high.y
                 });
-                let behind = recess.map_or(0.0, |n| depth(wall, n.min, n.max));
+                let behind = recess.map_or(0.0, |n| depth(n.surface, n.min, n.max));
                 let u = along(o.u);
                 let own = (at + behind - inset).abs() < 1e-3 && inside(u);
                 own.then(|| entry(kind_of(o), u, o.y, behind))

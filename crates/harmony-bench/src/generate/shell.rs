@@ -102,7 +102,8 @@ fn vestibule(passage: &Opening, plan: &Plan, wall: [u8; 3]) -> Mesh {
 /// floors and tops of niches are ledges.
 pub(super) fn face_id(face: &RoomFace) -> u8 {
     let upright = Wall::ALL.into_iter().find(|w| w.normal().dot(face.normal) > 0.999);
-    match upright {
+    // Sides of a tray are ceiling.
+    match upright.filter(|_| face.surface.wall().is_some()) {
         Some(wall) => surface_id(wall.surface()),
         None if face.surface.wall().is_some() => LEDGE,
         None => surface_id(face.surface),

@@ -10,7 +10,9 @@ use harmony_prompts::{
     LayoutReach, LayoutWall, ListAnswer, ListedInstance, ListedItem, NamedObject, Occlusion, PinKind, Question,
 };
 use harmony_roles::{PlayerCard, RoleError, Usage, VisionLanguage, VlmAnswer, VlmRequest};
-use harmony_scene::{DepthPosition, Level, Opening, PlacementType, Support, SurfacePosition, Wall, WallAffinity};
+use harmony_scene::{
+    DepthPosition, Level, Niche, Opening, PlacementType, Support, Surface, SurfacePosition, Wall, WallAffinity,
+};
 use rand::Rng;
 use serde_json::{Value, json};
 
@@ -222,11 +224,15 @@ impl Oracle {
             }
         }
         for (k, niche) in truth.niches.iter().enumerate() {
-            let depth = -niche.wall.distance(e, niche.min).min(niche.wall.distance(e, niche.max));
-            let face = self.face(100 + k, niche.wall, 0.0, niche.min, niche.max);
+            let Some(wall) = niche.surface.wall() else {
+                out.extend(self.tray(k, niche));
+                continue;
+            };
+            let depth = -wall.distance(e, niche.min).min(wall.distance(e, niche.max));
+            let face = self.face(100 + k, wall, 0.0, niche.min, niche.max);
             if face.len() > 2 && depth > 0.0 {
                 let feature = LayoutFeatureKind::Niche;
-                out.push(self.feature(feature, &niche.kind, niche.wall, face, depth, (niche.min, niche.max)));
+                out.push(self.feature(feature, &niche.kind, wall, face, depth, (niche.min, niche.max)));
             }
         }
         for (k, slope) in truth.slopes.iter().enumerate() {
@@ -243,6 +249,21 @@ impl Oracle {
             }
         }
         out
+    }
+
+    /// A recess in the ceiling, where its opening is in the picture.
+    fn tray(&self, k: usize, niche: &Niche) -> Option<LayoutFeature> {
+        let (a, b, y) = (niche.min, niche.max, niche.min.y);
+        let corners = [(a.x, a.z), (b.x, a.z), (b.x, b.z), (a.x, b.z)].map(|(x, z)| DVec3::new(x, y, z));
+        let face = self.outline(&format!("tray {k}"), &corners);
+        let seen = face.len() > 2 && niche.surface == Surface::Ceiling;
+        seen.then(|| {
+            let end = (DVec3::ZERO, DVec3::ZERO);
+            let tray = LayoutFeatureKind::Tray;
+            let mut feature = self.feature(tray, &niche.kind, Wall::Back, face, niche.max.y - y, end);
+            feature.reaches.clear();
+            feature
+        })
     }
 
     /// Outline of the side of a box that looks as a wall does, in thousandths.
@@ -305,6 +326,7 @@ impl Oracle {
             depth_m: depth * self.factor(&format!("depth of {what}"), self.noise.extent),
             reaches: reaches.into_iter().filter(|r| r.0).map(|r| r.1).collect(),
             low_m: None,
+            glow_hex: None,
         }
     }
 

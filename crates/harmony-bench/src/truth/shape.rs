@@ -1,7 +1,7 @@
 //! The shape of a true room that is no box: key `shape` of `room.json`.
 
 use glam::DVec3;
-use harmony_scene::{Block, Camera, Extents, Niche, RoomShape, Slope, Wall};
+use harmony_scene::{Block, Camera, Extents, Niche, RoomShape, Slope, Surface, Wall};
 use serde_json::Value;
 
 use super::{vec3, wall_named};
@@ -42,7 +42,10 @@ pub(super) fn read(room: &Value, extents: Extents) -> (RoomShape, Extents, DVec3
         .iter()
         .filter_map(|v| {
             let (min, max) = corners(v)?;
-            Some(Niche { kind: text(v, "kind"), wall: wall_named(v["wall"].as_str()?)?, sides: None, min, max })
+            let name = v["wall"].as_str()?;
+            let surface = wall_named(name)
+                .map_or((name == Surface::Ceiling.name()).then_some(Surface::Ceiling), |w| Some(w.surface()))?;
+            Some(Niche { kind: text(v, "kind"), surface, sides: None, glow: None, min, max })
         })
         .collect();
     let size = extents.as_vec();

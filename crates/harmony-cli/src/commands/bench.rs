@@ -134,7 +134,7 @@ struct GenerateArgs {
     #[arg(long, default_value_t = 1)]
     count: u64,
     /// What makes rooms other than boxes: box (nothing), mixed (one or two of all), or some of lshape, chimney, niche,
-    /// recess, slope, separated by commas.
+    /// recess, slope, passage, tray, separated by commas.
     #[arg(long, default_value = "box", value_parser = Shapes::parse)]
     shapes: Shapes,
 }

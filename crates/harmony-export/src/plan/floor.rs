@@ -63,7 +63,14 @@ impl Run<'_> {
 
     /// Where the wall itself is open: openings in its plane, and niches that are cut at the height of the plan.
     fn gaps(&self) -> Vec<[f64; 2]> {
-        let niches = self.world.scene.room.shape.niches.iter().filter(|n| n.wall == self.wall && cut(n.min.y, n.max.y));
+        let niches = self
+            .world
+            .scene
+            .room
+            .shape
+            .niches
+            .iter()
+            .filter(|n| n.surface == self.wall.surface() && cut(n.min.y, n.max.y));
         let along = niches.map(|n| [self.wall.coordinates(n.min).x, self.wall.coordinates(n.max).x]);
         let own = self.openings().into_iter().filter(|o| o.inset.abs() < 0.01).map(|o| o.u);
         let mut all: Vec<[f64; 2]> = own.chain(along).collect();

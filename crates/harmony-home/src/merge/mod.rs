@@ -146,8 +146,8 @@ fn whole(
             }
             for niche in &fit.room.shape.niches {
                 let (a, b) = (carried(niche.min), carried(niche.max));
-                let wall = fit.place.turn.wall(niche.wall);
-                shape.niches.push(Niche { wall, min: a.min(b), max: a.max(b), ..niche.clone() });
+                let surface = niche.surface.wall().map_or(niche.surface, |w| fit.place.turn.wall(w).surface());
+                shape.niches.push(Niche { surface, min: a.min(b), max: a.max(b), ..niche.clone() });
             }
             if !fit.room.shape.slopes.is_empty() {
                 home.notes.push(format!("the slopes of {} are in its faces only, not in what is solid", room.name));

@@ -68,6 +68,28 @@ fn lamp_mesh() -> Mesh {
 }
 
 #[test]
+fn a_cove_of_the_room_is_a_source_of_its_own() {
+    let mut room = room(vec![]);
+    let tray = |glow, from: f64, to: f64| harmony_scene::Niche {
+        kind: "tray".into(),
+        surface: harmony_scene::Surface::Ceiling,
+        sides: None,
+        glow,
+        min: DVec3::new(0.6, from, 0.6),
+        max: DVec3::new(3.4, to, 4.4),
+    };
+    room.shape.niches = vec![tray(None, 2.6, 2.64), tray(Some([0.5, 0.4, 0.25]), 2.64, 2.8)];
+    let lights = lights_from_scene(&room, &[], |_| Emitter::default()).lights;
+    let [cove] = lights.as_slice() else { panic!("{lights:?}") };
+    assert!(is_cove(cove) && cove.on && !is_unseen_window(cove));
+    assert!(DVec3::from(cove.color).distance(DVec3::new(1.0, 0.8, 0.5)) < 1e-6);
+    assert!(room.is_free(DVec3::from(cove.position)), "{cove:?}");
+    let LightKind::Area { direction, size_m } = cove.kind else { panic!("{cove:?}") };
+    assert_eq!(direction, [0.0, -1.0, 0.0]);
+    assert!((size_m[0] - 2.8).abs() < 1e-9 && (size_m[1] - 3.8).abs() < 1e-9);
+}
+
+#[test]
 fn a_window_shines_into_the_room_from_just_inside_its_pane() {
     for (wall, into) in
         [(Wall::Back, DVec3::Z), (Wall::Left, DVec3::X), (Wall::Right, DVec3::NEG_X), (Wall::Front, DVec3::NEG_Z)]

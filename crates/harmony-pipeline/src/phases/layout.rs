@@ -9,6 +9,7 @@ use harmony_geometry::{
     estimate_room_box, estimate_view, measure_passages, measure_shape, room_unknowns,
 };
 use harmony_imaging::border::Border;
+use harmony_imaging::color::linear_from_srgb;
 use harmony_imaging::polygon::filled;
 use harmony_imaging::sheet::grid_overlay;
 use harmony_io::Photo;
@@ -264,6 +265,7 @@ fn shape_hints(answer: &LayoutAnswer, size: ImageSize) -> Vec<ShapeHint> {
             LayoutFeatureKind::Block => ShapeKind::Block,
             LayoutFeatureKind::Niche => ShapeKind::Niche,
             LayoutFeatureKind::Slope => ShapeKind::Slope,
+            LayoutFeatureKind::Tray => ShapeKind::Tray,
         },
         what: f.what.chars().take(60).collect(),
         wall: f.wall,
@@ -271,6 +273,7 @@ fn shape_hints(answer: &LayoutAnswer, size: ImageSize) -> Vec<ShapeHint> {
         depth: f.depth_m,
         reaches: reaches(f),
         low: f.low_m.unwrap_or_default(),
+        glow: f.glow().map(|rgb| rgb.map(|c| linear_from_srgb(f32::from(c) / 255.0))),
     };
     answer.shape.iter().map(hint).collect()
 }

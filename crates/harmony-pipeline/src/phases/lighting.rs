@@ -88,8 +88,11 @@ async fn ask_sources(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &mut Ligh
     Ok(())
 }
 
-/// Whether a rectangle of light is that of a screen, a strip or a luminous field, not of a window.
+/// Whether a rectangle of light is that of a screen, a strip, a luminous field or a cove, not of a window.
 fn is_no_window(objects: &[SceneObject], light: &Light) -> bool {
+    if light.object.is_none() {
+        return harmony_lighting::is_cove(light);
+    }
     let object = light.object.as_ref().and_then(|id| objects.iter().find(|o| o.id == *id));
     object.is_some_and(|o| harmony_catalogue::opening(&o.label).is_none())
 }

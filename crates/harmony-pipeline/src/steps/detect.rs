@@ -191,11 +191,15 @@ async fn ask_list(
     } else {
         Vec::new()
     };
+    let niches = state.partial.room.shape.niches.iter().filter(|n| n.surface == harmony_scene::Surface::Ceiling);
+    let mut trays: Vec<String> = niches.map(|n| n.kind.clone()).collect();
+    trays.dedup();
     let question = ListQuestion {
         level,
         room_type: state.layout.answer.room.room_type.clone(),
         with_boxes,
         placed,
+        trays,
         view: Some(RoomView {
             camera: harmony_scene::SceneCamera::from(&state.partial.camera),
             extents: state.partial.room.extents,

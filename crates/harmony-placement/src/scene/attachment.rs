@@ -275,7 +275,7 @@ impl PoseConstraint<'_> {
                 };
                 pose.position = wall.point(&e, numbers[0], y) + wall.normal() * (self.noise.wall_clearance + away);
             }
-            Attachment::Ceiling => pose.position.y = e.height - size.y,
+            Attachment::Ceiling => pose.position.y = self.scene.room.ceiling_over(pose.position) - size.y,
             Attachment::Floor | Attachment::OnHost { .. } => {}
         }
         let (low, high) = reach(self.item, &pose);

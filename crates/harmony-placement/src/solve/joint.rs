@@ -494,7 +494,9 @@ impl Body {
                 pose.yaw = self.start.yaw;
             }
             Attachment::Ceiling => {
-                pose.position = Vec3::new(n[0], extents.height - size_of(item, &pose).y, n[1]);
+                pose.position = Vec3::new(n[0], 0.0, n[1]);
+                let recessed = scene.room.ceiling_over(pose.position) - scene.room.extents.height;
+                pose.position.y = extents.height + recessed - size_of(item, &pose).y;
             }
             Attachment::Floor | Attachment::OnHost { .. } => {
                 pose.position = Vec3::new(n[0], self.start.position.y, n[1]);

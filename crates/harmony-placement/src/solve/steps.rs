@@ -119,7 +119,7 @@ fn contact_plane(constraint: &PoseConstraint, pose: &Pose) -> Option<(f64, bool)
     match constraint.attachment {
         Attachment::Floor => Some((0.0, false)),
         Attachment::OnHost { .. } => Some((pose.position.y, false)),
-        Attachment::Ceiling => Some((constraint.scene.room.extents.height, true)),
+        Attachment::Ceiling => Some((constraint.scene.room.ceiling_over(pose.position), true)),
         Attachment::AgainstWall(_) | Attachment::OnWall(_) => None,
     }
 }

@@ -31,6 +31,7 @@ fn question(name: &str) -> VlmRequest {
         room_type: "bedroom".into(),
         with_boxes: true,
         placed: vec![],
+        trays: vec![],
         view: None,
     };
     let image = Arc::new(RgbImage::from_pixel(32, 20, Rgb([200, 180, 160])));

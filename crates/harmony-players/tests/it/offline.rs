@@ -130,7 +130,7 @@ async fn the_layout_is_what_was_measured_and_fits_its_schema_even_when_nothing_w
 }
 
 fn list(level: Level, view: Option<RoomView>) -> ListQuestion {
-    ListQuestion { level, room_type: "room".into(), with_boxes: true, placed: vec![], view }
+    ListQuestion { level, room_type: "room".into(), with_boxes: true, placed: vec![], trays: vec![], view }
 }
 
 #[tokio::test]

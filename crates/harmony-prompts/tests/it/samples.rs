@@ -88,7 +88,7 @@ fn list(level: Level, with_boxes: bool) -> Question {
     let camera = Camera::looking(PHOTO, Intrinsics::centred(PHOTO, 500.0), Vec3::new(2.1, 1.5, 4.5), Vec3::NEG_Z);
     let view = RoomView { camera: SceneCamera::from(&camera), extents: room().extents };
     let placed = if level == Level::Decoration { scene() } else { Vec::new() };
-    ListQuestion { level, room_type: "study".into(), with_boxes, placed, view: Some(view) }.into()
+    ListQuestion { level, room_type: "study".into(), with_boxes, placed, trays: vec![], view: Some(view) }.into()
 }
 
 fn inspect(level: Level, with_models: bool) -> Question {

@@ -50,6 +50,7 @@ async fn a_full_bucket_is_waited_for_and_no_429_is_drawn() {
                 room_type: format!("room {i}"),
                 with_boxes: false,
                 placed: vec![],
+                trays: vec![],
                 view: None,
             };
             let request = VlmRequest::new(format!("3_furniture/list_{i}"), question.into(), vec![]);
