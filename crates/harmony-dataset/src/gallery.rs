@@ -222,9 +222,7 @@ fn turntable(scene: &Scene, glb: &LoadedGlb, options: &GalleryOptions) -> Vec<Rg
 fn picture_of(scene: &Scene, glb: &LoadedGlb, view: &RoomView) -> RgbImage {
     let gone = scene.gone_with(&view.omit);
     let faces: Vec<&str> = view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s)).collect();
-    let hidden = |name: &str| {
-        faces.iter().any(|f| harmony_mesh::goes_with_face(name, f)) || gone.iter().any(|id| id.as_str() == name)
-    };
+    let hidden = |name: &str| harmony_mesh::is_left_out(name, &faces) || gone.iter().any(|id| id.as_str() == name);
     let instances: Vec<Instance<'_>> = glb
         .nodes
         .iter()

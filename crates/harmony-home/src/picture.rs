@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 use harmony_export::World;
 use harmony_export::world::{Face, Item};
-use harmony_mesh::goes_with_face;
+use harmony_mesh::is_left_out;
 use harmony_render::{Instance, OUTSIDE, RenderOptions, canonical_camera, render};
 use harmony_scene::{Camera, ImageSize, Intrinsics, Level, SceneObject, Support, Surface};
 use image::{DynamicImage, RgbImage};
@@ -65,8 +65,7 @@ pub fn canonical(merged: &Merged, size: ImageSize) -> RgbImage {
         }
         _ => false,
     };
-    let hides = |f: &&Face| hidden.iter().any(|face| goes_with_face(&f.name, face));
-    let faces = merged.world.shell.iter().filter(|f| !hides(f));
+    let faces = merged.world.shell.iter().filter(|f| !is_left_out(&f.name, &hidden));
     let items = merged.world.items.iter().filter(|i| i.object.level != Level::Ceiling && !floats(&i.object));
     drawn(&camera, faces, items)
 }
@@ -75,8 +74,7 @@ pub fn canonical(merged: &Merged, size: ImageSize) -> RgbImage {
 pub fn of_room(world: &World) -> RgbImage {
     let view = canonical_camera(&world.scene.room, ImageSize::new(1280, 960), &world.camera);
     let hidden: Vec<&str> = view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s)).collect();
-    let hides = |f: &&Face| hidden.iter().any(|face| goes_with_face(&f.name, face));
-    drawn(&view.camera, world.shell.iter().filter(|f| !hides(f)), world.items.iter())
+    drawn(&view.camera, world.shell.iter().filter(|f| !is_left_out(&f.name, &hidden)), world.items.iter())
 }
 
 fn drawn<'a>(

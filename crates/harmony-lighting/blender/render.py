@@ -134,7 +134,7 @@ def hide_from_camera():
         found = meshes_below(name)
         if not found:
             NOTES.append(f"no node {name} to hide")
-        # Sides of a face's niches, and strips in them, go with it.
+        # Sides of a face's niches, and strips in them, go with it (`harmony_mesh::is_left_out`).
         found += [o for o in all_meshes() if o.name.startswith(f"{name}_niche_")]
         for obj in found:
             obj.visible_camera = False

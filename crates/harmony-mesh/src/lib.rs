@@ -25,7 +25,7 @@ pub use part_model::{
 };
 pub use rest::{Stand, stand};
 pub use shell::{
-    ShellOptions, TRIMS, Trim, Trims, cove_name, goes_with_face, is_cove_name, room_shell, room_shell_with,
+    ShellOptions, TRIMS, Trim, Trims, cove_name, is_cove_name, is_left_out, room_shell, room_shell_with,
     shell_material_name,
 };
 pub use templates::{

@@ -91,9 +91,7 @@ pub fn room_shell_with(
         mesh.groups.push(Group { material: mesh.materials.len(), triangles });
         mesh.materials.push(Material::plain(&niche_name(niche.surface, k), color));
     }
-    if !options.omit.contains(&Surface::Ceiling) {
-        coves(&mut mesh, room);
-    }
+    coves(&mut mesh, room, &options.omit);
     caps(&mut mesh, room, options.plain);
     trim::add(&mut mesh, room, &options.trims, &options.omit);
     mesh
@@ -115,22 +113,24 @@ pub fn is_cove_name(name: &str) -> bool {
     name.ends_with("_glow") && Surface::ALL.into_iter().any(of_a_niche)
 }
 
-/// Whether a piece of the shell goes when a face (by its name) is left out: the face, and sides and strips of its niches.
-pub fn goes_with_face(name: &str, face: &str) -> bool {
-    name.strip_prefix(face).is_some_and(|rest| rest.is_empty() || rest.starts_with("_niche_"))
+/// Whether a piece of the shell goes when faces (by their names) are left out: it is one of them, or a side or the strip
+/// of one of their niches.
+pub fn is_left_out(name: &str, faces: &[impl AsRef<str>]) -> bool {
+    let of = |face: &str| name.strip_prefix(face).is_some_and(|rest| rest.is_empty() || rest.starts_with("_niche_"));
+    faces.iter().any(|face| of(face.as_ref()))
 }
 
 /// A cove's strip: how far it lies behind the niche's side, its width and its height, metres.
 const STRIP: (f64, f64, f64) = (0.08, 0.02, 0.008);
 
 /// Strips of light on the lower sides of niches that glow, along all four edges.
-fn coves(mesh: &mut Mesh, room: &Room) {
+fn coves(mesh: &mut Mesh, room: &Room, omit: &[Surface]) {
     for (k, niche) in room.shape.niches.iter().enumerate() {
-        let Some(color) = niche.glow else { continue };
+        let Some(color) = niche.glow.filter(|_| !omit.contains(&niche.surface)) else { continue };
         let (low, high) =
             (niche.min + DVec3::new(STRIP.0, 0.0, STRIP.0), niche.max - DVec3::new(STRIP.0, 0.0, STRIP.0));
         let (y, w) = ([niche.min.y + 1e-3, niche.min.y + STRIP.2], STRIP.1);
-        let mut sheet = Sheet::new(Surface::Ceiling, &room.extents, mesh);
+        let mut sheet = Sheet::new(niche.surface, &room.extents, mesh);
         for (x, z) in [
             ([low.x, high.x], [low.z, low.z + w]),
             ([low.x, high.x], [high.z - w, high.z]),
@@ -539,9 +539,9 @@ mod tests {
         for (name, face) in
             [("ceiling_niche_02_glow", "ceiling"), ("ceiling", "ceiling"), ("wall_left_niche_01", "wall_left")]
         {
-            assert!(goes_with_face(name, face));
+            assert!(is_left_out(name, &[face]));
         }
-        assert!(!goes_with_face("ceiling_lamp_01", "ceiling") && !goes_with_face("wall_left_niche_01", "wall_right"));
+        assert!(!is_left_out("ceiling_lamp_01", &["ceiling"]) && !is_left_out("wall_left_niche_01", &["wall_right"]));
         let without = ShellOptions { omit: vec![Surface::Ceiling], ..ShellOptions::default() };
         let mesh = room_shell_with(&room, &|_| None, &without);
         assert!(mesh.materials.iter().all(|m| m.name != cove_name(Surface::Ceiling, 1)));

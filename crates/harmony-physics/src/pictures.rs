@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 use color_quant::NeuQuant;
 use harmony_io::LoadedGlb;
 use harmony_lighting::{CyclesJob, CyclesRenderer, LitError};
-use harmony_mesh::{goes_with_face, shell_material_name};
+use harmony_mesh::{is_left_out, shell_material_name};
 use harmony_render::{Instance, OUTSIDE, RenderOptions, Renderer};
 use harmony_scene::{AlbedoField, Camera, Mat3, Scene, Surface, Vec3};
 use image::{DynamicImage, Rgb, RgbImage};
@@ -95,7 +95,7 @@ impl<'a> Painter<'a> {
             .glb
             .nodes
             .iter()
-            .filter(|node| !self.hidden.iter().any(|face| goes_with_face(&node.name, face)))
+            .filter(|node| !is_left_out(&node.name, &self.hidden))
             .map(|node| {
                 let still = node.transform.matrix3;
                 let object = self.shaken.objects.iter().find(|o| o.id == node.name);

@@ -20,7 +20,7 @@ pub struct ListQuestion {
     /// Furniture placed already, for decorations.
     #[serde(skip)]
     pub placed: Vec<PlacedObject>,
-    /// Recesses of the ceiling that are in the room's shape, by their words.
+    /// Recesses of the ceiling that are in the room's shape, in words; for the ceiling.
     #[serde(skip)]
     pub trays: Vec<String>,
     /// The photo's camera and the room box, where they are known.
@@ -91,16 +91,19 @@ impl Ask for ListQuestion {
         } else {
             "Leave `instances` empty: a detector looks for the boxes.\n"
         };
-        let prompt = fill(
+        let told = if self.trays.is_empty() {
+            String::new()
+        } else {
+            fill(include_str!("../templates/list_trays.md"), &[("trays", self.trays.join(", "))])
+        };
+        fill(
             template,
-            &[("boxes", boxes.to_owned()), ("room_type", self.room_type.clone()), ("placed", lines(&self.placed))],
-        );
-        if self.level != Level::Ceiling || self.trays.is_empty() {
-            return prompt;
-        }
-        format!(
-            "{prompt}\nAlready in the scene as part of the room, with the light hidden behind its edge: {}. List neither that nor its mouldings.\n",
-            self.trays.join(", ")
+            &[
+                ("boxes", boxes.to_owned()),
+                ("room_type", self.room_type.clone()),
+                ("placed", lines(&self.placed)),
+                ("trays", told),
+            ],
         )
     }
 

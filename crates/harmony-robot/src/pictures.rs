@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use harmony_export::World;
 use harmony_export::world::Select;
-use harmony_mesh::{Material, Mesh, goes_with_face, shell_material_name};
+use harmony_mesh::{Material, Mesh, is_left_out, shell_material_name};
 use harmony_physics::hull::hull_mesh;
 use harmony_render::{Instance, OUTSIDE, RenderOptions, Renderer};
 use harmony_scene::{Camera, ImageSize, Intrinsics, Level, SceneObject, Support, Surface};
@@ -138,7 +138,7 @@ impl<'a> Painter<'a> {
     fn instances<'b>(&'b self, frame: usize, robot: &'b [Mesh]) -> Vec<Instance<'b>> {
         let moved = self.motion.frames[frame].moved;
         let mut out: Vec<Instance<'b>> = Vec::new();
-        for face in self.world.shell.iter().filter(|f| !self.hidden.iter().any(|face| goes_with_face(&f.name, face))) {
+        for face in self.world.shell.iter().filter(|f| !is_left_out(&f.name, &self.hidden)) {
             out.push(Instance::in_room(&face.mesh, 2));
         }
         for d in &self.drawn {

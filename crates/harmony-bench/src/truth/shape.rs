@@ -4,7 +4,7 @@ use glam::DVec3;
 use harmony_scene::{Block, Camera, Extents, Niche, RoomShape, Slope, Surface, Wall};
 use serde_json::Value;
 
-use super::{vec3, wall_named};
+use super::vec3;
 
 /// A block that covers a wall as far as this is a thicker wall, metres.
 const WHOLE: f64 = 0.02;
@@ -43,8 +43,7 @@ pub(super) fn read(room: &Value, extents: Extents) -> (RoomShape, Extents, DVec3
         .filter_map(|v| {
             let (min, max) = corners(v)?;
             let name = v["wall"].as_str()?;
-            let surface = wall_named(name)
-                .map_or((name == Surface::Ceiling.name()).then_some(Surface::Ceiling), |w| Some(w.surface()))?;
+            let surface = Surface::ALL.into_iter().find(|s| s.name() == name)?;
             Some(Niche { kind: text(v, "kind"), surface, sides: None, glow: None, min, max })
         })
         .collect();

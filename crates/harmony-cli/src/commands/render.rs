@@ -9,7 +9,7 @@ use harmony_export::World;
 use harmony_export::world::Item;
 use harmony_io::{ReadLimits, load_glb, picture};
 use harmony_lighting::CyclesRenderer;
-use harmony_mesh::{Mesh, goes_with_face};
+use harmony_mesh::{Mesh, is_left_out};
 use harmony_physics::pictures::{Lit, LitView, run_albedo};
 use harmony_pipeline::views::{hidden_nodes, inner_cameras};
 use harmony_render::{Instance, Lighting, OUTSIDE, RenderOptions, canonical_camera, orbit_cameras, render};
@@ -144,7 +144,7 @@ pub fn run(args: &Args) -> Result<u8> {
         let instances: Vec<Instance<'_>> = glb
             .nodes
             .iter()
-            .filter(|node| !hidden.iter().any(|face| goes_with_face(&node.name, face)))
+            .filter(|node| !is_left_out(&node.name, &hidden))
             .map(|node| Instance {
                 mesh: opened.get(&node.name).unwrap_or(&node.mesh),
                 linear: DMat3::from_cols_array(&node.transform.matrix3.to_cols_array()),

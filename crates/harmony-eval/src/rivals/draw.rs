@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
 use harmony_io::{GlbNode, GlbScene, NodeTransform, ReadLimits, load_glb, load_photo, picture};
-use harmony_mesh::{Mesh, goes_with_face, shell_material_name};
+use harmony_mesh::{Mesh, is_left_out, shell_material_name};
 use harmony_render::{Instance, OUTSIDE, RenderOptions, canonical_camera, render};
 use harmony_scene::{Camera, ImageSize, Intrinsics, Scene, Surface};
 use image::{DynamicImage, RgbImage};
@@ -311,8 +311,7 @@ fn carried(scene: &RivalScene, camera: &Camera, run: &OwnRun, scale: f64) -> Vec
 fn from_above(run: &OwnRun, parts: &[Part], shell: bool) -> RgbImage {
     let view = canonical_camera(&run.scene.room, ELEVATED, &run.camera);
     let hidden: Vec<&str> = view.omit.iter().map(|s: &Surface| shell_material_name(*s)).collect();
-    let hides = |name: &str| hidden.iter().any(|face| goes_with_face(name, face));
-    let own_shell = run.shell.iter().filter(|(name, _)| shell && !hides(name));
+    let own_shell = run.shell.iter().filter(|(name, _)| shell && !is_left_out(name, &hidden));
     let instances: Vec<Instance<'_>> = parts
         .iter()
         // A rival's own shell would hide its room from above.

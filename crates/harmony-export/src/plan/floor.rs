@@ -3,7 +3,7 @@
 //! Drawing frame: x = room x, y = -room z. Walls are drawn with an assumed thickness: the photo shows their inside only.
 
 use glam::DVec2;
-use harmony_scene::{Level, Opening, OpeningKind, Wall};
+use harmony_scene::{Level, Opening, OpeningKind, Surface, Wall};
 
 use super::drawing::{Anchor, Drawing, Layer, Shape};
 use super::labels::{Rect, Wanted, place};
@@ -102,7 +102,8 @@ fn shape(drawing: &mut Drawing, world: &World) {
     }
     for niche in &room.shape.niches {
         let layer = if cut(niche.min.y, niche.max.y) { Layer::Openings } else { Layer::Details };
-        drawing.closed(layer, &rectangle(niche.min, niche.max));
+        // What lies above the cut is dashed: a tray in the ceiling.
+        drawing.closed(layer, &rectangle(niche.min, niche.max)).dashed = niche.surface == Surface::Ceiling;
     }
     for slope in &room.shape.slopes {
         let run = Run { world, wall: slope.wall, inset: 0.0 };

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use harmony_imaging::sheet::{LabelledBox, draw_boxes, grid_overlay, palette};
 use harmony_prompts::{ListAnswer, ListQuestion, ListedItem, PlacedObject, RoomView};
 use harmony_roles::{DetectRequest, Detection, PhraseRequest, Picture, SegmentPrompt, SegmentRequest};
-use harmony_scene::{ImageSize, Level, Mask, ObjectId, WarningKind};
+use harmony_scene::{ImageSize, Level, Mask, ObjectId, Room, Surface, WarningKind};
 use image::RgbImage;
 use serde_json::json;
 
@@ -191,9 +191,7 @@ async fn ask_list(
     } else {
         Vec::new()
     };
-    let niches = state.partial.room.shape.niches.iter().filter(|n| n.surface == harmony_scene::Surface::Ceiling);
-    let mut trays: Vec<String> = niches.map(|n| n.kind.clone()).collect();
-    trays.dedup();
+    let trays = if level == Level::Ceiling { trays(&state.partial.room) } else { Vec::new() };
     let question = ListQuestion {
         level,
         room_type: state.layout.answer.room.room_type.clone(),
@@ -357,6 +355,16 @@ pub fn boxed(photo: &RgbImage, candidates: &[Object]) -> RgbImage {
         .filter_map(|(i, c)| Some(LabelledBox { bounds: c.mask.bounds()?, label: c.id.to_string(), color: palette(i) }))
         .collect();
     draw_boxes(photo, &boxes)
+}
+
+/// Recesses of a room's ceiling in words, each once.
+fn trays(room: &Room) -> Vec<String> {
+    let own = || room.shape.niches.iter().filter(|n| n.surface == Surface::Ceiling);
+    let words = own().map(|n| {
+        let lit = own().any(|o| o.kind == n.kind && o.glow.is_some());
+        if lit { format!("{} with the light from behind its edge", n.kind) } else { n.kind.clone() }
+    });
+    words.collect::<BTreeSet<_>>().into_iter().collect()
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use harmony_prompts::{
     CompletedAnswer, CompletedObject, InspectAnswer, InspectedObject, InspectedSize, LayoutAnswer, ListAnswer,
-    ListedItem, Question, ReviewActionAnswer, ReviewActionKind, ReviewAnswer,
+    ListQuestion, ListedItem, Question, ReviewActionAnswer, ReviewActionKind, ReviewAnswer,
 };
 use serde_json::{Value, json};
 
@@ -33,6 +33,20 @@ fn answers_without_looking_pass() {
         answered += 1;
     }
     assert!(answered >= 8);
+}
+
+/// What the layout told of the ceiling is named to whoever lists its objects.
+#[test]
+fn trays_are_no_objects() {
+    let asked = |trays: Vec<String>| {
+        let (room_type, level) = ("bedroom".to_owned(), harmony_scene::Level::Ceiling);
+        let list = ListQuestion { level, room_type, with_boxes: false, placed: vec![], trays, view: None };
+        Question::from(list).prompt()
+    };
+    let (without, with) = (asked(vec![]), asked(vec!["coffer".to_owned(), "tray ceiling".to_owned()]));
+    assert!(!without.contains("no objects"));
+    assert!(with.contains("Part of the room already, no objects: coffer, tray ceiling."));
+    assert_eq!(with.lines().count(), without.lines().count() + 1);
 }
 
 /// Examples are of another picture: those that name objects are refused for their ids, the others accepted.
