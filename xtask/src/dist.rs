@@ -411,12 +411,8 @@ mod tests {
         options: Options,
     }
 
-    fn root() -> PathBuf {
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-    }
-
     fn read(file: &str) -> String {
-        fs::read_to_string(root().join(file)).unwrap()
+        fs::read_to_string(crate::root().join(file)).unwrap()
     }
 
     /// What is asked for in each line of a file that packages.

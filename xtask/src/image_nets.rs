@@ -44,7 +44,7 @@ pub fn run(rounds: usize) -> Result<()> {
         "no checkout of facebookresearch/sam2; clone it and name it by HARMONY_SAM2: {}",
         sam2.display()
     );
-    let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/harmony-nets/tests/parity");
+    let scripts = crate::root().join("crates/harmony-nets/tests/parity");
     let theirs = |script: &str| {
         let mut command = Command::new(&python);
         command.args(["-W", "ignore", script]).current_dir(&scripts).env("SAM2_REPO", &sam2);

@@ -48,8 +48,15 @@ enum Networks {
     Images,
 }
 
+/// The checkout that this was started in. Asked when it runs: checkouts that share a target folder share this program too,
+/// and the path it was compiled in may be another's.
+fn root() -> PathBuf {
+    let manifest = std::env::var_os("CARGO_MANIFEST_DIR");
+    manifest.map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from).join("..")
+}
+
 fn main() -> Result<()> {
-    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
+    let root = root();
     match Arguments::parse().command {
         Command::Paper => told("docs/paper-map.md", &paper::check(&root)?),
         Command::Deps => told("crates", &deps::check(&root)?),

@@ -24,7 +24,7 @@ pub fn run(rounds: usize) -> Result<()> {
     );
     let out = cache.join("parity-data");
     std::fs::create_dir_all(&out)?;
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/harmony-nets/tests/parity/make_vggt.py");
+    let script = crate::root().join("crates/harmony-nets/tests/parity/make_vggt.py");
     let (weights, expected) = (out.join("vggt_full_weights.safetensors"), out.join("vggt_full_expected.safetensors"));
     if !expected.is_file() {
         checked(Command::new(&python).args(["-W", "ignore"]).arg(&script).arg("full").arg(&reference).arg(&out))?;
