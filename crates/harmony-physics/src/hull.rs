@@ -4,18 +4,22 @@
 //! with few vertices, so that every simulator takes them as they are.
 //!
 //! Volume and moments are the exact integrals over a polyhedron, summed over tetrahedra from a point near it (Tonon 2004,
-//! "Explicit exact formulas for the 3-D tetrahedron inertia tensor"). The hull itself is parry's quickhull; what that
-//! cannot do (points in a plane or on a line) is thickened first, see [`Hull::of_sheet`].
+//! "Explicit exact formulas for the 3-D tetrahedron inertia tensor"). Points in a plane or on a line
+//! have no hull and are thickened first, see [`Hull::of_sheet`].
 
 use glam::{DMat3, Vec2};
 use harmony_mesh::{Group, Material, Mesh};
 use harmony_scene::Vec3 as DVec3;
-use parry3d::math::Vector;
-use parry3d::transformation::try_convex_hull;
 use serde::{Deserialize, Serialize};
+
+use crate::quickhull::quickhull;
 
 /// Most vertices of a hull: what PhysX takes on the GPU.
 pub const MAX_VERTICES: usize = 64;
+
+/// Points this near to the hull of the others are left out, shares of the longest side: about what meshes in single
+/// precision resolve.
+const FLUSH: f64 = 1e-6;
 
 /// A closed convex mesh.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -127,21 +131,8 @@ impl Hull {
             return None;
         }
         let points = if points.len() > 512 { extreme_points(points, 250) } else { distinct(points, largest * 1e-5) };
-        // In single precision about the middle: parry's hull is exact enough there.
-        let scale = 1.0 / largest;
-        let small: Vec<Vector> = points
-            .iter()
-            .map(|p| ((*p - centre) * scale).to_array().map(|v| v as f32))
-            .map(|[x, y, z]| Vector::new(x, y, z))
-            .collect();
-        let (vertices, faces) = try_convex_hull(&small).ok()?;
-        let hull = Self {
-            vertices: vertices
-                .iter()
-                .map(|v| DVec3::new(v.x.into(), v.y.into(), v.z.into()) / scale + centre)
-                .collect(),
-            faces,
-        };
+        let faces = quickhull(&points, largest * FLUSH)?;
+        let hull = Self { vertices: points, faces };
         let hull = hull.without_unused();
         hull.is_sound().then_some(hull)
     }
@@ -429,6 +420,38 @@ mod tests {
             assert!((got - want).abs().max_element() < 1e-5 * want.max_element(), "{got} {want}");
             assert!(m.inertia.x_axis.y.abs() < 1e-9);
             assert!((hull.area() - 2.0 * (w * h + h * d + w * d)).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_board_with_finely_rounded_edges_is_convex() {
+        for (radius, steps) in [(0.001, 3), (0.002, 4), (0.003, 6), (0.004, 4), (0.004, 8), (0.006, 5)] {
+            let size = DVec3::new(1.494, 0.035, 0.686);
+            let inner = size / 2.0 - radius;
+            let mut points = Vec::new();
+            for corner in 0..8 {
+                let sign = DVec3::from_array(std::array::from_fn(|a| if corner >> a & 1 == 0 { -1.0 } else { 1.0 }));
+                for (i, k) in (0..=steps).flat_map(|i| (0..=steps).map(move |k| (i, k))) {
+                    let [up, round] = [i, k].map(|v| f64::from(v) / f64::from(steps) * std::f64::consts::FRAC_PI_2);
+                    let d = DVec3::new(up.cos() * round.cos(), up.sin(), up.cos() * round.sin());
+                    // In single precision, as meshes have them.
+                    points.push((sign * (inner + d * radius)).as_vec3().as_dvec3());
+                }
+            }
+            let hull = Hull::of(&points).unwrap();
+            let planes: Vec<(DVec3, f64)> = hull.planes().collect();
+            let bulge = hull.vertices.iter().map(|v| beyond(&planes, *v)).fold(0.0, f64::max);
+            assert!(bulge < 1e-9, "{radius} {steps}: {bulge}");
+            let (volume, whole) = (hull.moments().mass, size.element_product());
+            // Of the rounding no more corners are kept than a hull may have.
+            assert!(volume < whole && volume > 0.98 * whole, "{radius} {steps}: {volume} of {whole}");
+            let most = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
+            assert!(hull.area() < most && hull.area() > 0.97 * most, "{radius} {steps}: {} of {most}", hull.area());
+            // A point of the underside is on the surface, wherever it is.
+            for x in [-0.7, -0.31, 0.02, 0.44] {
+                let at = DVec3::new(x, -size.y / 2.0, 0.13);
+                assert!(hull.to_faces(at) < 1e-3 && hull.outside(at).abs() < 1e-3, "{radius} {steps}: {at}");
+            }
         }
     }
 
