@@ -76,8 +76,23 @@ impl Hull {
     /// At most [`MAX_VERTICES`] corners: those that stand out most are taken first, so that the hull of more lies inside the
     /// true one by as little as can be.
     pub fn of(points: &[DVec3]) -> Option<Self> {
-        let exact = Self::exact(points)?;
-        if exact.vertices.len() <= MAX_VERTICES { Some(exact) } else { exact.fewer(MAX_VERTICES) }
+        let (centre, axes) = principal_axes(points)?;
+        let spread: Vec<f64> = axes
+            .iter()
+            .map(|a| {
+                let (l, h) = range(points, *a, centre);
+                h - l
+            })
+            .collect();
+        let largest = spread.iter().copied().fold(0.0, f64::max);
+        if spread.iter().any(|s| *s <= 1e-4 * largest || *s < 1e-6) {
+            return None;
+        }
+        let points = if points.len() > 512 { extreme_points(points, 250) } else { distinct(points, largest * 1e-5) };
+        let faces = quickhull(&points, largest * FLUSH, MAX_VERTICES)?;
+        let hull = Self { vertices: points, faces };
+        let hull = hull.without_unused();
+        hull.is_sound().then_some(hull)
     }
 
     /// The convex hull of points that may lie in a plane or on a line: it is at least `thick` metres in every direction.
@@ -117,26 +132,6 @@ impl Hull {
         Self { vertices, faces: quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect() }
     }
 
-    fn exact(points: &[DVec3]) -> Option<Self> {
-        let (centre, axes) = principal_axes(points)?;
-        let spread: Vec<f64> = axes
-            .iter()
-            .map(|a| {
-                let (l, h) = range(points, *a, centre);
-                h - l
-            })
-            .collect();
-        let largest = spread.iter().copied().fold(0.0, f64::max);
-        if spread.iter().any(|s| *s <= 1e-4 * largest || *s < 1e-6) {
-            return None;
-        }
-        let points = if points.len() > 512 { extreme_points(points, 250) } else { distinct(points, largest * 1e-5) };
-        let faces = quickhull(&points, largest * FLUSH)?;
-        let hull = Self { vertices: points, faces };
-        let hull = hull.without_unused();
-        hull.is_sound().then_some(hull)
-    }
-
     fn without_unused(mut self) -> Self {
         let mut place = vec![u32::MAX; self.vertices.len()];
         let mut vertices = Vec::with_capacity(self.vertices.len());
@@ -150,34 +145,6 @@ impl Hull {
         }
         self.vertices = vertices;
         self
-    }
-
-    /// The hull of the corners that stand out most.
-    fn fewer(&self, most: usize) -> Option<Self> {
-        let mut chosen: Vec<DVec3> = Vec::new();
-        for d in directions(24) {
-            let best = self.vertices.iter().max_by(|a, b| a.dot(d).total_cmp(&b.dot(d)))?;
-            if !chosen.contains(best) {
-                chosen.push(*best);
-            }
-        }
-        let mut hull = Self::exact(&chosen)?;
-        while chosen.len() < most {
-            let planes: Vec<(DVec3, f64)> = hull.planes().collect();
-            let far = self
-                .vertices
-                .iter()
-                .map(|v| (beyond(&planes, *v), v))
-                .max_by(|a, b| a.0.total_cmp(&b.0))
-                .filter(|(d, _)| *d > 1e-5);
-            let Some((_, v)) = far else { break };
-            chosen.push(*v);
-            match Self::exact(&chosen) {
-                Some(more) => hull = more,
-                None => break,
-            }
-        }
-        Some(hull)
     }
 
     /// Whether every edge has two faces with opposite senses and the volume is positive.

@@ -17,24 +17,32 @@ struct Face {
     normal: DVec3,
     /// Points outside of it by more than the tolerance that no other face has.
     outside: Vec<u32>,
+    /// The farthest of them, and how far.
+    far: Option<(f64, u32)>,
     gone: bool,
 }
 
 /// The faces of the hull of some points, counter-clockwise seen from outside; `None` when they lie in a plane.
 ///
-/// Points outside of the faces by `tolerance` or less are left out.
-pub(crate) fn quickhull(points: &[DVec3], tolerance: f64) -> Option<Vec<[u32; 3]>> {
+/// Points outside of the faces by `tolerance` or less are left out. The farthest point comes first, until the hull has
+/// `most` corners: that of more would hold all points, this one is inside of it by as little as can be.
+pub(crate) fn quickhull(points: &[DVec3], tolerance: f64, most: usize) -> Option<Vec<[u32; 3]>> {
     let mut growing = Growing { points, tolerance, faces: Vec::new(), face_of: HashMap::new() };
     let start = growing.tetrahedron()?;
     let [a, b, c, d] = start;
     let first = [[a, b, c], [a, c, d], [a, d, b], [b, d, c]].map(|corners| growing.add(corners));
     growing.share((0..points.len() as u32).filter(|p| !start.contains(p)), &first);
-    // Faces are only added at the end: what is left behind has no points outside.
-    let mut at = 0;
-    while at < growing.faces.len() {
-        match growing.farthest(at) {
-            Some(point) => growing.reach(at, point),
-            None => at += 1,
+    while growing.corners() < most
+        && let Some((face, point)) = growing.farthest()
+    {
+        // What rounding alone put outside is let go.
+        if growing.side(growing.faces[face].corners, point) > 0.0 {
+            growing.reach(face, point);
+        } else {
+            let mut rest = std::mem::take(&mut growing.faces[face].outside);
+            rest.retain(|i| *i != point);
+            growing.faces[face].far = None;
+            growing.share(rest, &[face]);
         }
     }
     Some(growing.faces.into_iter().filter(|f| !f.gone).map(|f| f.corners).collect())
@@ -83,7 +91,7 @@ impl Growing<'_> {
         let [a, b, c] = corners.map(|i| self.at(i));
         let face = self.faces.len();
         let normal = (b - a).cross(c - a).normalize_or_zero();
-        self.faces.push(Face { corners, normal, outside: Vec::new(), gone: false });
+        self.faces.push(Face { corners, normal, outside: Vec::new(), far: None, gone: false });
         for edge in edges(corners) {
             self.face_of.insert(edge, face);
         }
@@ -102,21 +110,24 @@ impl Growing<'_> {
             if let Some((height, face)) = farthest
                 && height > self.tolerance
             {
-                self.faces[face].outside.push(point);
+                let Face { outside, far, .. } = &mut self.faces[face];
+                outside.push(point);
+                if far.is_none_or(|(most, _)| height > most) {
+                    *far = Some((height, point));
+                }
             }
         }
     }
 
-    /// The farthest point outside of a face; what rounding alone put there is let go.
-    fn farthest(&mut self, face: usize) -> Option<u32> {
-        loop {
-            let far = |(_, i): &(usize, &u32)| self.height(face, **i);
-            let (place, _) = self.faces[face].outside.iter().enumerate().max_by(|a, b| far(a).total_cmp(&far(b)))?;
-            let point = self.faces[face].outside.swap_remove(place);
-            if self.side(self.faces[face].corners, point) > 0.0 {
-                return Some(point);
-            }
-        }
+    /// Corners of the hull, by Euler's formula.
+    fn corners(&self) -> usize {
+        self.faces.iter().filter(|f| !f.gone).count() / 2 + 2
+    }
+
+    /// The point that is farthest outside of a face, and that face.
+    fn farthest(&self) -> Option<(usize, u32)> {
+        let far = self.faces.iter().enumerate().filter(|(_, f)| !f.gone).filter_map(|(i, f)| Some((i, f.far?)));
+        far.max_by(|(_, a), (_, b)| a.0.total_cmp(&b.0)).map(|(i, (_, point))| (i, point))
     }
 
     /// Draws the hull out to a point outside of a face: all that the point sees makes way for faces to the rim of it.
@@ -188,7 +199,7 @@ mod tests {
             let flat = !points.iter().any(|d| {
                 points.iter().any(|c| points.iter().any(|b| (*b - points[0]).cross(*c - points[0]).dot(*d - points[0]) != 0.0))
             });
-            match quickhull(&points, 0.0) {
+            match quickhull(&points, 0.0, usize::MAX) {
                 Some(faces) => { prop_assert!(!flat); holds(&points, &faces); }
                 None => prop_assert!(flat),
             }
@@ -206,7 +217,7 @@ mod tests {
                 .map(|(x, y, z)| turned * DVec3::new((*x).into(), (*y).into(), (*z).into()))
                 .map(|p| p.as_vec3().as_dvec3())
                 .collect();
-            if let Some(faces) = quickhull(&points, 0.0) {
+            if let Some(faces) = quickhull(&points, 0.0, usize::MAX) {
                 holds(&points, &faces);
             }
         }
@@ -216,9 +227,10 @@ mod tests {
     fn what_is_nearer_than_the_tolerance_is_left_out() {
         let mut points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, DVec3::splat(0.2)];
         points.push(DVec3::new(0.3, 0.3, -0.001));
-        assert_eq!(quickhull(&points, 0.01).unwrap().len(), 4);
-        assert_eq!(quickhull(&points, 1e-6).unwrap().len(), 6);
-        assert!(quickhull(&points[..3], 0.0).is_none());
-        assert!(quickhull(&[], 0.0).is_none() && quickhull(&[DVec3::ONE; 9], 0.0).is_none());
+        assert_eq!(quickhull(&points, 0.01, 99).unwrap().len(), 4);
+        assert_eq!(quickhull(&points, 1e-6, 99).unwrap().len(), 6);
+        assert_eq!(quickhull(&points, 1e-6, 4).unwrap().len(), 4);
+        assert!(quickhull(&points[..3], 0.0, usize::MAX).is_none());
+        assert!(quickhull(&[], 0.0, usize::MAX).is_none() && quickhull(&[DVec3::ONE; 9], 0.0, usize::MAX).is_none());
     }
 }

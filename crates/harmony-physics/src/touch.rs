@@ -2,10 +2,10 @@
 //!
 //! Distances are parry's, between pairs of hulls whose boxes are near: exact for convex shapes, single precision about the
 //! room's origin (a hundredth of a millimetre in a room). The depth of a pair of objects is that of their deepest pair of
-//! hulls: the least move that parts those two.
+//! hulls: the least move that parts those two, along a face's normal or the one that parry finds.
 
 use harmony_scene::Vec3;
-use parry3d::math::Pose;
+use parry3d::math::{Pose, Vector};
 use parry3d::query::{self, Ray, RayCast, ShapeCastOptions};
 use parry3d::shape::ConvexPolyhedron;
 
@@ -82,11 +82,9 @@ impl Solid {
             for (b, ..) in other.hulls.iter().filter(|(_, bl, bh)| overlap(*al, *ah, *bl, *bh, 0.0)) {
                 let found = query::contact(&Pose::IDENTITY, a, &Pose::IDENTITY, b, 0.0);
                 let Ok(Some(contact)) = found else { continue };
-                let depth = -f64::from(contact.dist);
-                if depth > worst.map_or(0.0, |w| w.depth) {
-                    let n = contact.normal2;
-                    let out = Vec3::new(n.x.into(), n.y.into(), n.z.into()).normalize_or(Vec3::Y);
-                    worst = Some(Depth { depth, out });
+                let least = way_out(a, b, contact.normal2);
+                if least.depth > worst.map_or(0.0, |w| w.depth) {
+                    worst = Some(least);
                 }
             }
         }
@@ -128,6 +126,20 @@ impl Solid {
         }
         least
     }
+}
+
+/// The least way along which one hull leaves another that it meets: along a normal of theirs, or the one that parry found.
+///
+/// parry's own depth may be too small: of two cubes 10 cm in each other it says 5.8 cm for some orders of their corners.
+fn way_out(a: &ConvexPolyhedron, b: &ConvexPolyhedron, found: Vector) -> Depth {
+    let outward = b.faces().iter().map(|f| f.normal).chain(a.faces().iter().map(|f| -f.normal));
+    let needed = |n: Vector| {
+        let far = b.points().iter().map(|p| p.dot(n)).fold(f32::MIN, f32::max);
+        far - a.points().iter().map(|p| p.dot(n)).fold(f32::MAX, f32::min)
+    };
+    let ways = outward.chain([found]).filter(|n| (n.length() - 1.0).abs() < 1e-3).map(|n| (needed(n), n));
+    let (depth, n) = ways.min_by(|x, y| x.0.total_cmp(&y.0)).unwrap_or((0.0, Vector::Y));
+    Depth { depth: depth.into(), out: Vec3::new(n.x.into(), n.y.into(), n.z.into()).normalize_or(Vec3::Y) }
 }
 
 fn overlap(al: Vec3, ah: Vec3, bl: Vec3, bh: Vec3, by: f64) -> bool {
