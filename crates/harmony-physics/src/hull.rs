@@ -4,8 +4,8 @@
 //! with few vertices, so that every simulator takes them as they are.
 //!
 //! Volume and moments are the exact integrals over a polyhedron, summed over tetrahedra from a point near it (Tonon 2004,
-//! "Explicit exact formulas for the 3-D tetrahedron inertia tensor"). Points in a plane or on a line
-//! have no hull and are thickened first, see [`Hull::of_sheet`].
+//! "Explicit exact formulas for the 3-D tetrahedron inertia tensor"). Points in a plane or on a line have no
+//! hull and are thickened first, see [`Hull::of_sheet`].
 
 use glam::{DMat3, Vec2};
 use harmony_mesh::{Group, Material, Mesh};
@@ -77,21 +77,17 @@ impl Hull {
     /// true one by as little as can be.
     pub fn of(points: &[DVec3]) -> Option<Self> {
         let (centre, axes) = principal_axes(points)?;
-        let spread: Vec<f64> = axes
-            .iter()
-            .map(|a| {
-                let (l, h) = range(points, *a, centre);
-                h - l
-            })
-            .collect();
-        let largest = spread.iter().copied().fold(0.0, f64::max);
+        let spread = axes.map(|axis| {
+            let (low, high) = range(points, axis, centre);
+            high - low
+        });
+        let largest = spread.into_iter().fold(0.0, f64::max);
         if spread.iter().any(|s| *s <= 1e-4 * largest || *s < 1e-6) {
             return None;
         }
         let points = if points.len() > 512 { extreme_points(points, 250) } else { distinct(points, largest * 1e-5) };
         let faces = quickhull(&points, largest * FLUSH, MAX_VERTICES)?;
-        let hull = Self { vertices: points, faces };
-        let hull = hull.without_unused();
+        let hull = Self { vertices: points, faces }.without_unused();
         hull.is_sound().then_some(hull)
     }
 

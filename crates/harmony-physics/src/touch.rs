@@ -164,6 +164,21 @@ mod tests {
     }
 
     #[test]
+    fn a_depth_does_not_depend_on_the_order_of_corners() {
+        let cube = |x: f64, turn: usize| {
+            let mut hull = Hull::cuboid(Vec3::new(x, 0.0, 0.0), Vec3::new(x + 0.4, 0.4, 0.4));
+            hull.vertices.rotate_left(turn);
+            hull.faces = hull.faces.iter().map(|f| f.map(|i| (i + 8 - turn as u32) % 8)).collect();
+            assert!(hull.is_sound());
+            Solid::fixed(&[Hull::of(&hull.vertices).unwrap(), hull])
+        };
+        for (a, b) in (0..8).flat_map(|a| (0..8).map(move |b| (a, b))) {
+            let found = cube(0.3, a).depth(&cube(0.0, b)).unwrap();
+            assert!((found.depth - 0.1).abs() < 1e-5 && found.out.distance(Vec3::X) < 1e-5, "{a} {b}: {found:?}");
+        }
+    }
+
+    #[test]
     fn depths_and_falls_of_boxes() {
         let table = solid([0.0, 0.0, 0.0], [1.0, 0.7, 1.0]);
         let sunk = solid([0.4, 0.68, 0.4], [0.6, 0.9, 0.6]);
