@@ -130,7 +130,8 @@ impl Solid {
 
 /// The least way along which one hull leaves another that it meets: along a normal of theirs, or the one that parry found.
 ///
-/// parry's own depth may be too small: of two cubes 10 cm in each other it says 5.8 cm for some orders of their corners.
+/// parry's own depth may be too small: of two cubes 10 cm in each other it says 5.8 cm for some orders of their corners
+/// (`settle`'s test of deep penetration meets one).
 fn way_out(a: &ConvexPolyhedron, b: &ConvexPolyhedron, found: Vector) -> Depth {
     let outward = b.faces().iter().map(|f| f.normal).chain(a.faces().iter().map(|f| -f.normal));
     let needed = |n: Vector| {
@@ -161,21 +162,6 @@ mod tests {
         assert!(table.meets(from, Vec3::NEG_Y, 0.01) && !table.meets(from, Vec3::NEG_Y, 0.004));
         assert!(!table.meets(from, Vec3::Y, 1.0) && !table.meets(from + Vec3::X, Vec3::NEG_Y, 1.0));
         assert!(table.meets(Vec3::splat(0.5), Vec3::Y, 0.01), "from within");
-    }
-
-    #[test]
-    fn a_depth_does_not_depend_on_the_order_of_corners() {
-        let cube = |x: f64, turn: usize| {
-            let mut hull = Hull::cuboid(Vec3::new(x, 0.0, 0.0), Vec3::new(x + 0.4, 0.4, 0.4));
-            hull.vertices.rotate_left(turn);
-            hull.faces = hull.faces.iter().map(|f| f.map(|i| (i + 8 - turn as u32) % 8)).collect();
-            assert!(hull.is_sound());
-            Solid::fixed(&[Hull::of(&hull.vertices).unwrap(), hull])
-        };
-        for (a, b) in (0..8).flat_map(|a| (0..8).map(move |b| (a, b))) {
-            let found = cube(0.3, a).depth(&cube(0.0, b)).unwrap();
-            assert!((found.depth - 0.1).abs() < 1e-5 && found.out.distance(Vec3::X) < 1e-5, "{a} {b}: {found:?}");
-        }
     }
 
     #[test]
