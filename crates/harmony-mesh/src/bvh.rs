@@ -313,8 +313,8 @@ fn meet(ray: &RayTest, t: &Triangle) -> Option<f64> {
     (u >= -SLACK && v >= -SLACK && u + v <= 1.0 + SLACK && k >= 0.0).then_some(k)
 }
 
-/// The closest point of a triangle, by the region that `p` projects into.
-fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
+/// The closest point of a triangle, by the region that `p` projects into (Ericson 2005, 5.1.5).
+pub fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     if d1 <= 0.0 && d2 <= 0.0 {

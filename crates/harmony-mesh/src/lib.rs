@@ -8,13 +8,14 @@ mod convex;
 mod front;
 mod mesh;
 mod part_model;
+mod quickhull;
 mod rest;
 mod shell;
 mod templates;
 mod top;
 mod upright;
 
-pub use bvh::{Bvh, Hit};
+pub use bvh::{Bvh, Hit, closest_on_triangle};
 pub use clean::{CleanReport, canonicalise, clean, simple_form};
 pub use convex::{ConvexPart, MAX_HULL_POINTS, convex_parts, hull_points};
 pub use front::{broad_sides, front_by_form, front_by_size};
@@ -23,6 +24,7 @@ pub use part_model::{
     Axis, BuiltModel, ChartPlace, LeafHabit, MAX_PARTS, Mirror, PART_MODEL_GUIDE, Part, PartModel, PartModelError,
     Repeat, Repeats, Shape, Slot, TextureMode, hex_color, linear_rgb, pack_charts, parse_color,
 };
+pub use quickhull::quickhull;
 pub use rest::{Stand, stand};
 pub use shell::{
     ShellOptions, TRIMS, Trim, Trims, cove_name, is_cove_name, is_left_out, room_shell, room_shell_with,

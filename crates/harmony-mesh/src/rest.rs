@@ -13,11 +13,9 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use nalgebra::{Matrix4, Vector4};
-use parry3d::math::Vector;
-use parry3d::transformation::try_convex_hull;
 
 use crate::upright::level_share;
-use crate::{Mesh, canonicalise};
+use crate::{Mesh, canonicalise, quickhull};
 
 /// Height of what is pressed flat: a share of the bounds' diagonal ...
 const PRESSED: f64 = 0.006;
@@ -33,6 +31,10 @@ const MARGIN: f64 = 0.02;
 /// A turn leaves this much of the surface that was level or plumb so, as a share: a cabinet whose base was made up at the
 /// back is upright by its doors, an armchair whose arms are all round stands as its feet say.
 const KEPT_LEVEL: f64 = 0.7;
+/// Points this near to the hull of the others are left out, a share of the longest side: what single precision resolves.
+const FLUSH: f64 = 1e-6;
+/// Corners of the hull at most: of a round mesh those that stand out most.
+const HULL_CORNERS: usize = 2000;
 /// Farthest turn to a face that carries, degrees: more is another pose, not a crooked foot. Photo frames lean by so much.
 const MAX_TURN_DEG: f64 = 20.0;
 
@@ -170,9 +172,9 @@ fn surrounded(points: &[DVec3], centre: DVec3, line: f64, margin: f64) -> bool {
 /// is such a face.
 fn turn_to_face(mesh: &Mesh, pressed: f64, margin: f64) -> Option<DMat3> {
     let centre = centre_of_surface(mesh);
-    let points: Vec<Vector> = mesh.positions.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
-    let (corners, faces) = try_convex_hull(&points).ok()?;
-    let corners: Vec<DVec3> = corners.iter().map(|v| DVec3::new(v.x.into(), v.y.into(), v.z.into())).collect();
+    let corners: Vec<DVec3> = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
+    let size = mesh.bounds()?.size().max_element();
+    let faces = quickhull(&corners, FLUSH * size, HULL_CORNERS)?;
     let mut down: Vec<DVec3> = faces
         .iter()
         .filter_map(|face| {
@@ -187,7 +189,7 @@ fn turn_to_face(mesh: &Mesh, pressed: f64, margin: f64) -> Option<DMat3> {
     down.sort_by(|a, b| a.y.total_cmp(&b.y));
     let turn = |out: &DVec3| DMat3::from_quat(DQuat::from_rotation_arc(*out, DVec3::NEG_Y));
     let safe = down.iter().map(turn).find(|turn| {
-        let turned: Vec<DVec3> = corners.iter().map(|p| *turn * *p).collect();
+        let turned: Vec<DVec3> = faces.iter().flatten().map(|i| *turn * corners[*i as usize]).collect();
         let ground = turned.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
         surrounded(&turned, *turn * centre, ground + pressed, margin)
     });

@@ -23,7 +23,7 @@ use crate::matter::{self, Motion};
 use crate::shell::shell;
 
 /// Raised when decompositions of before are no longer what would be made.
-const CACHE_VERSION: u32 = 3;
+const CACHE_VERSION: u32 = 4;
 
 /// A rigid body.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -136,12 +136,15 @@ fn is_thick(hull: &Hull) -> bool {
     2.0 * hull.moments().mass >= 0.9 * THINNEST_M * hull.area() / 1.5
 }
 
-/// Largest distance of a hull's own surface, cut faces left out, to the mesh.
+/// Largest distance of a hull's own surface to the mesh. On a cut only what can be touched counts: the face across a hollow,
+/// not the one inside of a solid.
 fn stand_off(surface: &Surface, hull: &Hull, cuts: &[Cut]) -> f64 {
     let faces: Vec<[DVec3; 3]> = hull.faces.iter().map(|f| hull.corners(*f)).collect();
     let near = 1e-4 * surface.size;
     let on_cut = |p: &DVec3| cuts.iter().any(|c| (p[c.axis] - c.at).abs() <= near);
-    samples(&faces, 160).iter().filter(|p| !on_cut(p)).map(|p| surface.distance(*p)).fold(0.0, f64::max)
+    let mut off: Vec<(f64, DVec3)> = samples(&faces, 160).into_iter().map(|p| (surface.distance(p), p)).collect();
+    off.sort_by(|a, b| b.0.total_cmp(&a.0));
+    off.into_iter().find(|(_, p)| !on_cut(p) || surface.is_open(*p)).map_or(0.0, |(distance, _)| distance)
 }
 
 fn split(surface: &Surface, open: &[[DVec3; 3]], most: usize, tolerance: f64) -> Vec<Piece> {
@@ -406,7 +409,7 @@ fn joined(surface: &Surface, a: &Piece, b: &Piece, both: f64, tolerance: f64) ->
     // What both were cut by stays an inner side only where it bounds the two together.
     let cuts: Vec<Cut> = a.cuts.iter().filter(|c| b.cuts.contains(c)).copied().collect();
     let error = stand_off(surface, &hull, &cuts);
-    if error > tolerance.max(a.error).max(b.error) {
+    if error > tolerance.max(a.error.min(b.error)) {
         return None;
     }
     let triangles = [&a.triangles[..], &b.triangles[..]].concat();
@@ -573,6 +576,36 @@ mod tests {
         assert!(found.hulls.iter().all(|h| h.outside(inside) > 0.05), "{} hulls", found.hulls.len());
         assert!(found.fit.worst() <= found.allowed, "{:?}", found.fit);
         assert!(found.hulls.iter().all(Hull::is_sound));
+    }
+
+    #[test]
+    fn a_mug_is_hollow_down_to_its_floor() {
+        // Closed, 9 cm high and 8 cm across: wall of 4 mm, floor of 5 mm.
+        let ring = |r: f64, y: f64| {
+            (0..32)
+                .map(move |k| {
+                    let a = f64::from(k) * std::f64::consts::TAU / 32.0;
+                    DVec3::new(r * a.cos(), y, r * a.sin())
+                })
+                .collect::<Vec<_>>()
+        };
+        let rings = [ring(0.04, 0.0), ring(0.04, 0.09), ring(0.036, 0.09), ring(0.036, 0.005)];
+        let mut triangles = Vec::new();
+        for k in 0..32 {
+            let j = (k + 1) % 32;
+            triangles.push([DVec3::ZERO, rings[0][k], rings[0][j]]);
+            triangles.push([DVec3::Y * 0.005, rings[3][j], rings[3][k]]);
+            for pair in rings.windows(2) {
+                let (low, high) = (&pair[0], &pair[1]);
+                triangles.extend([[low[k], high[k], high[j]], [low[k], high[j], low[j]]]);
+            }
+        }
+        let found = decompose(triangles);
+        assert!(found.fit.worst() <= found.allowed, "{:?} with {} hulls", found.fit, found.hulls.len());
+        for y in [0.035, 0.06, 0.085] {
+            let deepest = found.hulls.iter().map(|h| h.outside(DVec3::Y * y)).fold(f64::INFINITY, f64::min);
+            assert!(deepest > 0.015, "{deepest} at {y}");
+        }
     }
 
     #[test]

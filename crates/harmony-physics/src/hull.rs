@@ -8,11 +8,9 @@
 //! hull and are thickened first, see [`Hull::of_sheet`].
 
 use glam::{DMat3, Vec2};
-use harmony_mesh::{Group, Material, Mesh};
+use harmony_mesh::{Group, Material, Mesh, closest_on_triangle, quickhull};
 use harmony_scene::Vec3 as DVec3;
 use serde::{Deserialize, Serialize};
-
-use crate::quickhull::quickhull;
 
 /// Most vertices of a hull: what PhysX takes on the GPU.
 pub const MAX_VERTICES: usize = 64;
@@ -327,39 +325,6 @@ fn principal_axes(points: &[DVec3]) -> Option<(DVec3, [DVec3; 3])> {
     let off = (c - a).reject_from_normalized(first);
     let second = if off.length() > 1e-9 { off.normalize_or(DVec3::X) } else { first.any_orthonormal_vector() };
     Some((centre, [first, second, first.cross(second)]))
-}
-
-/// The point of a triangle that is closest to `p` (Ericson 2005, "Real-Time Collision Detection", 5.1.5).
-pub(crate) fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
-    let (ab, ac, ap) = (b - a, c - a, p - a);
-    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return a;
-    }
-    let bp = p - b;
-    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
-    if d3 >= 0.0 && d4 <= d3 {
-        return b;
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return a + ab * (d1 / (d1 - d3));
-    }
-    let cp = p - c;
-    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
-    if d6 >= 0.0 && d5 <= d6 {
-        return c;
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return a + ac * (d2 / (d2 - d6));
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
-        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
-    }
-    let sum = va + vb + vc;
-    if sum <= 0.0 { a } else { a + ab * (vb / sum) + ac * (vc / sum) }
 }
 
 #[cfg(test)]

@@ -29,7 +29,6 @@ pub mod matter;
 pub mod pictures;
 pub mod plausible;
 pub mod quake;
-mod quickhull;
 pub mod repair;
 pub mod settle;
 pub mod shell;
