@@ -34,13 +34,14 @@ pub(super) fn assemble(tree: &ShapeTree, ctx: &BuildContext, root: &Built) -> Re
     let mut mesh = Mesh::default();
     let places = atlas(&parts, &pieces);
     let mut used: BTreeMap<usize, Vec<[u32; 3]>> = BTreeMap::new();
-    let mut stamp: HashMap<(u32, bool), u32> = HashMap::new();
+    let mut stamp: HashMap<(u32, bool, Option<[u64; 2]>), u32> = HashMap::new();
     let coplanar = report::coplanar(&parts);
     let nudges = report::nudges(parts.len(), &coplanar);
     for (i, part) in parts.iter().enumerate() {
         let k = pieces.of_part[i];
         let swell = Swell::new(part, nudges[i]);
         let own = looks.of(part.look.as_ref(), part.piece.closed);
+        let is_decal = matches!(part.look, Some(Look::Decal(_)));
         let mirrored = part.place.matrix3.determinant() < 0.0;
         let turned_over = shows_its_back(part, origin);
         let flip = mirrored != turned_over;
@@ -56,12 +57,14 @@ pub(super) fn assemble(tree: &ShapeTree, ctx: &BuildContext, root: &Built) -> Re
                 let painted = part.paint.as_ref().map_or(u32::MAX, |p| p[*t as usize]);
                 let material = if painted == u32::MAX { own } else { looks.slot(painted, part.piece.closed) };
                 let grain = looks.grain(material);
+                let photo = looks.photo(material).filter(|_| !is_decal || painted != u32::MAX);
+                let (scaled, moved) = photo.map_or((DVec2::ONE, DVec2::ZERO), |size| chart.once(size, stretch));
                 let mut corners = part.piece.triangles[*t as usize];
                 if flip {
                     corners.swap(1, 2);
                 }
                 let corners = corners.map(|v| {
-                    *stamp.entry((v, grain)).or_insert_with(|| {
+                    *stamp.entry((v, grain, photo.map(|size| size.to_array().map(f64::to_bits)))).or_insert_with(|| {
                         let v = v as usize;
                         let uv = part.piece.uvs[v];
                         let local = (uv - chart.lo) * stretch;
@@ -70,7 +73,8 @@ pub(super) fn assemble(tree: &ShapeTree, ctx: &BuildContext, root: &Built) -> Re
                         let n = (normal_map * part.piece.normals[v]).normalize_or(DVec3::Y);
                         mesh.positions.push(p.as_vec3());
                         mesh.normals.push(n.as_vec3());
-                        mesh.metric_uvs.push((chart.metric(uv, grain) * stretch).as_vec2());
+                        let metric = chart.metric(uv, grain) * stretch;
+                        mesh.metric_uvs.push((metric * scaled + moved).as_vec2());
                         mesh.uvs.push((offset + local * scale).clamp(DVec2::ZERO, DVec2::ONE).as_vec2());
                         mesh.positions.len() as u32 - 1
                     })
@@ -290,7 +294,7 @@ impl<'a> Looks<'a> {
 
     fn of(&mut self, look: Option<&Look>, closed: bool) -> usize {
         match look {
-            Some(Look::Slot(slot)) => self.slot(*slot, closed),
+            Some(Look::Slot(slot) | Look::Decal(slot)) => self.slot(*slot, closed),
             Some(Look::Own(material)) => {
                 let key = Arc::as_ptr(material);
                 let known = self.own.iter().find(|(k, _)| *k == key).map(|(_, i)| *i);
@@ -327,6 +331,12 @@ impl<'a> Looks<'a> {
 
     fn grain(&self, material: usize) -> bool {
         self.grain[material]
+    }
+
+    /// Size of the piece of the photo that a material shows, metres.
+    fn photo(&self, material: usize) -> Option<DVec2> {
+        let spec = self.tree.materials.get(material)?;
+        spec.photo.as_ref().map(|photo| DVec2::from_array(photo.size))
     }
 }
 

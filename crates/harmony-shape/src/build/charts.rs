@@ -34,6 +34,24 @@ impl Chart {
     }
 }
 
+/// Chart over piece of the photo up to which the piece is laid once; and from whose inverse on it fills the chart.
+const ONCE: f64 = 1.35;
+
+impl Chart {
+    /// How texture coordinates in metres are moved and scaled so that a piece of the photo of about the chart's size lies on
+    /// it once, in its middle; a smaller piece is repeated from where coordinates begin. `size`: the piece's, metres;
+    /// `stretch`: metres of a texture coordinate.
+    pub fn once(&self, size: DVec2, stretch: f64) -> (DVec2, DVec2) {
+        let (extent, middle) = ((self.hi - self.lo) * stretch, (self.hi + self.lo) / 2.0 * stretch);
+        let share = extent / size;
+        if !(share.is_finite() && share.max_element() <= ONCE) {
+            return (DVec2::ONE, DVec2::ZERO);
+        }
+        let scale = if share.min_element() >= 1.0 / ONCE { 1.0 / share } else { DVec2::ONE };
+        (scale, size / 2.0 - middle * scale)
+    }
+}
+
 /// The charts of a piece in the order of their first triangles.
 pub(super) fn charts(piece: &Piece) -> Vec<Chart> {
     let mut first: HashMap<([i64; 3], [i64; 2]), u32> = HashMap::with_capacity(piece.positions.len());

@@ -285,7 +285,7 @@ fn meshed(before: &Before<'_>, node: &Node) -> Result<Built, String> {
                 piece.uvs.iter_mut().for_each(|uv| *uv *= whole);
             }
             let mut part = Part::of(piece, line);
-            part.look = Some(Look::Slot(*with));
+            part.look = Some(Look::Decal(*with));
             part.name = Arc::from("decal");
             part.hulls = Some(Arc::new(Vec::new()));
             out.parts.push(part);

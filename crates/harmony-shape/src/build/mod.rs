@@ -156,6 +156,8 @@ pub struct Fit {
 pub(crate) enum Look {
     /// A material of the tree.
     Slot(u32),
+    /// The same on a decal: a piece of the photo begins where its texture coordinates do.
+    Decal(u32),
     /// One that came with a template or part model.
     Own(Arc<Material>),
 }

@@ -1,7 +1,7 @@
 use glam::{DVec2, DVec3};
 
 use super::*;
-use crate::material::MaterialSpec;
+use crate::material::{MaterialSpec, PhotoMap};
 use crate::tree::{Boolean, Curve, Face, JointKind, Kind, MAX_TRIANGLES, Node, NodeId, Section, ShapeTree, TreeError};
 
 #[derive(Default)]
@@ -256,6 +256,31 @@ fn a_decal_lies_on_its_side_with_its_own_size() {
         let uv = shape.mesh.metric_uvs[i].as_dvec2();
         assert!(uv.distance(DVec2::new(p.x + 0.2, 0.7 - p.y)) < 1e-3, "{uv} at {p}");
     }
+}
+
+#[test]
+fn a_piece_of_the_photo_of_a_sides_size_lies_on_it_once() {
+    let front = |size: [f64; 2]| {
+        let mut m = Maker::default();
+        let print = m.material("print");
+        m.tree.materials[print as usize].photo = Some(PhotoMap { quad: [[0.0; 2]; 4], size, delit: true });
+        m.cube("cushion", Some(print), [0.6, 0.4, 0.1]);
+        let mesh = m.build().mesh;
+        let on_front = |i: &usize| mesh.positions[*i].z > 0.049 && mesh.normals[*i].z > 0.9;
+        let at = (0..mesh.positions.len()).filter(on_front).map(|i| (mesh.positions[i], mesh.metric_uvs[i]));
+        at.map(|(p, uv)| (p.as_dvec3(), uv.as_dvec2() / DVec2::from_array(size))).collect::<Vec<_>>()
+    };
+    // From one border to the other: of the side's size, and of nearly that.
+    for size in [[0.6, 0.4], [0.5, 0.45]] {
+        for (p, uv) in front(size) {
+            let whole = DVec2::new(p.x / 0.6 + 0.5, 1.0 - p.y / 0.4);
+            assert!(uv.distance(whole) < 1e-5, "{uv} for {whole}");
+        }
+    }
+    // Of a larger one the middle is shown; a smaller one is repeated at its own size.
+    assert!(front([1.2, 0.8]).iter().all(|(_, uv)| (*uv - 0.5).abs().max_element() < 0.2501));
+    let repeats = front([0.2, 0.2]).iter().map(|(_, uv)| uv.x).fold(0.0, f64::max);
+    assert!((repeats - 3.0).abs() < 1e-5, "{repeats}");
 }
 
 #[test]
