@@ -172,13 +172,16 @@ fn surrounded(points: &[DVec3], centre: DVec3, line: f64, margin: f64) -> bool {
 /// is such a face.
 fn turn_to_face(mesh: &Mesh, pressed: f64, margin: f64) -> Option<DMat3> {
     let centre = centre_of_surface(mesh);
-    let corners: Vec<DVec3> = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
+    let points: Vec<DVec3> = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
     let size = mesh.bounds()?.size().max_element();
-    let faces = quickhull(&corners, FLUSH * size, HULL_CORNERS)?;
+    let faces = quickhull(&points, FLUSH * size, HULL_CORNERS)?;
+    let mut corners = faces.concat();
+    corners.sort_unstable();
+    corners.dedup();
     let mut down: Vec<DVec3> = faces
         .iter()
         .filter_map(|face| {
-            let [a, b, c] = face.map(|i| corners[i as usize]);
+            let [a, b, c] = face.map(|i| points[i as usize]);
             let out = (b - a).cross(c - a).try_normalize()?;
             // The centre of mass along the normal, inside all three sides of the face.
             let carries =
@@ -189,7 +192,7 @@ fn turn_to_face(mesh: &Mesh, pressed: f64, margin: f64) -> Option<DMat3> {
     down.sort_by(|a, b| a.y.total_cmp(&b.y));
     let turn = |out: &DVec3| DMat3::from_quat(DQuat::from_rotation_arc(*out, DVec3::NEG_Y));
     let safe = down.iter().map(turn).find(|turn| {
-        let turned: Vec<DVec3> = faces.iter().flatten().map(|i| *turn * corners[*i as usize]).collect();
+        let turned: Vec<DVec3> = corners.iter().map(|i| *turn * points[*i as usize]).collect();
         let ground = turned.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
         surrounded(&turned, *turn * centre, ground + pressed, margin)
     });

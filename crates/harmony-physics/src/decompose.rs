@@ -553,21 +553,23 @@ mod tests {
         assert!(found.hulls.iter().all(|h| h.outside(free) > 0.2), "the room under the top is free");
     }
 
+    /// Points on a level circle about the y axis.
+    fn ring(radius: f64, y: f64) -> [DVec3; AROUND] {
+        std::array::from_fn(|k| {
+            let (sin, cos) = (std::f64::consts::TAU * k as f64 / AROUND as f64).sin_cos();
+            DVec3::new(radius * cos, y, radius * sin)
+        })
+    }
+
+    const AROUND: usize = 32;
+
     #[test]
     fn a_bowl_keeps_its_hollow() {
-        let ring = |r: f64, y: f64| {
-            (0..24)
-                .map(move |k| {
-                    let a = f64::from(k) * std::f64::consts::TAU / 24.0;
-                    DVec3::new(r * a.cos(), y, r * a.sin())
-                })
-                .collect::<Vec<_>>()
-        };
         // Open, of one sheet: floor, wall going out.
         let (inner, rim) = (ring(0.15, 0.0), ring(0.3, 0.25));
         let mut triangles = Vec::new();
-        for k in 0..24 {
-            let j = (k + 1) % 24;
+        for k in 0..AROUND {
+            let j = (k + 1) % AROUND;
             triangles.push([DVec3::ZERO, inner[k], inner[j]]);
             triangles.extend([[inner[k], rim[k], rim[j]], [inner[k], rim[j], inner[j]]]);
         }
@@ -581,18 +583,10 @@ mod tests {
     #[test]
     fn a_mug_is_hollow_down_to_its_floor() {
         // Closed, 9 cm high and 8 cm across: wall of 4 mm, floor of 5 mm.
-        let ring = |r: f64, y: f64| {
-            (0..32)
-                .map(move |k| {
-                    let a = f64::from(k) * std::f64::consts::TAU / 32.0;
-                    DVec3::new(r * a.cos(), y, r * a.sin())
-                })
-                .collect::<Vec<_>>()
-        };
         let rings = [ring(0.04, 0.0), ring(0.04, 0.09), ring(0.036, 0.09), ring(0.036, 0.005)];
         let mut triangles = Vec::new();
-        for k in 0..32 {
-            let j = (k + 1) % 32;
+        for k in 0..AROUND {
+            let j = (k + 1) % AROUND;
             triangles.push([DVec3::ZERO, rings[0][k], rings[0][j]]);
             triangles.push([DVec3::Y * 0.005, rings[3][j], rings[3][k]]);
             for pair in rings.windows(2) {

@@ -34,7 +34,7 @@ pub(super) fn assemble(tree: &ShapeTree, ctx: &BuildContext, root: &Built) -> Re
     let mut mesh = Mesh::default();
     let places = atlas(&parts, &pieces);
     let mut used: BTreeMap<usize, Vec<[u32; 3]>> = BTreeMap::new();
-    let mut stamp: HashMap<(u32, bool, Option<[u64; 2]>), u32> = HashMap::new();
+    let mut stamp: HashMap<(u32, bool, Option<usize>), u32> = HashMap::new();
     let coplanar = report::coplanar(&parts);
     let nudges = report::nudges(parts.len(), &coplanar);
     for (i, part) in parts.iter().enumerate() {
@@ -64,7 +64,7 @@ pub(super) fn assemble(tree: &ShapeTree, ctx: &BuildContext, root: &Built) -> Re
                     corners.swap(1, 2);
                 }
                 let corners = corners.map(|v| {
-                    *stamp.entry((v, grain, photo.map(|size| size.to_array().map(f64::to_bits)))).or_insert_with(|| {
+                    *stamp.entry((v, grain, photo.map(|_| material))).or_insert_with(|| {
                         let v = v as usize;
                         let uv = part.piece.uvs[v];
                         let local = (uv - chart.lo) * stretch;
