@@ -20,7 +20,7 @@ use super::networks::{Device, Geometry, GeometryConfig, Masks, SegmenterConfig};
 /// Longest deadline of a call, seconds: a day.
 const MAX_TIMEOUT_SECS: u64 = 86_400;
 
-/// Hosted and local players. Only the profiles `paper`, `local` and `hosted` have any.
+/// Hosted and local players: those of the profiles `paper`, `local` and `hosted`, and networks for `files`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlayersConfig {
@@ -460,20 +460,14 @@ impl Profile {
 }
 
 impl PlayersConfig {
-    /// What holds for a profile: its own cast, changed by what the user wrote. `offline` and `files` are not changed.
+    /// What holds for a profile: its own cast, changed by what the user wrote. `offline` is not changed; `files` takes
+    /// networks inside this program that are named (`player`), which ask nobody else and cost nothing.
     #[must_use]
     pub fn resolved(&self, profile: Profile) -> Self {
         let (language, editor, meshes, boxes) = profile.cast();
         let own = match profile {
-            Profile::Offline | Profile::Files => Self {
-                vision_language: LanguageConfig::default(),
-                image_editor: EditorConfig::default(),
-                mesh_generator: MeshConfig::default(),
-                detector: DetectorConfig { native: Some(false), ..DetectorConfig::default() },
-                geometry_estimator: GeometryConfig { player: Some(Geometry::Offline), ..GeometryConfig::default() },
-                segmenter: SegmenterConfig { player: Some(Masks::Offline), ..SegmenterConfig::default() },
-                ..self.clone()
-            },
+            Profile::Offline => self.clone().without_services().without_networks(),
+            Profile::Files => self.with_named_networks(),
             Profile::Paper | Profile::Local | Profile::Hosted => self.clone(),
         };
         let language = own.vision_language.player.unwrap_or(language).usual();
@@ -502,6 +496,32 @@ impl PlayersConfig {
             },
             ..own
         }
+    }
+
+    /// Services and servers as if nothing was written of them.
+    fn without_services(self) -> Self {
+        Self {
+            vision_language: LanguageConfig::default(),
+            image_editor: EditorConfig::default(),
+            mesh_generator: MeshConfig::default(),
+            detector: DetectorConfig::default(),
+            ..self
+        }
+    }
+
+    /// Of all that is written only the networks inside this program whose `player` is named.
+    fn with_named_networks(&self) -> Self {
+        let mut own = self.clone().without_services().without_networks();
+        if self.geometry_estimator.player.is_some() {
+            own.geometry_estimator = self.geometry_estimator.clone();
+        }
+        if self.segmenter.player.is_some() {
+            own.segmenter = self.segmenter.clone();
+        }
+        if self.detector.player == Some(Boxes::Owlv2) {
+            own.detector = self.detector.clone();
+        }
+        own
     }
 
     /// The same without keys, for an estimate that asks nobody.
@@ -667,6 +687,18 @@ mod tests {
             assert_eq!(none.segmenter.player, Some(Masks::Offline));
             assert_ne!(none.detector.native, Some(true));
         }
+        // Whoever answers by hand may name networks, which cost nothing; services that the file names are not asked.
+        let named = "[players.geometry_estimator]\nplayer = \"vggt\"\n[players.segmenter]\nplayer = \"sam2\"\n\
+                     model = \"sam2.1-tiny\"\n[players.detector]\nplayer = \"owlv2\"\n\
+                     [players.mesh_generator]\nplayer = \"fal\"\n";
+        let files = parsed(named).resolved(Profile::Files);
+        assert_eq!(files.geometry_estimator.player, Some(Geometry::Vggt));
+        assert_eq!(files.segmenter.model.as_deref(), Some("sam2.1-tiny"));
+        assert_eq!((files.detector.player, files.detector.native), (Some(Boxes::Owlv2), Some(false)));
+        assert_eq!(files.mesh_generator.player, Some(Meshes::Offline));
+        assert_eq!(parsed(named).resolved(Profile::Offline), PlayersConfig::default().resolved(Profile::Offline));
+        let served = "[players.detector]\nplayer = \"locate_anything\"\n";
+        assert_eq!(parsed(served).resolved(Profile::Files).detector.player, Some(Boxes::WithList));
         let wrong = super::super::parse("[players.segmenter]\ndevice = \"tpu\"\n").unwrap_err();
         assert!(wrong.contains("tpu") && wrong.contains("cuda"), "{wrong}");
     }

@@ -66,7 +66,7 @@ pub fn written(before: Option<&str>, proposal: &Proposal) -> Result<Written> {
         doc.decor_mut().set_prefix(head);
     }
     set(doc.as_table_mut(), "profile", proposal.profile.name(), "profile", &mut changes);
-    // `offline` and `files` take no players from the file.
+    // `offline` and `files` take no service from the file.
     if !matches!(proposal.profile, Profile::Offline | Profile::Files) {
         role(&mut doc, "vision_language", "Who looks", &proposal.language, &mut changes)?;
         role(&mut doc, "image_editor", "Who draws", &proposal.editor, &mut changes)?;
