@@ -11,8 +11,8 @@ use crate::overrides::{OverrideError, switches_off, with_change};
 use crate::report::{csv, write_tables};
 use crate::run::{BenchError, BenchRequest, BenchResult, run};
 use crate::summary::{
-    CHAMFER_OBJECTS, F_OBJECTS, Figure, LPIPS, N_CLIP, PENETRATING, PIXEL_LOSS, POSITION, POSITION_SMALL, RECALL, SIZE,
-    YAW, find, number, summary,
+    CHAMFER_OBJECTS, F_OBJECTS, Figure, HOST, LPIPS, N_CLIP, PENETRATING, PIXEL_LOSS, POSITION, POSITION_SMALL, RECALL,
+    SIZE, VIEWS_IOU, VIEWS_SEEN, VIEWS_UNSEEN, YAW, find, number, summary,
 };
 
 /// Name of the variant that lacks nothing.
@@ -82,11 +82,12 @@ const fn column(heading: &'static str, figure: &'static str, p90: bool, digits: 
     Column { heading, figure, p90, digits }
 }
 
-const COLUMNS: [Column; 12] = [
+const COLUMNS: [Column; 16] = [
     column("position m", POSITION, false, 3),
     column("p90 m", POSITION, true, 3),
     column("decor. m", POSITION_SMALL, false, 3),
     column("yaw %", YAW, false, 1),
+    column("host %", HOST, false, 1),
     column("size %", SIZE, false, 2),
     column("recall %", RECALL, false, 1),
     column("F@0.1 %", F_OBJECTS, false, 2),
@@ -95,6 +96,9 @@ const COLUMNS: [Column; 12] = [
     column("PL", PIXEL_LOSS, false, 4),
     column("N-CLIP", N_CLIP, false, 4),
     column("LPIPS", LPIPS, false, 4),
+    column("PL seen", VIEWS_SEEN, false, 4),
+    column("PL unseen", VIEWS_UNSEEN, false, 4),
+    column("views IoU", VIEWS_IOU, false, 3),
 ];
 
 impl Column {
@@ -142,7 +146,10 @@ fn name_of(change: &str) -> String {
     match paper_of(change) {
         Some(row) => row.name.to_owned(),
         None => match change.strip_suffix("=false") {
-            Some(key) => format!("w/o {}", key.trim_start_matches("placement.").replace('_', " ")),
+            Some(key) => match key.strip_prefix("looks.") {
+                Some(look) => format!("w/o look at {look}"),
+                None => format!("w/o {}", key.trim_start_matches("placement.").replace('_', " ")),
+            },
             None => change.to_owned(),
         },
     }
@@ -247,7 +254,8 @@ pub fn markdown(ablation: &Ablation) -> String {
     let mut out = format!(
         "# Ablation\n\n{}; metres as delivered.\nPosition is the median error of furniture, wall and ceiling objects \
          and its 90th percentile; F and CD are those of the protocol gen3dsr on objects; PL compares the evenly lit \
-         render with the photo.\n\n| variant | {} |\n{}",
+         render with the photo; PL seen, PL unseen and views IoU are from the rooms' other views, on surfaces that \
+         the photo saw and on those it did not, and of objects' silhouettes.\n\n| variant | {} |\n{}",
         ablation.title,
         headings.join(" | "),
         rule(headings.len())
@@ -305,6 +313,7 @@ mod tests {
             all.len() > PAPER.len() && all.iter().all(|c| c == FULL || with_change(&Settings::default(), c).is_ok())
         );
         assert_eq!(name_of("placement.optimiser=false"), "w/o optimiser");
+        assert_eq!(name_of("looks.hosts=false"), "w/o look at hosts");
         assert_eq!(folder_of("placement.refinement=false"), "placement_refinement_false");
     }
 

@@ -1,6 +1,6 @@
 //! Settings by their keys: changed from the command line, and switched off one after the other.
 
-use harmony_pipeline::Settings;
+use harmony_pipeline::{Questions, Settings};
 use serde_json::Value;
 
 /// A change that cannot be made.
@@ -124,10 +124,14 @@ fn edits(a: &str, b: &str) -> usize {
     row[b.len()]
 }
 
-/// Changes that take one part of the method away each: every switch that is on (top level and placement), and the
-/// review.
+/// Changes that take one part of the method away each: every switch that is on (top level, placement, looks that are
+/// asked for), and the review.
 pub fn switches_off(settings: &Settings) -> Vec<String> {
-    let switch = |key: &str| !key.contains('.') || key.strip_prefix("placement.").is_some_and(|k| !k.contains('.'));
+    let of_section = |key: &str, section: &str| {
+        key.strip_prefix(section).and_then(|k| k.strip_prefix('.')).is_some_and(|k| !k.contains('.'))
+    };
+    let asks = settings.questions == Questions::Paper;
+    let switch = |key: &str| !key.contains('.') || of_section(key, "placement") || (asks && of_section(key, "looks"));
     let mut off: Vec<String> = keys(settings)
         .into_iter()
         .filter(|(key, value)| switch(key) && *value == Value::Bool(true))
@@ -192,5 +196,14 @@ mod tests {
         }
         settings.placement.groups = false;
         assert_eq!(switches_off(&settings).len(), off.len() - 1);
+        assert!(!off.iter().any(|o| o.starts_with("looks.")), "nothing is asked there that could be left out");
+        settings.questions = Questions::Paper;
+        let off = switches_off(&settings);
+        let looks: Vec<&String> = off.iter().filter(|o| o.starts_with("looks.")).collect();
+        assert_eq!(looks.len(), 8, "{looks:?}");
+        for change in looks {
+            let without = with_change(&settings, change).unwrap();
+            assert_ne!(without.asked_looks(), settings.asked_looks(), "{change}");
+        }
     }
 }

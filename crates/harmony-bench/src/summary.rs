@@ -70,6 +70,15 @@ pub const N_CLIP: &str = "N-CLIP (mean)";
 /// LPIPS.
 pub const LPIPS: &str = "LPIPS, AlexNet (mean)";
 
+/// Name of a main figure.
+pub const HOST: &str = "decorations on the right host";
+/// PL of flat pictures from where the photo was not taken, on what the photo saw.
+pub const VIEWS_SEEN: &str = "views PL, seen surfaces (mean)";
+/// The same on what the photo did not see.
+pub const VIEWS_UNSEEN: &str = "views PL, unseen surfaces (mean)";
+/// Silhouette IoU from there.
+pub const VIEWS_IOU: &str = "views IoU of seen objects (mean)";
+
 /// A figure by its name.
 pub fn find<'a>(figures: &'a [Figure], name: &str) -> Option<&'a Figure> {
     figures.iter().find(|f| f.name == name)
@@ -213,7 +222,7 @@ fn from_views(rooms: &[RoomScore]) -> Vec<Figure> {
         }
         let objects = || views.iter().flat_map(|v| &v.objects);
         let iou: Vec<f64> = objects().map(|o| o.iou).collect();
-        figures.push(mean_of("views IoU of seen objects (mean)", "", &iou, true, Some(0.8)));
+        figures.push(mean_of(VIEWS_IOU, "", &iou, true, Some(0.8)));
         let apart: Vec<f64> = objects().filter_map(|o| o.depth_m).collect();
         figures.push(spread("views depth of seen objects", "m", &apart, [None, None]));
         let nothing: Vec<f64> = views.iter().map(|v| 100.0 * v.nothing).collect();
@@ -275,12 +284,7 @@ pub fn summary(rooms: &[RoomScore]) -> Vec<Figure> {
         spread("  wall", "m", &of_level(Level::Wall), [None, None]),
         spread("  ceiling", "m", &of_level(Level::Ceiling), [None, None]),
         spread(POSITION_SMALL, "m", &values(&small, |o| o.position_m), [None, None]),
-        share(
-            "decorations on the right host",
-            small.iter().filter(|o| o.support_right).count(),
-            small.len(),
-            Some(97.0),
-        ),
+        share(HOST, small.iter().filter(|o| o.support_right).count(), small.len(), Some(97.0)),
         spread("  position on the host", "m", &on_host, [Some(0.05), None]),
         share(YAW, fronted.iter().filter(|o| o.yaw_deg <= 10.0).count(), fronted.len(), Some(95.0)),
         spread(SIZE, "%", &values(&objects, |o| 100.0 * o.size), [Some(4.0), None]),

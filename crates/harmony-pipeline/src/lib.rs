@@ -37,6 +37,6 @@ pub use progress::{ProgressEvent, ProgressSink};
 pub use run::{Failure, RunError, RunOutcome, RunRequest, run};
 pub use run_file::{JoinedRun, PhaseEntry, PhaseState, RunFile, hash_files};
 pub use run_folder::{LOCK_FILE, RunFolder, RunFolderError};
-pub use settings::{FilterSettings, LightingSettings, ProgramSettings, Questions, Settings};
+pub use settings::{FilterSettings, LightingSettings, LookSettings, ProgramSettings, Questions, Settings};
 pub use state::{DropReason, Layout, Left, Look, Model, Object, SceneState};
 pub use steps::programs::{Built, Program, Surroundings, built as program_mesh};

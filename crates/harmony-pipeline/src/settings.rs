@@ -17,6 +17,8 @@ pub struct Settings {
     pub upright_by_faces: bool,
     /// How often the language model is asked.
     pub questions: Questions,
+    /// Which of the further questions of `questions = "paper"` are asked.
+    pub looks: LookSettings,
     /// Review after each level ("w/o feedback loop" when 0): rounds at most; `questions = "paper"` makes it three.
     pub review_rounds: usize,
     /// Detection filters.
@@ -45,16 +47,72 @@ pub enum Questions {
     Paper,
 }
 
+/// What the language model looks at once more when it is asked as often as the paper asks; each can be left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LookSettings {
+    /// Decorations missing on each piece of furniture.
+    pub missing: bool,
+    /// Hosts in doubt.
+    pub hosts: bool,
+    /// Fine turns after the quarter turns, furniture and soft things among them.
+    pub turns: bool,
+    /// Order and members of matched sets.
+    pub groups: bool,
+    /// Counts of each kind after the last level.
+    pub counts: bool,
+    /// Another placement order where things stay in one another.
+    pub reorder: bool,
+    /// Mass and friction.
+    pub physical: bool,
+    /// Reviews until nothing more is kept, three rounds at most.
+    pub rounds: bool,
+}
+
+impl Default for LookSettings {
+    fn default() -> Self {
+        Self {
+            missing: true,
+            hosts: true,
+            turns: true,
+            groups: true,
+            counts: true,
+            reorder: true,
+            physical: true,
+            rounds: true,
+        }
+    }
+}
+
+impl LookSettings {
+    const NONE: Self = Self {
+        missing: false,
+        hosts: false,
+        turns: false,
+        groups: false,
+        counts: false,
+        reorder: false,
+        physical: false,
+        rounds: false,
+    };
+}
+
 /// Rounds of review as the paper's loop goes.
 const PAPER_ROUNDS: usize = 3;
 
 impl Settings {
+    /// The further questions that are asked: none of them with `questions = "few"`.
+    pub fn asked_looks(&self) -> LookSettings {
+        match self.questions {
+            Questions::Few => LookSettings::NONE,
+            Questions::Paper => self.looks,
+        }
+    }
+
     /// Rounds of review at most; none where reviews are switched off.
     pub fn rounds_of_review(&self) -> usize {
-        match self.questions {
-            Questions::Paper if self.review_rounds > 0 => self.review_rounds.max(PAPER_ROUNDS),
-            Questions::Few | Questions::Paper => self.review_rounds,
-        }
+        let paper = self.review_rounds > 0 && self.asked_looks().rounds;
+        if paper { self.review_rounds.max(PAPER_ROUNDS) } else { self.review_rounds }
     }
 }
 
@@ -65,6 +123,7 @@ impl Default for Settings {
             camera_calibration: true,
             upright_by_faces: true,
             questions: Questions::default(),
+            looks: LookSettings::default(),
             review_rounds: 1,
             filters: FilterSettings::default(),
             mesh: MeshSettings::default(),

@@ -13,7 +13,6 @@ use super::added::{self, Wanted};
 use super::review;
 use crate::Phase;
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::settings::Questions;
 use crate::state::SceneState;
 use crate::views;
 
@@ -22,7 +21,7 @@ use crate::views;
 /// # Errors
 /// Fatal role errors and unwritable files only.
 pub async fn settle(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
-    if ctx.settings.questions != Questions::Paper || !ctx.is_looked_at("counts") {
+    if !ctx.settings.asked_looks().counts || !ctx.is_looked_at("counts") {
         return Ok(());
     }
     ctx.step("counting");

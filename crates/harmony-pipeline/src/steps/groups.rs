@@ -13,7 +13,6 @@ use serde_json::json;
 use super::added::{self, Wanted};
 use super::review;
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::settings::Questions;
 use crate::state::SceneState;
 use crate::views;
 
@@ -23,7 +22,7 @@ use crate::views;
 /// Fatal role errors and unwritable files only.
 pub async fn order(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> Result<(), PhaseError> {
     let sets = sets(state, level);
-    if ctx.settings.questions != Questions::Paper || sets.is_empty() || !ctx.is_looked_at("groups") {
+    if !ctx.settings.asked_looks().groups || sets.is_empty() || !ctx.is_looked_at("groups") {
         return Ok(());
     }
     ctx.step("order within matched sets");

@@ -13,7 +13,6 @@ use serde_json::json;
 
 use super::review;
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::settings::Questions;
 use crate::state::{SceneState, is_flat};
 use crate::views;
 
@@ -31,7 +30,7 @@ const CELL: u32 = 360;
 /// # Errors
 /// Fatal role errors and unwritable files only.
 pub async fn verify(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
-    if ctx.settings.questions != Questions::Paper {
+    if !ctx.settings.asked_looks().hosts {
         return Ok(());
     }
     let doubted = doubted(state);

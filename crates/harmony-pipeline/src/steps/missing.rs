@@ -10,7 +10,6 @@ use harmony_roles::{Detection, Picture};
 use harmony_scene::{Level, ObjectId, PixelBox};
 
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::settings::Questions;
 use crate::state::{SceneState, is_flat};
 use crate::views;
 
@@ -39,7 +38,7 @@ pub async fn decorations(
     state: &Arc<SceneState>,
     found: &[Detection],
 ) -> Result<Vec<Missing>, PhaseError> {
-    if ctx.settings.questions != Questions::Paper {
+    if !ctx.settings.asked_looks().missing {
         return Ok(Vec::new());
     }
     let asked: Vec<(usize, String)> = pieces(state)

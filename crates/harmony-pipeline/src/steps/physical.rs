@@ -10,7 +10,6 @@ use harmony_roles::Picture;
 use harmony_scene::{RigidEstimate, SurfaceMaterial};
 
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::settings::Questions;
 use crate::state::SceneState;
 
 /// Asks, and gives every object of a label what was answered.
@@ -18,8 +17,7 @@ use crate::state::SceneState;
 /// # Errors
 /// Fatal role errors only.
 pub async fn estimate(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
-    let paper = ctx.settings.questions == Questions::Paper;
-    if !paper || !ctx.is_looked_at("physical") || state.partial.placed.is_empty() {
+    if !ctx.settings.asked_looks().physical || !ctx.is_looked_at("physical") || state.partial.placed.is_empty() {
         return Ok(());
     }
     ctx.step("mass and friction");

@@ -11,7 +11,6 @@ use serde_json::{Value, json};
 
 use super::inspect::is_unusual;
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::settings::Questions;
 use crate::state::{Left, Object, SceneState, is_flat};
 use crate::views;
 
@@ -75,7 +74,7 @@ async fn in_another_order(
     (partial, report): (&PartialScene, &LevelReport),
     items: Vec<Item>,
 ) -> Result<Option<(PartialScene, LevelReport)>, PhaseError> {
-    if ctx.settings.questions != Questions::Paper || !ctx.is_looked_at("reorder") {
+    if !ctx.settings.asked_looks().reorder || !ctx.is_looked_at("reorder") {
         return Ok(None);
     }
     let mut shown = state.clone();

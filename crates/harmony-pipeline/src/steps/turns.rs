@@ -14,7 +14,6 @@ use serde_json::json;
 
 use super::review;
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::settings::Questions;
 use crate::state::SceneState;
 use crate::views;
 
@@ -35,7 +34,7 @@ pub async fn quarters(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), 
     if !ctx.is_looked_at("orient") {
         return Ok(());
     }
-    let paper = ctx.settings.questions == Questions::Paper;
+    let paper = ctx.settings.asked_looks().turns;
     let asked = |p: &Placed| {
         let soft = p.item.traits.soft && !paper;
         p.item.level == Level::Decoration && p.item.traits.has_front && !soft && (!paper || is_seen(state, p))
@@ -64,7 +63,7 @@ pub async fn quarters(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), 
 /// # Errors
 /// Fatal role errors and unwritable files only.
 pub async fn fine(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> Result<(), PhaseError> {
-    if ctx.settings.questions != Questions::Paper {
+    if !ctx.settings.asked_looks().turns {
         return Ok(());
     }
     let free = |p: &Placed| {
