@@ -167,10 +167,7 @@ pub fn cast_services(
     tasks: Option<&Path>,
     known: &mut Known,
 ) -> Vec<(Role, RoleError)> {
-    let services = match Services::new(players, tasks) {
-        Ok(services) => services,
-        Err(error) => return vec![(Role::VisionLanguage, error)],
-    };
+    let services = Services::new(players, tasks);
     let mut failures = Vec::new();
     match services.language(known) {
         Ok(player) => cast.vision_language = player.unwrap_or_else(|| Arc::clone(&cast.vision_language)),

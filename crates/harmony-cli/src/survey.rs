@@ -123,6 +123,8 @@ pub struct Survey {
     pub keys: Vec<FoundKey>,
     /// Servers that answer.
     pub servers: Vec<FoundServer>,
+    /// Why nothing can be reached over a network at all, if so.
+    pub no_network: Option<String>,
     /// NVIDIA GPUs.
     pub gpus: Vec<Gpu>,
     /// Processors.
@@ -142,15 +144,13 @@ pub struct Survey {
 /// Looks around. `servers` are base addresses; each is asked a few questions that cost nothing.
 ///
 /// # Errors
-/// There can be no connection at all.
+/// None in practice: a part of the looking panicked.
 pub async fn survey(servers: &[String], store: &Store) -> anyhow::Result<Survey> {
-    let http = Http::new(None, Duration::from_millis(800)).map_err(|error| anyhow::anyhow!(error.to_string()))?;
-    let asked: Vec<_> = servers
+    let http = Http::new(None, Duration::from_millis(800));
+    let asked: Vec<_> = http
         .iter()
-        .map(|address| {
-            let (http, address) = (http.clone(), address.clone());
-            tokio::spawn(async move { recognised(&http, &address).await })
-        })
+        .flat_map(|http| servers.iter().map(move |address| (http.clone(), address.clone())))
+        .map(|(http, address)| tokio::spawn(async move { recognised(&http, &address).await }))
         .collect();
     let (gpus, no_blender) = tokio::task::spawn_blocking(|| (gpus(), no_blender())).await?;
     let mut found = Vec::new();
@@ -161,6 +161,10 @@ pub async fn survey(servers: &[String], store: &Store) -> anyhow::Result<Survey>
     Ok(Survey {
         keys: keys(),
         servers: found,
+        no_network: http.err().map(|error| match error.hint() {
+            Some(hint) => format!("{error}; {hint}"),
+            None => error.to_string(),
+        }),
         gpus,
         cores: std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
         memory_mib: memory.as_deref().and_then(total_memory),
@@ -318,7 +322,9 @@ impl Survey {
             let unused = if server.kind == ServerKind::ComfyUi { " (no player speaks to it)" } else { "" };
             format!("server {} at {}{models}{unused}", server.kind.name(), server.address)
         }));
-        if self.servers.is_empty() {
+        if let Some(reason) = &self.no_network {
+            lines.push(format!("no service or server can be reached: {reason}"));
+        } else if self.servers.is_empty() {
             lines.push("no server of one's own answers at its usual address".to_owned());
         }
         lines.extend(self.gpus.iter().map(|gpu| format!("GPU {}, {} MiB", gpu.name, gpu.memory_mib)));

@@ -196,7 +196,10 @@ impl Hub {
             }
             builder.build().map_err(|error| ModelError::Address {
                 address: options.endpoints.hub.to_string(),
-                reason: format!("no client ({}); check the certificates of the system", causes(&error)),
+                reason: format!(
+                    "no client ({}); install the system's root certificates (package ca-certificates)",
+                    causes(&error)
+                ),
             })
         };
         Ok(Self { direct: build(false)?, proxied: build(true)?, options })

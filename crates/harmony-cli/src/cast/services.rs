@@ -1,5 +1,6 @@
 //! Hosted and local players from their configuration.
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -46,22 +47,28 @@ impl Known {
 
 /// Makes players; `config` is a resolved one.
 pub struct Services<'a> {
-    http: Http,
+    /// Made for the first player that needs it: who asks nobody needs no certificates.
+    http: OnceCell<Http>,
     config: &'a PlayersConfig,
     /// Where tasks at hosted services are noted; `None` = nowhere but in memory.
     tasks: Option<&'a Path>,
 }
 
 impl<'a> Services<'a> {
-    /// Starts.
-    ///
-    /// # Errors
-    /// [`RoleError::NotSetUp`] when there can be no connection at all.
-    pub fn new(config: &'a PlayersConfig, tasks: Option<&'a Path>) -> Result<Self, RoleError> {
-        let local = config.local_only.then(|| LocalHosts {
-            named: config.local_hosts.iter().map(|host| host.trim().to_ascii_lowercase()).collect(),
+    /// Players of `config`; nothing is connected yet.
+    pub fn new(config: &'a PlayersConfig, tasks: Option<&'a Path>) -> Self {
+        Self { http: OnceCell::new(), config, tasks }
+    }
+
+    fn http(&self) -> Result<&Http, RoleError> {
+        if let Some(http) = self.http.get() {
+            return Ok(http);
+        }
+        let local = self.config.local_only.then(|| LocalHosts {
+            named: self.config.local_hosts.iter().map(|host| host.trim().to_ascii_lowercase()).collect(),
         });
-        Ok(Self { http: Http::new(local, Duration::from_secs(config.connect_secs))?, config, tasks })
+        let http = Http::new(local, Duration::from_secs(self.config.connect_secs))?;
+        Ok(self.http.get_or_init(|| http))
     }
 
     fn service(
@@ -132,7 +139,7 @@ impl<'a> Services<'a> {
         let (address, key) = (config.address.as_ref(), config.key_env.as_ref());
         let service = self.service(name, Role::VisionLanguage, address, key, auth, config.timeout_secs)?;
         let player = VlmPlayer::new(
-            &self.http,
+            self.http()?,
             VlmOptions {
                 service,
                 format,
@@ -168,7 +175,7 @@ impl<'a> Services<'a> {
         let (address, key) = (config.address.as_ref(), config.key_env.as_ref());
         let service = self.service(name, Role::ImageEditor, address, key, auth, config.timeout_secs)?;
         let player = Arc::new(EditorPlayer::new(
-            &self.http,
+            self.http()?,
             EditorOptions {
                 service,
                 format,
@@ -207,7 +214,7 @@ impl<'a> Services<'a> {
         let concurrency = config.concurrency.unwrap_or(1);
         let hunyuan = |name: &str, version| {
             HunyuanPlayer::new(
-                &self.http,
+                self.http()?,
                 HunyuanOptions {
                     service: service(name)?,
                     version,
@@ -222,7 +229,7 @@ impl<'a> Services<'a> {
         };
         let trellis = |name: &str, host| {
             let service = service(name)?;
-            TrellisPlayer::new(&self.http, TrellisOptions { service, host, model: model.clone(), seed, concurrency })
+            TrellisPlayer::new(self.http()?, TrellisOptions { service, host, model: model.clone(), seed, concurrency })
         };
         let hosted = |name: &str, host, auth: fn(ApiKey) -> Auth| {
             let (address, key) = (config.address.as_ref(), config.key_env.as_ref());
@@ -242,7 +249,7 @@ impl<'a> Services<'a> {
                 tasks: Arc::new(self.tasks.map_or_else(Tasks::default, |folder| Tasks::in_folder(folder.to_owned()))),
                 concurrency: config.concurrency.unwrap_or(4),
             };
-            HostedPlayer::new(&self.http, options).map(Arc::new)
+            HostedPlayer::new(self.http()?, options).map(Arc::new)
         };
         Ok(match config.player {
             None | Some(Meshes::Offline) => None,
@@ -311,7 +318,7 @@ impl<'a> Services<'a> {
             }
             Some(Boxes::LocateAnything) => {
                 let options = LocateOptions { service: service("locate_anything")?, model, concurrency };
-                let player = Arc::new(LocatePlayer::new(&self.http, options)?);
+                let player = Arc::new(LocatePlayer::new(self.http()?, options)?);
                 known.add(Role::Detector, player.service(), player.clone());
                 Some(player)
             }
@@ -319,7 +326,7 @@ impl<'a> Services<'a> {
                 let service = service("grounding_dino")?;
                 let threshold = config.threshold.unwrap_or(0.35);
                 let options = GroundingOptions { service, model, threshold, concurrency };
-                let player = Arc::new(GroundingPlayer::new(&self.http, options)?);
+                let player = Arc::new(GroundingPlayer::new(self.http()?, options)?);
                 known.add(Role::Detector, player.service(), player.clone());
                 Some(player)
             }

@@ -222,6 +222,7 @@ pub(super) mod tests {
             weights: vec![],
             folder: PathBuf::from("models"),
             no_blender: None,
+            no_network: None,
         }
     }
 

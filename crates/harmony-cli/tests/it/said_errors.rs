@@ -255,3 +255,28 @@ fn a_driver_that_is_missing_or_old_is_told_with_what_to_do() {
     let line = doctor(&folder.path().join("nothing"));
     assert!(line.contains("libcuda was not found") && line.contains("580"), "{line}");
 }
+
+/// A slim container has no root certificates: who asks nobody needs none, who does is told what to install.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_system_without_certificates_plays_what_asks_nobody() {
+    let folder = tempfile::tempdir().unwrap();
+    let none = folder.path().join("certificates.pem");
+    std::fs::write(&none, "").unwrap();
+    drawn::empty_room(320, 240).save(folder.path().join("photo.png")).unwrap();
+    let harmony = |args: &[&str]| {
+        let mut command = program();
+        command.args(args).current_dir(folder.path()).env("HARMONY_MODELS", folder.path().join("no-models"));
+        command.env("SSL_CERT_FILE", &none).env("SSL_CERT_DIR", folder.path()).env("GEMINI_API_KEY", KEY);
+        command.env("FAL_KEY", KEY).output().unwrap()
+    };
+    let output = harmony(&["reconstruct", "photo.png", "--out", "run", "--no-lit", "--profile", "offline"]);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let output = harmony(&["reconstruct", "photo.png", "--out", "paid", "--no-lit", "--profile", "hosted"]);
+    assert_ne!(output.status.code(), Some(0), "{}", said(&output));
+    assert!(said(&output).contains("ca-certificates"), "{}", said(&output));
+    let output = harmony(&["doctor", "--profile", "offline"]);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(told.contains("no service or server can be reached") && told.contains("ca-certificates"), "{told}");
+}

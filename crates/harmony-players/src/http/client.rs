@@ -95,7 +95,9 @@ impl Http {
             builder.build().map_err(|error| RoleError::NotSetUp {
                 player: "http".to_owned(),
                 reason: causes(&error),
-                hint: "check the certificates of the system".to_owned(),
+                hint: "install the system's root certificates (package ca-certificates), or name a file of them in \
+                       SSL_CERT_FILE"
+                    .to_owned(),
             })
         };
         Ok(Self { direct: build(false, false)?, proxied: build(true, false)?, public: build(false, true)?, local })
