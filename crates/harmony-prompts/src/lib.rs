@@ -53,7 +53,7 @@ pub use missing::{MissingAnswer, MissingDecoration, MissingQuestion, PresentDeco
 pub use physical::{PhysicalAnswer, PhysicalItem, PhysicalLabel, PhysicalQuestion};
 pub use programs::{
     LookVerdict, LookedAt, ModelledObject, ProgramObject, ProgramsAnswer, ProgramsQuestion, SecondLookAnswer,
-    SecondLookQuestion, ToModel, WithoutProgram,
+    SecondLookQuestion, ShownProgram, ToModel, WithoutProgram,
 };
 pub use question::{Ask, Question};
 pub use reorder::{ReorderAnswer, ReorderQuestion};

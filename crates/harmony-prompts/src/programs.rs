@@ -99,7 +99,18 @@ pub struct ModelledObject {
     /// What its mesh was made from, in words.
     pub made_as: String,
     /// Its program.
-    pub program: Option<String>,
+    pub program: Option<ShownProgram>,
+    /// Values of the program's further parameters.
+    pub params: BTreeMap<String, f64>,
+}
+
+/// An object's program as a question shows it.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ShownProgram {
+    /// Its text.
+    Text(String),
+    /// That of an object whose text stands above.
+    SameAs(ObjectId),
 }
 
 impl Serialize for ModelledObject {
@@ -112,7 +123,15 @@ impl Serialize for ModelledObject {
 impl Display for ModelledObject {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}, made as {}", self.object, self.made_as)?;
-        self.program.as_ref().map_or(Ok(()), |program| write!(f, "\n```python\n{}\n```", program.trim_end()))
+        if !self.params.is_empty() {
+            let params: Vec<String> = self.params.iter().map(|(name, value)| format!("{name} = {value}")).collect();
+            write!(f, ", params {}", params.join(", "))?;
+        }
+        match &self.program {
+            None => Ok(()),
+            Some(ShownProgram::Text(text)) => write!(f, "\n```python\n{}\n```", text.trim_end()),
+            Some(ShownProgram::SameAs(id)) => write!(f, ", by the program of {id}"),
+        }
     }
 }
 
@@ -177,6 +196,9 @@ pub struct LookedAt {
     /// The whole corrected program, for a change.
     #[serde(default)]
     pub program: Option<String>,
+    /// Id of the object whose corrected program it shares.
+    #[serde(default)]
+    pub same_as: Option<String>,
     /// Values for further parameters of `build`.
     #[serde(default)]
     pub params: BTreeMap<String, f64>,
@@ -297,16 +319,25 @@ impl SecondLookAnswer {
         }
     }
 
+    /// The corrected program of an object that is to be changed, its own or the one it shares.
+    pub fn program_of<'a>(&'a self, object: &'a LookedAt) -> Option<&'a str> {
+        let of = |id: &String| self.objects.iter().find(|o| o.id == *id)?.program.as_deref();
+        let program = object.program.as_deref().or_else(|| of(object.same_as.as_ref()?));
+        program.filter(|_| object.verdict == LookVerdict::Change)
+    }
+
     /// Whether asked objects are answered, each once, and changes bring a program.
     ///
     /// # Errors
     /// A complaint in words.
     pub fn check(&self, asked: &[String]) -> Result<(), String> {
         known_once(self.objects.iter().map(|o| o.id.as_str()), asked)?;
-        match self.objects.iter().find(|o| o.verdict == LookVerdict::Change && o.program.is_none()) {
-            Some(object) => Err(format!("{} is to be changed, but there is no program", object.id)),
-            None => Ok(()),
-        }
+        let lacks = |o: &&LookedAt| o.verdict == LookVerdict::Change && self.program_of(o).is_none();
+        let Some(object) = self.objects.iter().find(lacks) else { return Ok(()) };
+        Err(match &object.same_as {
+            Some(other) => format!("{} is the same as {other:?}, for which there is no corrected program", object.id),
+            None => format!("{} is to be changed, but there is no program", object.id),
+        })
     }
 }
 
@@ -354,7 +385,13 @@ mod tests {
         let mut answer = SecondLookAnswer::example();
         let asked = ["stool_01", "sofa_01"].map(str::to_owned);
         assert_eq!(answer.check(&asked), Ok(()));
+        answer.objects[1].verdict = LookVerdict::Change;
+        answer.objects[1].same_as = Some("stool_01".into());
+        assert_eq!(answer.check(&asked), Ok(()));
+        assert_eq!(answer.program_of(&answer.objects[1]), answer.objects[0].program.as_deref());
         answer.objects[0].program = None;
         assert!(answer.check(&asked).unwrap_err().contains("no program"));
+        answer.objects[0].verdict = LookVerdict::Fine;
+        assert!(answer.check(&asked).unwrap_err().contains("no corrected program"));
     }
 }

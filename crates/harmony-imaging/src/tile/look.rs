@@ -50,6 +50,8 @@ const COARSE_RANGE: [f32; 2] = [0.3, 2.2];
 const DARKEST: f32 = 6.0;
 /// Standard deviation of the grain where none was seen, as a ratio.
 const USUAL_GRAIN: f32 = 0.006;
+/// The same, at most, of paint and plaster.
+const PAINT_ROUGHNESS: f32 = 0.03;
 /// An island in another colour than predicted by this much is not the surface, 8-bit levels.
 const ODD: f32 = 28.0;
 
@@ -196,7 +198,21 @@ impl Tile {
         Self::of(side, ratios.collect())
     }
 
-    /// Quilted from the ratios that are left, of sharp places when there are enough.
+    /// Standard deviation of its brightness.
+    fn roughness(&self) -> f32 {
+        let off = |c: &Color| (0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2] - 1.0).powi(2);
+        (self.ratios.iter().map(off).sum::<f32>() / self.ratios.len().max(1) as f32).sqrt()
+    }
+
+    /// As rough as this tile, without what it shows.
+    fn smooth_as(&self, seed: u64) -> Self {
+        let plain = Self::grain(seed);
+        let times = self.roughness() / plain.roughness().max(1e-6);
+        Self::of(plain.side, plain.ratios.iter().map(|c| c.map(|v| 1.0 + (v - 1.0) * times)).collect())
+    }
+
+    /// Quilted from the ratios that are left, of sharp places when there are enough. Faint lines in a fine grain are cracks,
+    /// seams and the edges of other things: laid again and again they would be panels.
     fn quilted(rest: &[Option<Color>], fineness: &Fineness, width: usize, grain: Grain, seed: u64) -> Self {
         let height = rest.len() / width.max(1);
         let colors: Vec<Color> = rest.iter().map(|c| c.unwrap_or([1.0; 3]).map(|v| v * QUILT_SCALE)).collect();
@@ -207,7 +223,9 @@ impl Tile {
             for observed in [&best, &known] {
                 let sample = quilt::Sample { width, height, colors: &colors, observed };
                 if let Some(tile) = quilt::quilt(&sample, side, seed) {
-                    return Self::of(side, even(&tile, side, grain));
+                    let tile = Self::of(side, even(&tile, side, grain));
+                    let is_paint = grain == Grain::Fine && tile.roughness() < PAINT_ROUGHNESS;
+                    return if is_paint && !tile.is_noise { tile.smooth_as(seed) } else { tile };
                 }
             }
         }

@@ -203,3 +203,22 @@ fn a_shadow_does_not_end_in_the_outline_of_what_stood_before_it() {
     assert!((inside - beside).abs() < 14.0, "and goes on: {inside} beside {beside}");
     assert!((mean(60..90) - 180.0).abs() < 4.0);
 }
+
+/// A plain wall that was seen as a narrow strip, with a faint crack down the strip.
+#[test]
+fn a_faint_line_on_paint_is_not_repeated_over_the_wall() {
+    let mut random = Random::new(11);
+    let mut grain = || (random.unit() + random.unit() - 1.0) * 0.8;
+    let texture = RgbaImage::from_fn(500, 400, |x, _| {
+        let line = if (56..59).contains(&x) { -2.0 } else { 0.0 };
+        let level = (200.0 + line + grain()).round() as u8;
+        Rgba([level, level, level, if (40..76).contains(&x) { 255 } else { 0 }])
+    });
+    let survey = Survey::of(&texture, &Fineness::full(500, 400), 160.0, Grain::Fine, 5).unwrap();
+    let painted = survey.look.paint(500, 400);
+    let column = |x: u32| (0..400).map(|y| f32::from(painted.get_pixel(x, y).0[0])).sum::<f32>() / 400.0;
+    let columns: Vec<f32> = (0..500).map(column).collect();
+    let usual = columns.iter().sum::<f32>() / 500.0;
+    let worst = columns.iter().map(|c| (c - usual).abs()).fold(0.0, f32::max);
+    assert!(worst < 0.6, "no column stands out of its wall: {worst}");
+}

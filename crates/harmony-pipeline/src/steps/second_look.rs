@@ -1,13 +1,14 @@
 //! Second looks at shapes: the model sees what its programs and templates became, from several sides, and corrects
 //! them. A correction is measured against the photo and kept only when the evidence does not speak against it.
 
+use std::collections::BTreeMap;
 use std::slice;
 use std::sync::Arc;
 
 use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_placement::{Shape, Verdict, fit_shape, judge};
 use harmony_program::GUIDE;
-use harmony_prompts::{LookVerdict, LookedAt, ModelledObject, SecondLookAnswer, SecondLookQuestion};
+use harmony_prompts::{LookVerdict, LookedAt, ModelledObject, SecondLookAnswer, SecondLookQuestion, ShownProgram};
 use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, Size, WarningKind};
 use image::{RgbImage, RgbaImage};
@@ -43,12 +44,21 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
         let answer = ask(ctx, state, &chosen, &name, std::mem::take(&mut tried)).await?;
         let mut results = Vec::new();
         let mut kept = 0;
+        let unseen = followers(state, level, &chosen);
         for object in answer.objects.iter().filter(|o| o.verdict == LookVerdict::Change) {
-            let (result, refused) = try_change(ctx, state, object).await?;
-            kept += usize::from(refused.is_none());
-            let came = refused.map_or("kept".to_owned(), |reason| format!("refused, {reason}"));
-            tried.push(format!("- another program of {}: {came}", object.id));
-            results.push(result);
+            let changes = with_followers(&answer, object, state, &unseen);
+            for (nth, (id, program)) in changes.into_iter().enumerate() {
+                let (result, refused) = try_change(ctx, state, &id, program).await?;
+                let stays = refused.is_none();
+                kept += usize::from(stays);
+                let came = refused.map_or("kept".to_owned(), |reason| format!("refused, {reason}"));
+                tried.push(format!("- another program of {id}: {came}"));
+                results.push(result);
+                // Who is of the same design follows what was found good.
+                if nth == 0 && !stays {
+                    break;
+                }
+            }
         }
         ctx.write_json(&format!("{name}.json"), &json!({ "objects": answer.objects, "tried": results }))?;
         if kept == 0 {
@@ -76,6 +86,36 @@ fn worth_a_look(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState) -> Vec<usi
     chosen
 }
 
+/// Objects of the level that are not shown and have a program.
+fn followers(state: &SceneState, level: Level, shown: &[usize]) -> Vec<ObjectId> {
+    let placed = state.partial.placed.iter().enumerate();
+    let of_level = placed.filter(|(i, p)| p.item.level == level && !shown.contains(i)).map(|(_, p)| &p.item.id);
+    of_level.filter(|id| source_of(state, id).is_some()).cloned().collect()
+}
+
+fn source_of<'s>(state: &'s SceneState, id: &ObjectId) -> Option<&'s Program> {
+    state.objects.get(id).and_then(Object::program).map(Arc::as_ref)
+}
+
+/// An object's corrected program, then the same for those of `unseen` that had its old one, each with its own parameters.
+fn with_followers(
+    answer: &SecondLookAnswer,
+    object: &LookedAt,
+    state: &SceneState,
+    unseen: &[ObjectId],
+) -> Vec<(String, Program)> {
+    let Some(source) = answer.program_of(object) else { return Vec::new() };
+    let program = |params: &BTreeMap<String, f64>| Program { source: source.to_owned(), params: params.clone() };
+    let mut changes = vec![(object.id.clone(), program(&object.params))];
+    let id = ObjectId::new(&object.id).ok();
+    if let Some(old) = id.and_then(|id| source_of(state, &id)) {
+        let alike = unseen.iter().filter_map(|id| Some((id, source_of(state, id)?)));
+        let alike = alike.filter(|(_, program)| program.source == old.source);
+        changes.extend(alike.map(|(id, own)| (id.to_string(), program(&own.params))));
+    }
+    changes
+}
+
 async fn ask(
     ctx: &PhaseCtx<'_>,
     state: &SceneState,
@@ -84,12 +124,18 @@ async fn ask(
     tried: Vec<String>,
 ) -> Result<SecondLookAnswer, PhaseError> {
     let placed = |i: &usize| &state.partial.placed[*i];
+    let mut texts: BTreeMap<&str, &ObjectId> = BTreeMap::new();
     let objects = chosen.iter().map(|i| {
-        let object = state.objects.get(&placed(i).item.id);
+        let id = &placed(i).item.id;
+        let program = source_of(state, id);
         ModelledObject {
             object: views::placed_object(placed(i)),
-            made_as: object.and_then(|o| o.model.as_ref()).map_or(String::new(), |m| m.source.clone()),
-            program: object.and_then(Object::program).map(|p| p.source.clone()),
+            made_as: state.objects.get(id).and_then(|o| o.model.as_ref()).map_or(String::new(), |m| m.source.clone()),
+            params: program.map(|p| p.params.clone()).unwrap_or_default(),
+            program: program.map(|p| match *texts.entry(&p.source).or_insert(id) {
+                first if first == id => ShownProgram::Text(p.source.clone()),
+                first => ShownProgram::SameAs(first.clone()),
+            }),
         }
     });
     let question = SecondLookQuestion { objects: objects.collect(), tried, guide: GUIDE.to_owned() };
@@ -100,17 +146,14 @@ async fn ask(
     let (around, photo) = (Surroundings::of(state), Arc::clone(&state.photo));
     ctx.ask_and_try(name, question, pictures, move |answer: &SecondLookAnswer| {
         for (id, size) in &sizes {
-            let Some(program) = answer.objects.iter().find(|o| o.id == *id).and_then(program_of) else { continue };
+            let Some(object) = answer.objects.iter().find(|o| o.id == *id) else { continue };
+            let Some(source) = answer.program_of(object) else { continue };
+            let program = Program { source: source.to_owned(), params: object.params.clone() };
             programs::built(&program, *size, &around, &photo).map_err(|error| format!("program of {id}: {error}"))?;
         }
         Ok(())
     })
     .await
-}
-
-fn program_of(object: &LookedAt) -> Option<Program> {
-    let source = object.program.clone().filter(|_| object.verdict == LookVerdict::Change)?;
-    Some(Program { source, params: object.params.clone() })
 }
 
 /// A row an object: photo, the same window of the scene, and the mesh from its front, its left and its back.
@@ -133,16 +176,17 @@ fn sheet(state: &SceneState, rows: &[usize]) -> RgbImage {
 async fn try_change(
     ctx: &PhaseCtx<'_>,
     state: &mut SceneState,
-    object: &LookedAt,
+    id: &str,
+    program: Program,
 ) -> Result<(Value, Option<String>), PhaseError> {
-    let refused = |reason: String| (json!({ "id": object.id, "kept": false, "reason": &reason }), Some(reason));
-    let (Ok(id), Some(program)) = (ObjectId::new(&object.id), program_of(object)) else {
-        return Ok(refused("it says too little to be tried".to_owned()));
+    let refused = |reason: String| (json!({ "id": id, "kept": false, "reason": &reason }), Some(reason));
+    let Ok(object) = ObjectId::new(id) else {
+        return Ok(refused("there is no such object".to_owned()));
     };
-    let tried = try_program(ctx, state, &id, program).await?;
+    let tried = try_program(ctx, state, &object, program).await?;
     Ok(match tried {
         Ok(tried) => {
-            let record = json!({ "id": object.id, "kept": tried.verdict.kept, "tried": &tried });
+            let record = json!({ "id": id, "kept": tried.verdict.kept, "tried": &tried });
             (record, (!tried.verdict.kept).then_some(tried.verdict.reason))
         }
         Err(reason) => refused(reason),

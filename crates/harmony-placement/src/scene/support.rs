@@ -76,15 +76,39 @@ fn heights_below(host: &Placed, x: f64, z: f64, from: f64, limit: usize) -> Vec<
     out
 }
 
-/// All heights of the host's mesh along a vertical line, from its top downwards, and whether the surface there looks the way
-/// that the topmost one does: an underside looks the other way, and some meshes come inside out.
+/// Heights of a mesh that are looked at along a vertical line.
+const MOST_CROSSINGS: usize = 24;
+
+/// All heights of the host's mesh along a vertical line, from its top downwards, and whether the surface there carries
+/// something.
 fn column(host: &Placed, x: f64, z: f64, top: f64) -> Vec<(f64, bool)> {
-    let mut out = heights_below(host, x, z, top, 24);
-    let Some((_, topmost)) = out.first().copied() else { return out };
-    for (_, up) in &mut out {
+    let mut out = heights_below(host, x, z, top, MOST_CROSSINGS);
+    carrying(&mut out);
+    out
+}
+
+/// Turns whether surfaces look up, from the topmost one downwards, into whether they carry. A surface carries that looks
+/// the way of the topmost one (an underside looks the other way, and some meshes come inside out) and lies in none of the
+/// mesh's other solids, as the base of a bed lies in its mattress where the two overlap.
+fn carrying(column: &mut [(f64, bool)]) {
+    let Some((_, topmost)) = column.first().copied() else { return };
+    for (_, up) in &mut *column {
         *up = *up == topmost;
     }
-    out
+    // In how many solids one is below each surface. Open sheets end in no underside: then nobody knows.
+    let below: Vec<i32> = column
+        .iter()
+        .scan(0, |inside, (_, up)| {
+            *inside += if *up { 1 } else { -1 };
+            Some(*inside)
+        })
+        .collect();
+    let is_closed = column.len() < MOST_CROSSINGS && below.last() == Some(&0) && below.iter().all(|n| *n >= 0);
+    if is_closed {
+        for ((_, carries), inside) in column.iter_mut().zip(below) {
+            *carries &= inside == 1;
+        }
+    }
 }
 
 /// What a host has at or below a point.
@@ -98,13 +122,15 @@ enum Below {
 }
 
 fn below(host: &Placed, x: f64, z: f64, from: f64) -> Below {
-    let Some((height, up)) = heights_below(host, x, z, from, 1).first().copied() else { return Below::Nothing };
-    let carries = || {
-        let all = column(host, x, z, top_of(host));
-        let nearest = all.into_iter().min_by(|a, b| (a.0 - height).abs().total_cmp(&(b.0 - height).abs()));
-        nearest.is_some_and(|(_, carries)| carries)
-    };
-    if up || carries() { Below::Carries(height) } else { Below::Inside }
+    let Some((height, _)) = heights_below(host, x, z, from, 1).first().copied() else { return Below::Nothing };
+    let top = top_of(host);
+    let is_topmost = || heights_below(host, x, z, top, 1).first().is_some_and(|(h, _)| (h - height).abs() < 1e-6);
+    if is_topmost() {
+        return Below::Carries(height);
+    }
+    let all = column(host, x, z, top);
+    let nearest = all.into_iter().min_by(|a, b| (a.0 - height).abs().total_cmp(&(b.0 - height).abs()));
+    if nearest.is_some_and(|(_, carries)| carries) { Below::Carries(height) } else { Below::Inside }
 }
 
 /// The lowest surface that carries something above a point inside of a host, if it is near.
@@ -287,5 +313,13 @@ mod back_tests {
         // The same with all faces inside out, as some meshes come.
         bed.groups.iter_mut().flat_map(|g| &mut g.triangles).for_each(|t| t.swap(1, 2));
         assert_eq!(heights_of(bed), [60.0, 15.0]);
+        // A base that reaches into the mattress, as parts of a program do so that no gap shows: its top is no shelf.
+        let parts = [(0.25, 0.0), (0.35, 0.24)].map(|(height, low)| (Vec3::new(2.0, height, 1.0), Vec3::Y * low));
+        let overlapping = (**of_boxes(&parts).mesh()).clone();
+        assert_eq!(heights_of(overlapping.clone()), [59.0]);
+        let query = SurfaceQuery { level: 0.27, object_height: 0.25, soft: false };
+        let sunk = Pose::new(Vec3::new(2.0, 0.27, 2.0), 0.0, 1.0);
+        let surface = surface_under(&host_of(overlapping), &bear, &sunk, &query);
+        assert!(surface.is_none_or(|s| (s.height - 0.59).abs() < 1e-6), "it lies on the mattress or nowhere");
     }
 }

@@ -7,7 +7,7 @@ use harmony_prompts::{
     LightingReviewQuestion, LightsQuestion, ListQuestion, ListedLight, MatchedSet, MissingQuestion, ModelledObject,
     NamedObject, OrientQuestion, PaintedObject, PhysicalLabel, PhysicalQuestion, PlacedObject, PresentDecoration,
     ProgramsQuestion, Question, ReorderQuestion, ReviewQuestion, RoomSummary, RoomView, SecondLookQuestion, SeenObject,
-    SizesQuestion, ToModel, TurnedObject, TurnsQuestion, UnaidedRoom, WithoutProgram,
+    ShownProgram, SizesQuestion, ToModel, TurnedObject, TurnsQuestion, UnaidedRoom, WithoutProgram,
 };
 use harmony_scene::{
     Camera, Extents, ImageSize, Intrinsics, Level, Light, LightKind, Lighting, ObjectId, PixelBox, SceneCamera, Size,
@@ -158,10 +158,11 @@ pub fn questions() -> Vec<(String, Question)> {
         all.push((format!("inspect {level_name}"), inspect(level, level == Level::Furniture)));
     }
     all.push(("list with boxes".to_owned(), list(Level::Decoration, true)));
-    let modelled = |object: PlacedObject, program: Option<&str>| ModelledObject {
+    let modelled = |object: PlacedObject, program: Option<ShownProgram>| ModelledObject {
         object,
         made_as: if program.is_some() { "its program" } else { "template desk" }.into(),
-        program: program.map(str::to_owned),
+        params: program.iter().map(|_| ("rows".to_owned(), 3.0)).collect(),
+        program,
     };
     let painted = scene().into_iter().map(|object| PaintedObject { object, slots: vec!["oak".into(), "steel".into()] });
     let finding = "- desk_01: outline agreement 0.51, penetration 30 mm".to_owned();
@@ -262,7 +263,11 @@ pub fn questions() -> Vec<(String, Question)> {
             SecondLookQuestion {
                 objects: vec![
                     modelled(scene().remove(1), None),
-                    modelled(scene().remove(3), Some("def build(w, h, d):\n    return box(w, h, d)\n")),
+                    modelled(
+                        scene().remove(3),
+                        Some(ShownProgram::Text("def build(w, h, d, rows=2):\n    return box(w, h, d)\n".into())),
+                    ),
+                    modelled(scene().remove(2), Some(ShownProgram::SameAs(scene().remove(3).id))),
                 ],
                 tried: vec![],
                 guide: "(the guide)".into(),
