@@ -44,6 +44,8 @@ const DARK: f32 = 0.004;
 /// mask leaves most of it out, what is left is the edge of something else.
 const LEAST_PIXELS: usize = 12;
 const LEAST_SHARE: f64 = 0.3;
+/// How far an unseen material's level may be from what is usual, stops.
+const UNSEEN_STOPS: f32 = 0.7;
 
 /// A node of the scene as the field sees it, or one material of a node: a bed's wood and its cover have nothing in common.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -65,6 +67,16 @@ impl FieldNode {
     /// One material of a node.
     pub fn part(node: &str, material: &str, kind: &'static str) -> Self {
         Self::new(&format!("{node}/{material}"), kind)
+    }
+
+    /// The material, where the node is one of several of a thing.
+    pub fn material(&self) -> Option<&str> {
+        self.name.split_once('/').map(|(_, material)| material)
+    }
+
+    /// What the node shares with others of its label: its name without its number.
+    fn design(&self) -> &str {
+        self.node().trim_end_matches(|c: char| c.is_ascii_digit())
     }
 
     /// The node's name in the GLB.
@@ -108,8 +120,7 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
         .map(|(p, r)| [0, 1, 2].map(|c| ((p[c] + DARK) / (r[c] + DARK)).log2().clamp(-4.0, 4.0)))
         .collect();
     let mut next = AlbedoField { nodes: BTreeMap::new(), ..field.clone() };
-    let mut by_kind: BTreeMap<&str, Vec<(usize, [f32; 3])>> = BTreeMap::new();
-    let mut by_node: BTreeMap<&str, Vec<(usize, [f32; 3])>> = BTreeMap::new();
+    let mut found: Vec<Found<'_>> = Vec::new();
     let mut unseen = Vec::new();
     for (index, node) in nodes.iter().enumerate() {
         let id = index as u32 + 1;
@@ -142,8 +153,8 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
                 rounded(with_hue_of(mean, [0, 1, 2].map(|c| old[c] + middle[c] + s[c])))
             })
             .collect();
-        by_kind.entry(node.kind).or_default().push((counted, mean));
-        by_node.entry(node.node()).or_default().push((counted, mean));
+        // What a blue wall needs by channel is no hint for a beige one: the others learn the level alone.
+        found.push(Found { node, pixels: counted, level: luminance(mean.map(f32::exp2)).log2() });
         // What is too bright is so by both, colour and gloss: a black stove came out grey, its colour being dark already.
         let change = luminance(mean.map(f32::exp2)) / luminance(old_mean.map(f32::exp2));
         let gloss = (before.map_or(1.0, |b| b.gloss) * change).min(1.0);
@@ -151,20 +162,44 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
         let gloss = if too_glossy { gloss * LESS_GLOSS } else { gloss };
         next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded(mean), factors, gloss });
     }
-    // What a blue wall needs by channel is no hint for a beige one: the others learn the level alone.
-    for (_, mean) in by_kind.values_mut().chain(by_node.values_mut()).flatten() {
-        *mean = [luminance(mean.map(f32::exp2)).log2(); 3];
-    }
-    let all: Vec<(usize, [f32; 3])> = by_kind.values().flatten().copied().collect();
-    next.other = rounded(weighted_mean(&all).unwrap_or(field.other.map(f32::log2)));
+    next.other = rounded([level_of(&found, |_| true).unwrap_or_else(|| luminance(field.other).log2()); 3]);
     for node in unseen {
-        // Another material of the same thing stands in the same light.
-        let alike = by_node.get(node.node()).or_else(|| by_kind.get(node.kind));
-        let mean = alike.and_then(|k| weighted_mean(k)).map_or(next.other, rounded);
-        let gloss = luminance(mean).min(1.0);
-        next.nodes.insert(node.name.clone(), AlbedoCells { mean, factors: Vec::new(), gloss });
+        let level = unseen_level(node, &found).map_or(next.other, |level| rounded([level; 3]));
+        let gloss = luminance(level).min(1.0);
+        next.nodes.insert(node.name.clone(), AlbedoCells { mean: level, factors: Vec::new(), gloss });
     }
     next
+}
+
+/// A node that was seen, and its level, log2.
+struct Found<'a> {
+    node: &'a FieldNode,
+    pixels: usize,
+    level: f32,
+}
+
+/// Mean level of some nodes by the pixels that show them; `None` without any.
+fn level_of(found: &[Found<'_>], which: impl Fn(&FieldNode) -> bool) -> Option<f32> {
+    let (mut sum, mut pixels) = (0.0, 0.0);
+    for f in found.iter().filter(|f| which(f.node)) {
+        sum += f.level * f.pixels as f32;
+        pixels += f.pixels as f32;
+    }
+    (pixels > 0.0).then(|| sum / pixels)
+}
+
+/// The level of a material that the photo does not show: that of the same material of a twin; else that of the thing's
+/// other materials, which stand in the same light, near to what is usual for colours that came the same way. One fur
+/// that the render has too dark says little of the legs below it.
+fn unseen_level(node: &FieldNode, found: &[Found<'_>]) -> Option<f32> {
+    let alike = |n: &FieldNode| n.kind == node.kind && n.is_even == node.is_even;
+    let is_twin = |n: &FieldNode| n.design() == node.design() && n.material() == node.material();
+    if let Some(level) = level_of(found, |n| alike(n) && is_twin(n)) {
+        return Some(level);
+    }
+    let usual = level_of(found, alike).or_else(|| level_of(found, |n| n.kind == node.kind))?;
+    let neighbours = level_of(found, |n| n.node() == node.node());
+    Some(neighbours.map_or(usual, |level| level.clamp(usual - UNSEEN_STOPS, usual + UNSEEN_STOPS)))
 }
 
 /// What a node's ratios have beside their middle, smooth.
@@ -208,11 +243,6 @@ fn with_hue_of(mean: [f32; 3], cell: [f32; 3]) -> [f32; 3] {
     let off = [0, 1, 2].map(|c| cell[c] - mean[c]);
     let level = 0.2126 * off[0] + 0.7152 * off[1] + 0.0722 * off[2];
     [0, 1, 2].map(|c| mean[c] + level + (off[c] - level).clamp(-MOST_HUE, MOST_HUE))
-}
-
-fn weighted_mean(all: &[(usize, [f32; 3])]) -> Option<[f32; 3]> {
-    let total: f32 = all.iter().map(|(n, _)| *n as f32).sum();
-    (total > 0.0).then(|| [0, 1, 2].map(|c| all.iter().map(|(n, v)| *n as f32 * v[c]).sum::<f32>() / total))
 }
 
 #[cfg(test)]
@@ -329,6 +359,32 @@ mod tests {
         assert!((field.nodes["bed_01/cover"].mean[0] - 0.25).abs() < 0.02, "{:?}", field.nodes["bed_01/cover"].mean);
         let [wood, cover, feet] = ["wood", "cover", "feet"].map(|m| field.nodes[&format!("bed_01/{m}")].mean[1]);
         assert!(cover < feet && feet < wood, "{cover} {feet} {wood}");
+    }
+
+    #[test]
+    fn unseen_legs_are_like_those_of_a_twin_and_never_far_from_what_is_usual() {
+        // Fur that the render has four times too dark, a twin's legs that are right, a table that is right.
+        let names = [
+            ("stool_01", "fur"),
+            ("stool_02", "legs"),
+            ("table_01", "top"),
+            ("stool_01", "legs"),
+            ("stool_01", "rail"),
+        ];
+        let nodes = names.map(|(node, material)| FieldNode::part(node, material, "object"));
+        let row = |y: f32| ((y * 3.0) as usize).min(2);
+        let photo = image(|_, _| [0.4; 3]);
+        let render = image(|_, y| if row(y) == 0 { [0.1; 3] } else { [0.4; 3] });
+        let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| row((i / 96) as f32 / 72.0) as u32 + 1).collect();
+        let weights = vec![1.0; SIZE.pixels()];
+        let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
+        let field = updated_field(&neutral_field(&camera()), &nodes, &seen);
+        let level = |name: &str| field.nodes[name].mean[1];
+        assert!(level("stool_01/fur") > 3.5, "{}", level("stool_01/fur"));
+        assert!((level("stool_01/legs") - 1.0).abs() < 0.05, "{}", level("stool_01/legs"));
+        let usual = (level("stool_01/fur") * level("stool_02/legs") * level("table_01/top")).cbrt();
+        let rail = level("stool_01/rail");
+        assert!(rail > usual && rail < 1.7 * usual, "{rail} beside {usual}");
     }
 
     fn nodes() -> Vec<FieldNode> {

@@ -33,6 +33,8 @@ pub struct FitOptions {
     pub outlier: f64,
     /// Most that a light's colour gets warmer or colder, log2 of half the ratio of the gains of red and blue.
     pub warmer: f64,
+    /// The same of daylight through a window: the colour of a wall beside it is sooner paint than light.
+    pub warmer_daylight: f64,
     /// Most that it gets greener or more purple, log2 of green over the mean of red and blue.
     pub greener: f64,
     /// Rounds of re-weighting.
@@ -49,6 +51,7 @@ impl Default for FitOptions {
             color_ridge: 0.2,
             outlier: 0.5,
             warmer: 1.2,
+            warmer_daylight: 0.2,
             greener: 0.3,
             rounds: 12,
             exposure: 0.0,
@@ -141,7 +144,8 @@ pub fn fit_lights(
     let residual_before = lum.median_residual(&flat);
     // A light with no evidence keeps the common gain through its prior; one that the photo denies has gone to 0.
     let intensities = lum.solve(&flat, &vec![options.intensity_ridge; n], options);
-    let gains = colors(&problem, &intensities, options);
+    let daylight: Vec<bool> = passes.iter().map(|p| p.is_daylight).collect();
+    let gains = colors(&problem, &intensities, &daylight, options);
     let mean: Vec<f64> = gains.iter().map(|g| 0.2126 * g[0] + 0.7152 * g[1] + 0.0722 * g[2]).collect();
     Ok(LightFit {
         lights: passes.iter().map(|p| p.light.clone()).collect(),
@@ -155,7 +159,7 @@ pub fn fit_lights(
 
 /// Gains by channel around the intensities. A light whose colour is none that a light has gets the nearest that is, and
 /// the others are fitted again beside it.
-fn colors(problem: &Problem, intensities: &[f64], options: &FitOptions) -> Vec<[f64; 3]> {
+fn colors(problem: &Problem, intensities: &[f64], daylight: &[bool], options: &FitOptions) -> Vec<[f64; 3]> {
     let n = intensities.len();
     let channels = [0, 1, 2].map(|c| Channel::new(problem, |rgb| rgb[c].into()));
     let mut prior: Vec<[f64; 3]> = intensities.iter().map(|g| [*g; 3]).collect();
@@ -171,7 +175,8 @@ fn colors(problem: &Problem, intensities: &[f64], options: &FitOptions) -> Vec<[
             if ridge[i] >= HELD {
                 continue;
             }
-            if let Some(color) = nearest_light(gains[i], options) {
+            let warmer = if daylight[i] { options.warmer_daylight } else { options.warmer };
+            if let Some(color) = nearest_light(gains[i], warmer, options.greener) {
                 (prior[i], ridge[i]) = (color.map(|c| c * intensities[i]), HELD);
                 all_are_lights = false;
             }
@@ -185,13 +190,13 @@ fn colors(problem: &Problem, intensities: &[f64], options: &FitOptions) -> Vec<[
 /// Pull that holds a gain where it is.
 const HELD: f64 = 1e6;
 
-/// The colour (luminance 1) that these gains come nearest to within the settings' limits; `None` when they are within.
-fn nearest_light(gains: [f64; 3], options: &FitOptions) -> Option<[f64; 3]> {
+/// The colour (luminance 1) that these gains come nearest to within the limits; `None` when they are within.
+fn nearest_light(gains: [f64; 3], warmer: f64, greener: f64) -> Option<[f64; 3]> {
     // A channel that is said to give no light at all is some 30 times darker than the brightest.
     let least = gains.iter().copied().fold(0.0, f64::max) / 32.0;
     let [r, g, b] = gains.map(|v| v.max(least).max(f64::MIN_POSITIVE).log2());
     let (warm, green) = ((r - b) / 2.0, g - f64::midpoint(r, b));
-    let kept = (warm.clamp(-options.warmer, options.warmer), green.clamp(-options.greener, options.greener));
+    let kept = (warm.clamp(-warmer, warmer), green.clamp(-greener, greener));
     let color = [kept.0, kept.1, -kept.0].map(f64::exp2);
     let luminance = 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2];
     (kept != (warm, green)).then(|| color.map(|c| c / luminance))
@@ -398,6 +403,7 @@ mod tests {
     fn passes() -> Vec<LightPass> {
         let pass = |id: Option<&str>, f: &dyn Fn(f32, f32) -> f32| LightPass {
             light: id.map(str::to_owned),
+            is_daylight: false,
             image: LinearImage {
                 size: SIZE,
                 rgb: (0..SIZE.pixels())
@@ -458,6 +464,18 @@ mod tests {
     }
 
     #[test]
+    fn daylight_does_not_turn_orange_beside_warm_paint() {
+        let mut passes = passes();
+        let photo = relight(&passes, &[[1.6, 1.0, 0.5], [1.0; 3], [1.0; 3]]);
+        let options = FitOptions { color_ridge: 1e-3, ..FitOptions::default() };
+        let [r, _, b] = fit_lights(&passes, &photo, &[], &options).unwrap().gains[0];
+        assert!(r / b > 2.5, "a lamp may: {r} {b}");
+        passes[0].is_daylight = true;
+        let [r, _, b] = fit_lights(&passes, &photo, &[], &options).unwrap().gains[0];
+        assert!((1.2..1.33).contains(&(r / b)), "{r} {b}");
+    }
+
+    #[test]
     fn a_light_that_is_off_in_the_photo_goes_off() {
         let passes = passes();
         let photo = relight(&passes, &[[0.0; 3], [1.5; 3], [0.5; 3]]);
@@ -493,7 +511,7 @@ mod tests {
 
     #[test]
     fn nothing_to_fit_is_an_error() {
-        let dark = vec![LightPass { light: None, image: LinearImage::black(SIZE) }];
+        let dark = vec![LightPass { light: None, is_daylight: false, image: LinearImage::black(SIZE) }];
         let photo = LinearImage::black(SIZE);
         assert!(matches!(fit_lights(&dark, &photo, &[], &FitOptions::default()), Err(FitError::NoLight { .. })));
         assert!(matches!(fit_lights(&[], &photo, &[], &FitOptions::default()), Err(FitError::NoLight { .. })));

@@ -225,7 +225,7 @@ impl Reflectances {
             .collect();
         let scaled = |pass: &LightPass| {
             let rgb = pass.image.rgb.iter().zip(&factor).map(|(p, f)| [0, 1, 2].map(|c| p[c] * f[c])).collect();
-            LightPass { light: pass.light.clone(), image: LinearImage { size: pass.image.size, rgb } }
+            LightPass { image: LinearImage { size: pass.image.size, rgb }, ..pass.clone() }
         };
         measured.lights.iter().map(scaled).collect()
     }
@@ -371,7 +371,7 @@ mod tests {
             .map(|(l, id)| {
                 let mut one = [[0.0; 3]; 3];
                 one[l] = [1.0; 3];
-                LightPass { light: id.map(str::to_owned), image: with(&one, &|i| albedo.rgb[i]) }
+                LightPass { light: id.map(str::to_owned), is_daylight: false, image: with(&one, &|i| albedo.rgb[i]) }
             })
             .collect();
         let views = vec![ViewTable::standard(), soft()];

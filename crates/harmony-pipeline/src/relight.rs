@@ -18,7 +18,7 @@ use harmony_mesh::Mesh;
 use harmony_prompts::LightingReviewQuestion;
 use harmony_render::{OUTSIDE, canonical_camera};
 use harmony_roles::{LightMeasurement, LitImage, LitKind, LitRequest, Picture, RoleError};
-use harmony_scene::{AlbedoField, Camera, ImageSize, Light, Lighting, Mask, ViewTransform, WarningKind};
+use harmony_scene::{AlbedoField, Camera, ImageSize, Light, Lighting, Mask, ObjectId, ViewTransform, WarningKind};
 use image::RgbImage;
 use image::imageops::{FilterType, resize};
 use serde_json::{Value, json};
@@ -272,6 +272,11 @@ impl<'a, 'c> Stage<'a, 'c> {
         Ok(render(self.ctx, &request).await?.and_then(|lit| lit.measured))
     }
 
+    /// Whether an object is one of the room's openings: what shines there is daylight.
+    fn is_opening(&self, object: Option<&ObjectId>) -> bool {
+        object.is_some() && self.state.partial.room.openings.iter().any(|opening| opening.object.as_ref() == object)
+    }
+
     /// Fits lights, exposure and view, and the first reflectances.
     async fn fit(&self, found: Arc<LightMeasurement>, lighting: &mut Lighting) -> Result<Look, PhaseError> {
         let size = found.size;
@@ -281,7 +286,10 @@ impl<'a, 'c> Stage<'a, 'c> {
             if albedo.iter().any(|a| *a > LEAST_TELLING) { *weight } else { 0.0 }
         };
         let weights: Vec<f32> = of_field.iter().zip(&found.albedo).map(telling).collect();
-        let measured = measured_from(&found);
+        let measured = measured_from(&found, |id| {
+            let light = lighting.lights.iter().find(|light| light.id == id);
+            light.is_some_and(|light| is_unseen_window(light) || self.is_opening(light.object.as_ref()))
+        });
         let unseen: Vec<String> =
             lighting.lights.iter().filter(|light| is_unseen_window(light)).map(|light| light.id.clone()).collect();
         let (fitted, measured, weights, photo, errors) = self
@@ -510,10 +518,18 @@ impl<'a, 'c> Stage<'a, 'c> {
     }
 }
 
-fn measured_from(found: &LightMeasurement) -> Measured {
+fn measured_from(found: &LightMeasurement, is_daylight: impl Fn(&str) -> bool) -> Measured {
     let image = |rgb: &Vec<[f32; 3]>| LinearImage { size: found.size, rgb: rgb.clone() };
     Measured {
-        lights: found.lights.iter().map(|(id, rgb)| LightPass { light: id.clone(), image: image(rgb) }).collect(),
+        lights: found
+            .lights
+            .iter()
+            .map(|(id, rgb)| LightPass {
+                light: id.clone(),
+                is_daylight: id.as_deref().is_some_and(&is_daylight),
+                image: image(rgb),
+            })
+            .collect(),
         albedo: image(&found.albedo),
         ids: found.nodes.clone(),
         views: found.views.iter().filter_map(|(view, rgb)| ViewTable::new(*view, rgb.clone())).collect(),

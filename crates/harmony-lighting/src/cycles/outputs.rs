@@ -17,6 +17,8 @@ use crate::{GreyResponse, LinearImage, ViewTable};
 pub struct LightPass {
     /// Id of the light, or `None` for the ambient light.
     pub light: Option<String>,
+    /// Whether it is daylight through a window, as far as is known: nearly white, unlike a lamp.
+    pub is_daylight: bool,
     /// Its contribution at the job's intensity and colour, before exposure.
     pub image: LinearImage,
 }
@@ -121,9 +123,13 @@ pub(super) fn read(job: &CyclesJob, folder: &Path, total: Duration) -> Result<Cy
             let channels = exr_channels(&folder.join("lights.exr"), size)?;
             for (index, light) in job.lighting.lights.iter().enumerate().filter(|(_, l)| l.on) {
                 let image = light_group(&channels, &format!("light_{index}"), size)?;
-                output.lights.push(LightPass { light: Some(light.id.clone()), image });
+                output.lights.push(LightPass { light: Some(light.id.clone()), is_daylight: false, image });
             }
-            output.lights.push(LightPass { light: None, image: light_group(&channels, "ambient", size)? });
+            output.lights.push(LightPass {
+                light: None,
+                is_daylight: false,
+                image: light_group(&channels, "ambient", size)?,
+            });
             output.albedo = Some(rgb_of(&channels, &["DiffCol", "Diffuse Color"], size)?);
             let nodes = indices(&channels, ["IndexOB", "Object Index"])?;
             let parts = indices(&channels, ["IndexMA", "Material Index"])?;

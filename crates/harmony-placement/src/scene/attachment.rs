@@ -21,8 +21,11 @@ const CASING_PROUD: f64 = 0.02;
 pub(crate) const SAME_PLACE: f64 = 0.01;
 pub(crate) const SAME_TURN: f64 = 0.02;
 
-/// Thickness of a rug or mat, at most, metres.
+/// Thickness of a rug or mat, at most, metres: what stands on it stands on the floor. A long pile, which is said to be
+/// thicker than [`PILE`], stands around it.
 const THICKEST_RUG: f64 = 0.008;
+const PILE: f64 = 0.02;
+const THICKEST_PILE: f64 = 0.04;
 
 /// How an object is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -142,7 +145,8 @@ pub(crate) fn prior_scale(item: &Item, size: Size) -> (f64, Vec3) {
 /// The stretch of an object's height at a scale: a larger rug is no thicker one.
 pub(crate) fn height_stretch(item: &Item, scale: f64, stretch: f64) -> f64 {
     let height = item.shape.bounds().size().y * scale * stretch;
-    if item.traits.flat { stretch * (THICKEST_RUG / height.max(1e-6)).min(1.0) } else { stretch }
+    let most = if item.size.height > PILE { item.size.height.min(THICKEST_PILE) } else { THICKEST_RUG };
+    if item.traits.flat { stretch * (most / height.max(1e-6)).min(1.0) } else { stretch }
 }
 
 /// How a placed object is held, from its support, its relations and where it stands.
@@ -442,5 +446,9 @@ mod tests {
         item.traits.flat = true;
         assert!((height(&item, 1.1) - 0.0066).abs() < 1e-6);
         assert!((height(&item, 3.0) - THICKEST_RUG).abs() < 1e-6);
+        item.size.height = 0.015;
+        assert!((height(&item, 3.0) - THICKEST_RUG).abs() < 1e-6, "a short pile is pressed down");
+        item.size.height = 0.03;
+        assert!((height(&item, 3.0) - 0.018).abs() < 1e-6 && (height(&item, 9.0) - 0.03).abs() < 1e-6);
     }
 }

@@ -39,8 +39,11 @@ pub(super) fn weave(space: &Space, p: &Pattern) -> Paint {
     let (nv, b) = space.down(yarn, step);
     let a = space.w / nu as f64;
     let variant = p.variant.clone();
-    let sigma = tone_sigma(p, 0.22);
-    let slub = amount(p, 0.4);
+    // A thread that is drawn wider than it is stands for several, whose differences average out: at full strength they would
+    // be a plaid.
+    let drawn = (width(p) / yarn).min(1.0).sqrt();
+    let sigma = drawn * tone_sigma(p, 0.22);
+    let slub = drawn * amount(p, 0.4);
     let thick_u = Noise::periodic(space, [yarn * 14.0, yarn], 81);
     let thick_v = Noise::periodic(space, [yarn, yarn * 14.0], 82);
     let fuzz = Noise::periodic(space, [(yarn * 0.4).max(1.6 * space.px); 2], 83);
