@@ -50,6 +50,7 @@ pub enum Questions {
 /// What the language model looks at once more when it is asked as often as the paper asks; each can be left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[expect(clippy::struct_excessive_bools, reason = "independent switches")]
 pub struct LookSettings {
     /// Decorations missing on each piece of furniture.
     pub missing: bool,
