@@ -23,8 +23,7 @@ pub(crate) struct NamedSize {
     whole: (f64, f64),
     /// Logarithm of the height by a standard and one sigma.
     standard: Option<(f64, f64)>,
-    /// Mean of the sides' logarithms in the set, and one sigma, where one factor is free. Where each side is, the set's
-    /// sides are expected, and stand in `sides`.
+    /// Mean of the sides' logarithms in the set, and one sigma.
     set: Option<(f64, f64)>,
 }
 
@@ -54,14 +53,8 @@ impl NamedSize {
     /// What is expected in a scene of the scale it has: a standard, surer than any scale, is for the joint solve, which can
     /// change it.
     pub(crate) fn new(scene: &PartialScene, item: &Item, settings: &PlacementSettings) -> Self {
-        let mut expected = Self { standard: None, ..Self::of_item(item, &settings.noise) };
-        let Some((logs, sigma)) = reference_instance(scene, item, settings) else { return expected };
-        match free_sides(item) {
-            // Both are believed, the surer one more: two windows of a set that the picture's edge cuts are equally high.
-            Some(sides) => sides.iter().for_each(|i| expected.sides[*i] = both(expected.sides[*i], (logs[*i], sigma))),
-            None => expected.set = Some((mean(logs), sigma)),
-        }
-        expected
+        let set = reference_instance(scene, item, settings);
+        Self { standard: None, set, ..Self::of_item(item, &settings.noise) }
     }
 
     /// The same in a scene of which the scale is an unknown of its own.
@@ -120,12 +113,6 @@ impl NamedSize {
     }
 }
 
-/// What two independent observations, each with one sigma, say together.
-fn both((a, sigma_a): (f64, f64), (b, sigma_b): (f64, f64)) -> (f64, f64) {
-    let (wa, wb) = (sigma_a.powi(-2), sigma_b.powi(-2));
-    ((a * wa + b * wb) / (wa + wb), (wa + wb).powf(-0.5))
-}
-
 fn mean(v: [f64; 3]) -> f64 {
     (v[0] + v[1] + v[2]) / 3.0
 }
@@ -144,58 +131,17 @@ pub(crate) fn reference_of<'a>(
     members.filter(|p| iou(p) >= SURE_IOU).max_by(|a, b| iou(a).total_cmp(&iou(b)))
 }
 
-/// Logarithms of the factors on an item's sides that give it the size of its set's reference, and one sigma.
-fn reference_instance(scene: &PartialScene, item: &Item, settings: &PlacementSettings) -> Option<([f64; 3], f64)> {
+/// Mean logarithm of the factors that give an item the size of its set's reference, and one sigma.
+fn reference_instance(scene: &PartialScene, item: &Item, settings: &PlacementSettings) -> Option<(f64, f64)> {
     let reference = reference_of(scene, item, settings)?;
     let size = reference.size().as_vec() / item.shape.extent();
-    let logs: [f64; 3] = std::array::from_fn(|i| size[i].max(1e-9).ln());
+    let log = mean(std::array::from_fn(|i| size[i].max(1e-9).ln()));
     // What one mask tells of a size is worth an outline's error on each side.
     let sigma = settings.noise.size_set.hypot(2.0 * settings.noise.outline_relative);
-    mean(logs).is_finite().then_some((logs, sigma))
+    log.is_finite().then_some((log, sigma))
 }
 
 /// The size of the set's reference, or the named one.
 pub(crate) fn first_size(scene: &PartialScene, item: &Item, settings: &PlacementSettings) -> (f64, Vec3) {
     prior_scale(item, reference_of(scene, item, settings).map_or(item.size, crate::Placed::size))
-}
-
-#[cfg(test)]
-mod tests {
-    use std::sync::Arc;
-
-    use super::*;
-    use crate::testing::{boxed, empty_room};
-    use crate::{Evidence, Placed};
-
-    #[test]
-    fn members_of_a_set_are_alike_side_by_side() {
-        let mut scene = empty_room();
-        let window = |width: f64, height: f64, x: f64| {
-            let mut item = boxed(&scene, Vec3::new(width, height, 0.06), Vec3::new(x, 1.0, 0.0), 0.0);
-            item.traits.planar = true;
-            item.relations.matched_set = Some("windows".into());
-            item
-        };
-        // Two windows of one design; the second was named lower and wider.
-        let (first, mut second) = (window(0.8, 1.2, 1.0), window(0.8, 1.2, 2.5));
-        second.id = harmony_scene::ObjectId::new("window_02").unwrap();
-        second.size = harmony_scene::Size { width: 0.9, height: 1.07, depth: 0.06 };
-        scene.placed.push(Placed {
-            item: Arc::new(first),
-            pose: Pose::new(Vec3::new(1.0, 1.0, 0.0), 0.0, 1.0),
-            support: harmony_scene::Support::Floor,
-            evidence: Evidence { silhouette_iou: Some(0.9), ..Evidence::default() },
-        });
-        let settings = PlacementSettings::default();
-        let expected = NamedSize::new(&scene, &second, &settings);
-        let pose = |width: f64, height: f64| Pose {
-            stretch: Vec3::new(width / 0.8, height / 1.2, 1.0),
-            ..Pose::new(Vec3::new(2.5, 1.0, 0.0), 0.0, 1.0)
-        };
-        let loss = |width, height| expected.loss(&second, &pose(width, height));
-        assert!(loss(0.8, 1.2) < 0.3, "{}", loss(0.8, 1.2));
-        assert!(loss(0.9, 1.07) > loss(0.8, 1.2) + 1.0, "{} {}", loss(0.9, 1.07), loss(0.8, 1.2));
-        let (middle, sigma) = both((0.0, 0.1), (1.0, 0.1));
-        assert!((middle - 0.5).abs() < 1e-12 && (sigma - 0.1 / 2.0_f64.sqrt()).abs() < 1e-12);
-    }
 }
