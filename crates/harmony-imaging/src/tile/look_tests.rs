@@ -1,5 +1,6 @@
 use super::*;
-use crate::noise::hash;
+use crate::noise::{Random, hash};
+use crate::tile::grain::evened;
 
 /// A tiled floor: squares of 33.4 x 33.4 texels in two tones with dark joints, under light that falls off to the right.
 fn tiles(width: u32, height: u32) -> RgbaImage {
@@ -170,7 +171,7 @@ fn a_tile_that_was_made_even_still_meets_itself() {
         .map(|i| [128.0 + 24.0 * (std::f32::consts::TAU * ((i % side) as f32 + 0.5) / side as f32).sin(); 3])
         .collect();
     for grain in [Grain::Fine, Grain::Coarse] {
-        let ratios = even(&tile, side, grain);
+        let ratios = evened(&tile, side, grain);
         let step = |x: usize| (ratios[(x + 1) % side][0] - ratios[x][0]).abs();
         let inside = (0..side - 1).map(step).fold(0.0, f32::max);
         assert!(step(side - 1) < 1.5 * inside + 0.002, "{grain:?}: {} at the edge, {inside} inside", step(side - 1));

@@ -9,6 +9,7 @@ mod base;
 mod detail;
 mod even;
 mod fineness;
+mod grain;
 mod lattice;
 mod look;
 mod quilt;
@@ -26,7 +27,8 @@ use base::{Base, Color};
 
 pub use detail::Detail;
 pub use fineness::Fineness;
-pub use look::{Grain, Look, Survey, Unevenness};
+pub use grain::Grain;
+pub use look::{Look, Survey, Unevenness};
 
 /// Parameters of completion and tiles.
 #[derive(Debug, Clone, PartialEq)]

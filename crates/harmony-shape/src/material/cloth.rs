@@ -41,7 +41,7 @@ pub(super) fn weave(space: &Space, p: &Pattern) -> Paint {
     let variant = p.variant.clone();
     // A thread that is drawn wider than it is stands for several, whose differences average out: at full strength they would
     // be a plaid.
-    let drawn = (width(p) / yarn).min(1.0).sqrt();
+    let drawn = (width(p) / yarn).sqrt();
     let sigma = drawn * tone_sigma(p, 0.22);
     let slub = drawn * amount(p, 0.4);
     let thick_u = Noise::periodic(space, [yarn * 14.0, yarn], 81);
