@@ -72,7 +72,7 @@ pub fn canonical(merged: &Merged, size: ImageSize) -> RgbImage {
 
 /// A room in the canonical view of runs.
 pub fn of_room(world: &World) -> RgbImage {
-    let view = canonical_camera(&world.scene.room, ImageSize::new(1280, 960), &world.camera);
+    let view = canonical_camera(&world.scene.room, ImageSize::new(1280, 960), &world.camera, &world.scene.stands());
     let hidden: Vec<&str> = view.omit.iter().map(|s| harmony_mesh::shell_material_name(*s)).collect();
     drawn(&view.camera, world.shell.iter().filter(|f| !is_left_out(&f.name, &hidden)), world.items.iter())
 }

@@ -286,7 +286,7 @@ fn pictures(out: &Path, joined: &Joined<'_>, scene: &Scene) -> Result<(), JoinEr
         let name = if k == 0 { "render_flat.png".to_owned() } else { format!("render_photo_{}.png", k + 1) };
         picture::write_rgb_png(&out.join(name), &drawn(&small))?;
     }
-    let view = canonical_camera(&joined.room, ImageSize::new(1280, 960), &Camera::from(&scene.camera));
+    let view = canonical_camera(&joined.room, ImageSize::new(1280, 960), &Camera::from(&scene.camera), &scene.stands());
     let open = joined.shell(view.omit.clone());
     let canonical = render(&view.camera, &joined.instances(&open), &FLAT).color;
     picture::write_rgb_png(&out.join("render_canonical.png"), &DynamicImage::ImageRgba8(canonical).to_rgb8())?;

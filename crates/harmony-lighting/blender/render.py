@@ -49,6 +49,13 @@ ROOM = "room"
 GLOW = 0.6
 # The same of what emits by its material, a globe or a strip: it is the source itself, not a cloth around it.
 EMITTED = 0.88
+# Share of a shade's light that comes from the bulb itself, by the square of the distance; the rest has been thrown about
+# within the shade and is even.
+FROM_BULB = 0.6
+# Share of the light that falls through hair on the hair behind it: each is thin and pale light is thrown on by many.
+THROUGH_HAIR = 0.7
+# Most light that one sample may bring to a picture, after exposure: more is white in every view.
+BRIGHTEST = 16.0
 
 
 def to_blender(v):
@@ -74,6 +81,8 @@ def load_scene():
         # What a scene's file glows by for viewers without ambient light (`ambient_glow`) is no light of the room.
         if "ambient_glow" in material and principled(material):
             principled(material).inputs["Emission Strength"].default_value = 0.0
+        if "harmony" in material and material["harmony"].get("hairy"):
+            let_shadow_rays_through(material, part=THROUGH_HAIR)
     for obj in all_meshes():
         part_faces(obj)
     return bpy.context.scene
@@ -260,19 +269,23 @@ def light_of(response, display):
     return np.interp(display, shown, light) / 2.0 ** JOB["lighting"]["exposure"]
 
 
-def shown_as(node, response, least=0.0):
-    """A copy of a texture node whose image, emitted, displays as the texture is; its bright end at least `least`.
+def shown_as(node, response, least=0.0, mean=None):
+    """A copy of a texture node whose image, emitted, displays as the texture is; its bright end at least `least`, or
+    its mean as said.
 
-    `least` is display-linear luminance of the brightest tenth.
+    `least` is display-linear luminance of the brightest tenth, `mean` a display-linear colour.
     """
     width, height = node.image.size
     pixels = np.empty(width * height * 4, dtype=np.float32)
     node.image.pixels.foreach_get(pixels)
     pixels = pixels.reshape(-1, 4)
     rgb = pixels[:, :3]
-    if least > 0.0:
+    used = pixels[:, 3] > 0.5
+    if mean is not None and used.any():
         linear = decode(rgb)
-        used = pixels[:, 3] > 0.5
+        rgb = encode(np.minimum(linear * (np.array(mean) / np.maximum(linear[used].mean(axis=0), 0.02)), 1.0))
+    elif least > 0.0:
+        linear = decode(rgb)
         bright = float(np.percentile((linear @ LUMINANCE)[used], 90)) if used.any() else 0.0
         if bright < least:
             rgb = encode(np.minimum(linear * (least / max(bright, 0.02)), 1.0))
@@ -347,15 +360,31 @@ def hide_back(material):
     clear_for(material, seen_from_behind)
 
 
-def let_shadow_rays_through(material, colour=(1.0, 1.0, 1.0, 1.0)):
-    clear_for(material, lambda tree: tree.nodes.new("ShaderNodeLightPath").outputs["Is Shadow Ray"], colour)
+def let_shadow_rays_through(material, colour=(1.0, 1.0, 1.0, 1.0), part=1.0):
+    def share(tree):
+        shadow = tree.nodes.new("ShaderNodeLightPath").outputs["Is Shadow Ray"]
+        return shadow if part >= 1.0 else math_node(tree, "MULTIPLY", shadow, part)
+
+    clear_for(material, share, colour)
 
 
-def show_emission(material, colour, strength, image_node=None, centre=None, radius=0.0, radiance=None):
+def math_node(tree, operation, a, b):
+    node = tree.nodes.new("ShaderNodeMath")
+    node.operation = operation
+    for socket, value in zip(node.inputs, (a, b)):
+        if isinstance(value, float):
+            socket.default_value = value
+        else:
+            tree.links.new(value, socket)
+    return node.outputs[0]
+
+
+def show_emission(material, colour, strength, image_node=None, centre=None, radius=0.0, radiance=None, bulb=None):
     """Makes a surface look luminous to the camera; it lights the room by `radiance` (linear RGB), or not at all, where a
     light beside it does.
 
-    With a centre only what lies around it glows: a lamp that is one piece.
+    With a centre only what lies around it glows: a lamp that is one piece. With a bulb (its place, and the mean of the
+    inverse square of the distance from it) what is near it is brighter.
     """
     tree = material.node_tree
     shader, surface = surface_socket(material)
@@ -377,22 +406,28 @@ def show_emission(material, colour, strength, image_node=None, centre=None, radi
         tree.links.new(image_node.outputs["Color"], emission.inputs["Color"])
     path = tree.nodes.new("ShaderNodeLightPath")
     share = path.outputs["Is Camera Ray"]
-    if centre is not None:
+
+    def distance_to(place):
         geometry = tree.nodes.new("ShaderNodeNewGeometry")
         distance = tree.nodes.new("ShaderNodeVectorMath")
         distance.operation = "DISTANCE"
-        distance.inputs[1].default_value = centre
+        distance.inputs[1].default_value = place
+        tree.links.new(geometry.outputs["Position"], distance.inputs[0])
+        return distance.outputs["Value"]
+
+    if bulb is not None:
+        place, mean = bulb
+        inverse = math_node(tree, "POWER", distance_to(place), -2.0)
+        near = math_node(tree, "MULTIPLY", inverse, strength * FROM_BULB / mean)
+        level = math_node(tree, "ADD", near, strength * (1.0 - FROM_BULB))
+        tree.links.new(math_node(tree, "MINIMUM", level, 2.0 * strength), emission.inputs["Strength"])
+    if centre is not None:
         fade = tree.nodes.new("ShaderNodeMapRange")
         fade.interpolation_type = "SMOOTHSTEP"
         for name, value in (("From Min", 0.5 * radius), ("From Max", radius), ("To Min", 1.0), ("To Max", 0.0)):
             fade.inputs[name].default_value = value
-        tree.links.new(geometry.outputs["Position"], distance.inputs[0])
-        tree.links.new(distance.outputs["Value"], fade.inputs["Value"])
-        both = tree.nodes.new("ShaderNodeMath")
-        both.operation = "MULTIPLY"
-        tree.links.new(share, both.inputs[0])
-        tree.links.new(fade.outputs["Result"], both.inputs[1])
-        share = both.outputs[0]
+        tree.links.new(distance_to(centre), fade.inputs["Value"])
+        share = math_node(tree, "MULTIPLY", share, fade.outputs["Result"])
     join = tree.nodes.new("ShaderNodeMixShader")
     tree.links.new(share, join.inputs["Fac"])
     tree.links.new(shader, join.inputs[1])
@@ -535,23 +570,41 @@ def is_strip(objects):
     return not shows and any(emits(material) for _, material in owned)
 
 
-def area_of(objects, materials):
-    """Area of the faces of these materials, square metres."""
-    area = 0.0
+def faces_of(objects, materials):
+    """Middles and areas (square metres) of the triangles of these materials."""
+    middles, areas = [np.empty((0, 3), np.float32)], [np.empty(0, np.float32)]
     for obj in objects:
-        slots = {i for i, slot in enumerate(obj.material_slots) if slot.material in materials}
+        slots = [i for i, slot in enumerate(obj.material_slots) if slot.material in materials]
         if not slots:
             continue
         places = np.empty(3 * len(obj.data.vertices), np.float32)
         obj.data.vertices.foreach_get("co", places)
-        turn = np.array(obj.matrix_world, np.float32)[:3, :3]
-        places = places.reshape(-1, 3) @ turn.T
-        for polygon in obj.data.polygons:
-            if polygon.material_index in slots:
-                a, *rest = places[list(polygon.vertices)]
-                for b, c in zip(rest, rest[1:]):
-                    area += 0.5 * float(np.linalg.norm(np.cross(b - a, c - a)))
-    return area
+        turn = np.array(obj.matrix_world, np.float32)
+        places = places.reshape(-1, 3) @ turn[:3, :3].T + turn[:3, 3]
+        obj.data.calc_loop_triangles()
+        corners = np.empty(3 * len(obj.data.loop_triangles), np.int32)
+        obj.data.loop_triangles.foreach_get("vertices", corners)
+        of = np.empty(len(obj.data.loop_triangles), np.int32)
+        obj.data.loop_triangles.foreach_get("material_index", of)
+        a, b, c = places[corners.reshape(-1, 3)[np.isin(of, slots)]].transpose(1, 0, 2)
+        middles.append((a + b + c) / 3.0)
+        areas.append(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    return np.concatenate(middles), np.concatenate(areas)
+
+
+def area_of(objects, materials):
+    """Area of the faces of these materials, square metres."""
+    return float(faces_of(objects, materials)[1].sum())
+
+
+def bulb_within(light, objects, shades):
+    """Where a lamp's bulb is, and the mean over its shade of the inverse square of the distance from it."""
+    place = to_blender(light["position"])
+    middles, areas = faces_of(objects, shades)
+    if not len(areas) or areas.sum() <= 0.0:
+        return None
+    squares = ((middles - np.array(place, np.float32)) ** 2).sum(axis=1)
+    return place, float((areas / np.maximum(squares, 1e-4)).sum() / areas.sum())
 
 
 def dress_lamp(light, objects, response):
@@ -581,14 +634,24 @@ def dress_lamp(light, objects, response):
     spared = set()
     radius = 4.0 * light.get("radius_m", 0.05) + 0.05
     centre = None if shining else to_blender(light["position"])
+    shades = [m for m in shining if m not in emitting]
+    bulb = bulb_within(light, objects, shades)
     for material in shining or [m for _, m in owned]:
         shader = principled(material)
         node = base_image(shader) if shader else None
+        is_shade = material in shades
+        seen = light.get("shade") if is_shade else None
+        around = bulb if is_shade else None
         if node is not None:
             if shining:
                 spared.add(node.image.name)
-            shown = shown_as(node, response, GLOW)
-            show_emission(material, (1, 1, 1), 1.0, shown, centre, radius * 1.6, radiance if material in emitting else None)
+            shown = shown_as(node, response, GLOW, seen)
+            own = radiance if material in emitting else None
+            show_emission(material, (1, 1, 1), 1.0, shown, centre, radius * 1.6, own, around)
+        elif seen is not None:
+            level = light_of(response, encode(np.array(seen)))
+            top = max(float(level.max()), 1e-6)
+            show_emission(material, tuple(float(v) / top for v in level), top, bulb=around)
         else:
             tint = np.array(light["color"])
             if shader is not None and shining:
@@ -599,7 +662,7 @@ def dress_lamp(light, objects, response):
             level = light_of(response, encode(np.minimum(tint * min(wanted / float(tint @ LUMINANCE), 1.0 / tint.max()), 1.0)))
             top = max(float(level.max()), 1e-6)
             own = radiance if material in emitting else None
-            show_emission(material, tuple(float(v) / top for v in level), top, None, centre, radius * 1.6, own)
+            show_emission(material, tuple(float(v) / top for v in level), top, None, centre, radius * 1.6, own, around)
         if material not in emitting or radiance is None:
             let_shadow_rays_through(material)
     return spared, radiance is not None
@@ -671,7 +734,8 @@ def set_engine(scene):
     cycles.transmission_bounces, cycles.transparent_max_bounces = 6, 12
     cycles.caustics_reflective = cycles.caustics_refractive = False
     cycles.sample_clamp_indirect = 10.0
-    cycles.sample_clamp_direct = 0.0
+    # A pillow's tip within a window's rectangle of light would be white dots.
+    cycles.sample_clamp_direct = BRIGHTEST / 2.0 ** JOB["lighting"]["exposure"] if JOB["mode"] == "lit" else 0.0
     scene.display_settings.display_device = "sRGB"
     set_view(scene, JOB["view"])
     scene.view_settings.exposure = JOB["lighting"]["exposure"]

@@ -296,6 +296,7 @@ pub(crate) mod tests {
             intensity,
             on,
             object: None,
+            shade: None,
         };
         Lighting {
             lights: vec![

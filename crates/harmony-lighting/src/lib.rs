@@ -39,7 +39,7 @@ pub use linear::{GreyResponse, LinearImage};
 pub use material::{MaterialAnswer, PhysicsSidecar, material_for};
 pub use scene_fit::{Measured, SceneFit, fit_scene};
 pub use schema::strict_schema;
-pub use sources::{Emitter, emitter_bounds, is_cove, is_unseen_window, lights_from_scene, unseen_windows};
+pub use sources::{Emitter, emitter_bounds, is_cove, is_shade, is_unseen_window, lights_from_scene, unseen_windows};
 pub use spec::{AmbientSpec, DirectionalSpec, LightingSpec, PointLightSpec, WindowSpec};
 pub use sun::{FoundSun, Place, Places, find_sun, is_found_sun};
 pub use view::{PictureError, ViewTable, display_linear, picture_error};

@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 use harmony_catalogue::{Emission, emission};
-use harmony_mesh::{Bounds, Mesh};
+use harmony_mesh::{Bounds, Material, Mesh};
 use harmony_scene::{
     Camera, Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Ray, Room, SceneObject, ViewTransform,
     Wall, WallPlane,
@@ -63,13 +63,18 @@ fn emissive_bounds(mesh: &Mesh) -> Option<Bounds> {
 
 /// Bounds of the part of a mesh that shines, in the mesh's own frame: emissive materials, else slots named so.
 pub fn emitter_bounds(mesh: &Mesh) -> Option<Bounds> {
-    let named = |m: usize| {
-        mesh.materials.get(m).is_some_and(|m| {
-            let name = m.name.to_lowercase();
-            EMITTER_WORDS.iter().any(|w| name.contains(w))
-        })
-    };
+    let named = |m: usize| mesh.materials.get(m).is_some_and(|m| is_named_so(&m.name));
     emissive_bounds(mesh).or_else(|| group_bounds(mesh, named))
+}
+
+fn is_named_so(material: &str) -> bool {
+    let name = material.to_lowercase();
+    EMITTER_WORDS.iter().any(|w| name.contains(w))
+}
+
+/// Whether light shines through a material of a lamp that gives none itself: the shade round its bulb.
+pub fn is_shade(material: &Material) -> bool {
+    is_named_so(&material.name) && material.emissive.iter().all(|e| *e <= 0.0)
 }
 
 fn group_bounds(mesh: &Mesh, wanted: impl Fn(usize) -> bool) -> Option<Bounds> {
@@ -140,6 +145,7 @@ pub fn lights_from_scene<'m>(
             intensity: FIRE_WATTS,
             on: false,
             object: Some(object.id.clone()),
+            shade: None,
         });
     }
     // What shines by its material, though its kind need not: strips, coves, a pane behind a curtain.
@@ -179,6 +185,7 @@ fn coves(room: &Room) -> Vec<Light> {
             color: glow.map(|c| f64::from(c / most)),
             on: true,
             object: None,
+            shade: None,
         }
     })
     .collect()
@@ -217,6 +224,7 @@ pub fn unseen_windows(room: &Room, camera: &Camera) -> Vec<Light> {
                 color: DAYLIGHT,
                 on: true,
                 object: None,
+                shade: None,
             })
         })
         .collect()
@@ -273,6 +281,7 @@ fn window_light(
         color: DAYLIGHT,
         on: true,
         object: object.map(|o| o.id.clone()),
+        shade: None,
     })
 }
 
@@ -297,6 +306,7 @@ fn screen_light(object: &SceneObject, mesh: Option<&Mesh>) -> Option<Light> {
         color: SCREEN_WHITE,
         on: true,
         object: Some(object.id.clone()),
+        shade: None,
     })
 }
 
@@ -380,6 +390,7 @@ fn strip_light(room: &Room, object: &SceneObject, mesh: &Mesh) -> Option<Light> 
         color: emitted.map(|c| f64::from(c / most)),
         on: true,
         object: Some(object.id.clone()),
+        shade: None,
     })
 }
 
@@ -428,6 +439,7 @@ fn lamp_light(room: &Room, object: &SceneObject, known: Emitter<'_>) -> Light {
         color,
         on: true,
         object: Some(object.id.clone()),
+        shade: None,
     }
 }
 

@@ -100,6 +100,7 @@ pub fn find_sun(
             intensity: IRRADIANCE,
             on: true,
             object: None,
+            shade: None,
         },
         step,
         explained,

@@ -64,6 +64,8 @@ pub struct Material {
     pub emissive: [f32; 3],
     /// Whether back faces are drawn.
     pub double_sided: bool,
+    /// Whether some of it are hairs, whose faces stand across the surface that light falls on.
+    pub hairy: bool,
 }
 
 impl Material {
@@ -81,6 +83,7 @@ impl Material {
             transmission: 0.0,
             emissive: [0.0; 3],
             double_sided: false,
+            hairy: false,
         }
     }
 }

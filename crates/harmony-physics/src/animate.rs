@@ -349,6 +349,7 @@ mod tests {
             intensity: 5.0,
             on: true,
             object: object.map(|o| ObjectId::new(o).unwrap()),
+            shade: None,
         };
         let lighting = Lighting {
             lights: vec![

@@ -11,7 +11,6 @@ use harmony_io::{
     GlbNode, GlbScene, NodeTransform, Segment, glb::TextureEncoding, picture, save_segmentation, write_json,
 };
 use harmony_mesh::Mesh;
-use harmony_render::canonical_camera;
 use harmony_scene::{
     ImageSize, Lighting, Mask, ObjectId, Pose, SCENE_VERSION, Scene, SceneCamera, SceneObject, Surface, Warning,
 };
@@ -126,7 +125,7 @@ fn write_pictures(
 ) -> Result<(), PhaseError> {
     let drawn = views::drawn(state);
     picture::write_rgb_png(&run.join("render_flat.png"), &drawn.flat)?;
-    let view = canonical_camera(&state.partial.room, ImageSize::new(1280, 960), &state.partial.camera);
+    let view = views::canonical(state, ImageSize::new(1280, 960));
     let canonical = views::scene_from(state, &view.camera, view.omit);
     picture::write_rgb_png(&run.join("render_canonical.png"), &canonical)?;
     if let Some(lit) = lit {

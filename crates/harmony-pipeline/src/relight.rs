@@ -16,7 +16,7 @@ use harmony_lighting::{
 };
 use harmony_mesh::Mesh;
 use harmony_prompts::LightingReviewQuestion;
-use harmony_render::{OUTSIDE, canonical_camera};
+use harmony_render::OUTSIDE;
 use harmony_roles::{LightMeasurement, LitImage, LitKind, LitRequest, Picture, RoleError};
 use harmony_scene::{AlbedoField, Camera, ImageSize, Light, Lighting, Mask, ObjectId, ViewTransform, WarningKind};
 use image::RgbImage;
@@ -508,7 +508,7 @@ impl<'a, 'c> Stage<'a, 'c> {
             return Ok(None);
         }
         let size = CANONICAL.fit_within(longest);
-        let view = canonical_camera(&self.state.partial.room, size, &self.state.partial.camera);
+        let view = views::canonical(self.state, size);
         let mut request = self.request(step, view.camera, lighting, samples);
         request.albedo = Some(Arc::clone(field));
         let gone = views::gone(self.state, &view.omit);

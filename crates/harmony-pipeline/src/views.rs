@@ -9,7 +9,8 @@ use harmony_mesh::{Bounds, Mesh, ShellOptions, Trims, room_shell_with};
 use harmony_placement::{Placed, may_be_seen};
 use harmony_prompts::{PlacedObject, RoomSummary};
 use harmony_render::{
-    Glass, Instance, Lighting, OUTSIDE, RenderOptions, mesh_view_camera, render, render_depth_ids, render_window,
+    Glass, Instance, Lighting, OUTSIDE, RenderOptions, RoomView, canonical_camera, mesh_view_camera, render,
+    render_depth_ids, render_window,
 };
 use harmony_scene::{Camera, ImageSize, Intrinsics, ObjectId, PixelBox, Pose, Room, Size, Surface, gone_with};
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
@@ -190,6 +191,12 @@ pub fn ids(state: &SceneState) -> Arc<[u32]> {
     let shell = shell(state, Vec::new());
     let camera = &state.partial.camera;
     without_room(render_depth_ids(camera, &instances(state, &shell), &RenderOptions::default()).ids)
+}
+
+/// The elevated view of the scene.
+pub fn canonical(state: &SceneState, size: ImageSize) -> RoomView {
+    let things: Vec<(Pose, Size)> = state.partial.placed.iter().map(|p| (p.pose, p.size())).collect();
+    canonical_camera(&state.partial.room, size, &state.partial.camera, &things)
 }
 
 /// The empty room from the photo's camera, its walls labelled.

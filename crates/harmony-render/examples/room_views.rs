@@ -92,7 +92,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         renderer.render(&view.camera, &instances, &options).color.save(folder.join(name))
     };
     draw("photo.png", &RoomView { camera: photo, omit: vec![] })?;
-    draw("canonical.png", &canonical_camera(&room, size, &photo))?;
+    draw("canonical.png", &canonical_camera(&room, size, &photo, &[]))?;
     for (i, view) in orbit_cameras(&room, ImageSize::new(400, 300), 4).iter().enumerate() {
         draw(&format!("orbit_{i}.png"), view)?;
     }

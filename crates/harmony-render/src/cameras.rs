@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use harmony_mesh::Bounds;
-use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Room, Surface, Vec2, Vec3};
+use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Pose, Room, Size, Surface, Vec2, Vec3};
 
 /// A camera that looks into the room from outside, and the faces that would hide the room from it.
 #[derive(Debug, Clone)]
@@ -42,18 +42,23 @@ const SEEN_RAYS: u32 = 12;
 /// What the frame has beside that part, metres: things stand across the photo's edge.
 const BESIDE_SEEN_M: f64 = 0.3;
 
-/// The elevated view of the part of the room that the photo shows, ceiling and near walls removed, from the photo
-/// camera's side.
+/// What the frame has beside the things, metres, and its least width and depth: an empty half of a room only makes them
+/// small.
+const BESIDE_THINGS_M: f64 = 0.6;
+const LEAST_M: f64 = 2.5;
+
+/// The elevated view of the part of the room that the photo shows and where things are, ceiling and near walls removed,
+/// from the photo camera's side.
 ///
 /// Paper: "Canonical Views" in the appendix. The azimuth is that of the photo's camera, held to within
 /// 50 degrees of straight onto the back wall, so that the near walls are always those that the photo does not show; it
 /// turns further aside, within these bounds, where a long room fills the picture better so. What lies behind the photo's
 /// camera may run out of the picture: nothing is known of it.
-pub fn canonical_camera(room: &Room, size: ImageSize, photo_camera: &Camera) -> RoomView {
+pub fn canonical_camera(room: &Room, size: ImageSize, photo_camera: &Camera, things: &[(Pose, Size)]) -> RoomView {
     let forward = photo_camera.forward();
     let azimuth = (-forward.x).atan2(-forward.z);
     let azimuth = if azimuth.is_finite() { azimuth.clamp(-MAX_AZIMUTH, MAX_AZIMUTH) } else { 0.0 };
-    let (low, high) = seen_part(&room.extents, photo_camera);
+    let (low, high) = around(things, seen_part(&room.extents, photo_camera));
     let first = room_view(room, size, azimuth, low, high);
     let worth =
         |view: &RoomView, by: f64| covered(&view.camera, &standing(low, high, &view.omit)) / (1.0 + AZIMUTH_COST * by);
@@ -92,6 +97,29 @@ fn seen_part(e: &Extents, camera: &Camera) -> (Vec3, Vec3) {
     }
     let (low, high) = ((low - BESIDE_SEEN_M).max(Vec3::ZERO), (high + BESIDE_SEEN_M).min(whole));
     (low.with_y(0.0), high.with_y(whole.y))
+}
+
+/// The part of a box that has things in it, with some room around them; its whole height.
+fn around(things: &[(Pose, Size)], (low, high): (Vec3, Vec3)) -> (Vec3, Vec3) {
+    let (mut from, mut to) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for (pose, size) in things {
+        let half = size.as_vec() / 2.0;
+        for corner in corners(-half, half) {
+            let (sin, cos) = pose.yaw.sin_cos();
+            let turned = Vec3::new(cos * corner.x + sin * corner.z, corner.y, cos * corner.z - sin * corner.x);
+            (from, to) = (from.min(pose.position + turned), to.max(pose.position + turned));
+        }
+    }
+    if !(from.is_finite() && to.is_finite()) {
+        return (low, high);
+    }
+    let (from, to) = (from - BESIDE_THINGS_M, to + BESIDE_THINGS_M);
+    let short = (Vec3::splat(LEAST_M) - (to - from)).max(Vec3::ZERO) / 2.0;
+    let (from, to) = ((from - short).max(low), (to + short).min(high));
+    if !(from.x < to.x && from.z < to.z) {
+        return (low, high);
+    }
+    (from.with_y(low.y), to.with_y(high.y))
 }
 
 /// `n` elevated views around the room, the first from the front wall's side, counter-clockwise seen from above.
@@ -299,7 +327,7 @@ mod tests {
         let (low, high) = seen_part(&room.extents, &photo);
         assert!(low.z == 0.0 && high.z > 3.0 && high.z < 6.0 && high.y == 2.6, "from {low} to {high}");
         for size in [ImageSize::new(800, 600), ImageSize::new(300, 900)] {
-            let view = canonical_camera(&room, size, &photo);
+            let view = canonical_camera(&room, size, &photo, &[]);
             fills(&view, &upright(low, high, &view.omit));
         }
         // What looks out of the room shows nothing of it.
@@ -308,15 +336,36 @@ mod tests {
     }
 
     #[test]
+    fn an_empty_half_of_the_room_is_not_framed() {
+        let room = room();
+        let (low, high) = (Vec3::ZERO, room.extents.as_vec());
+        // Turned a quarter, it is 1 m deep and 2 m wide.
+        let sofa = (Pose::new(Vec3::new(1.0, 0.0, 1.0), std::f64::consts::FRAC_PI_2, 1.0), Size::from_vec(Vec3::new(1.0, 0.8, 2.0)));
+        let (from, to) = around(&[sofa], (low, high));
+        assert_eq!(from, Vec3::ZERO);
+        assert!((to - Vec3::new(2.6, 2.6, 2.35)).abs().max_element() < 0.01, "to {to}");
+        let far = (Pose::new(Vec3::new(3.8, 0.0, 5.4), 0.0, 1.0), Size::from_vec(Vec3::splat(0.4)));
+        assert_eq!(around(&[sofa, far], (low, high)), (low, high));
+        assert_eq!(around(&[], (low, high)), (low, high));
+        let size = ImageSize::new(640, 480);
+        let photo = photo(Vec3::new(0.0, -0.3, -1.0));
+        let sofa_in = |things: &[(Pose, Size)]| {
+            let camera = canonical_camera(&room, size, &photo, things).camera;
+            camera.project(Vec3::new(0.0, 0.0, 0.5)).unwrap().distance(camera.project(Vec3::new(2.0, 0.0, 0.5)).unwrap())
+        };
+        assert!(sofa_in(&[sofa]) > 1.2 * sofa_in(&[]), "larger in the picture");
+    }
+
+    #[test]
     fn faces_between_the_camera_and_the_room_are_left_out() {
         let room = room();
         let size = ImageSize::new(640, 480);
-        let straight = canonical_camera(&room, size, &photo(Vec3::new(0.0, -0.1, -1.0)));
+        let straight = canonical_camera(&room, size, &photo(Vec3::new(0.0, -0.1, -1.0)), &[]);
         assert_eq!(straight.omit, [Surface::Ceiling, Surface::Front]);
-        let from_the_right = canonical_camera(&room, size, &photo(Vec3::new(-1.0, -0.1, -1.0)));
+        let from_the_right = canonical_camera(&room, size, &photo(Vec3::new(-1.0, -0.1, -1.0)), &[]);
         assert_eq!(from_the_right.omit, [Surface::Ceiling, Surface::Right, Surface::Front]);
         assert!(from_the_right.camera.centre().x > 4.0, "it stands on the photo camera's side");
-        let backwards = canonical_camera(&room, size, &photo(Vec3::new(0.0, 0.0, 1.0)));
+        let backwards = canonical_camera(&room, size, &photo(Vec3::new(0.0, 0.0, 1.0)), &[]);
         assert!(!backwards.omit.contains(&Surface::Back), "the back wall is always shown");
         for view in orbit_cameras(&room, size, 8) {
             let shown = Surface::ALL.into_iter().filter(|s| !view.omit.contains(s));

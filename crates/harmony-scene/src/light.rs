@@ -85,6 +85,10 @@ pub struct Light {
     pub on: bool,
     /// The object it belongs to.
     pub object: Option<ObjectId>,
+    /// What the photo shows of the cloth or glass round a lamp's bulb: mean colour, display-linear; `None` where it shows
+    /// none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shade: Option<[f64; 3]>,
 }
 
 /// All light of a scene.

@@ -7,7 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Camera, ImageSize, Intrinsics, Lighting, ObjectId, Room, SceneObject, Surface, Warning, object::gone_with,
+    Camera, ImageSize, Intrinsics, Lighting, ObjectId, Pose, Room, SceneObject, Size, Surface, Warning,
+    object::gone_with,
 };
 
 /// Version of `scene.json`; raised when a reader would have to change.
@@ -75,6 +76,11 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Where each object stands, and how large it is.
+    pub fn stands(&self) -> Vec<(Pose, Size)> {
+        self.objects.iter().map(|o| (o.pose, o.size)).collect()
+    }
+
     /// What a view without some of the room's faces leaves out with them ([`gone_with`]).
     pub fn gone_with(&self, omit: &[Surface]) -> BTreeSet<&ObjectId> {
         let held = self.objects.iter().map(|o| (&o.id, &o.support, o.pose.position.y));

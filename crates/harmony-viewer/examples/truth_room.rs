@@ -182,7 +182,16 @@ fn room_and_lights(v: &Value) -> Result<(Room, Lighting)> {
         let id = l["owner"].as_str().map_or_else(|| format!("light_{k:02}"), |o| format!("light_of_{o}"));
         let (position, color) = (vector(&l["position"]).to_array(), vector(&l["color"]).to_array());
         let intensity = number(&l["watts"]);
-        lights.push(Light { id, kind, position, color, intensity, on: intensity.is_finite(), object: None });
+        lights.push(Light {
+            id,
+            kind,
+            position,
+            color,
+            intensity,
+            on: intensity.is_finite(),
+            object: None,
+            shade: None,
+        });
     }
     lights.retain(|l| l.intensity.is_finite() && l.position.iter().all(|p| p.is_finite()));
     let room = Room {

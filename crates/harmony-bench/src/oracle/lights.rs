@@ -115,6 +115,7 @@ mod tests {
             intensity,
             on: true,
             object: None,
+            shade: None,
         }
     }
 

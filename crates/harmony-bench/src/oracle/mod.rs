@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use harmony_calls::Cast;
-use harmony_roles::{MeshGenerator, PlayerCard};
+use harmony_roles::{GeometryEstimator, MeshGenerator, PlayerCard};
 use harmony_scene::{ImageSize, Level, PixelBox};
 use rand_chacha::ChaCha8Rng;
 
@@ -168,10 +168,12 @@ impl Oracle {
             Meshes::Part => Arc::clone(&offline.mesh_generator),
             _ => player.clone(),
         };
+        let geometry_estimator: Arc<dyn GeometryEstimator> =
+            if self.noise.photo_alone { Arc::clone(&offline.geometry_estimator) } else { player.clone() };
         Cast {
             vision_language: player.clone(),
             mesh_generator,
-            geometry_estimator: player.clone(),
+            geometry_estimator,
             detector: player.clone(),
             segmenter: player,
             ..offline.clone()

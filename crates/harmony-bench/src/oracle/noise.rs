@@ -61,6 +61,9 @@ pub struct Noise {
     /// Features of the room's shape that the layout answer does not tell of, share of them.
     #[serde(default)]
     pub features_untold: f64,
+    /// There is no point map: calibration has the layout answer and the photo's lines, as without VGGT's weights.
+    #[serde(default)]
+    pub photo_alone: bool,
     /// Camera hints: height relative, tilt and yaw in units of 50 degrees.
     pub hints: f64,
     /// Directions of fronts, degrees, beside wrong quarter turns.
@@ -110,6 +113,7 @@ impl NoiseLevel {
             extent: 0.1,
             pins: 0.01,
             features_untold: 0.0,
+            photo_alone: false,
             hints: 0.08,
             front_deg: 10.0,
             turns: 0.05,

@@ -116,6 +116,9 @@ struct RunArgs {
     /// The layout answer tells nothing of the room's shape: what measurement finds by itself.
     #[arg(long)]
     untold: bool,
+    /// No point map: room and camera from the layout answer and the photo's lines, as without VGGT's weights.
+    #[arg(long)]
+    photo_alone: bool,
     /// Go on through materials and light, and judge lit pictures, too, from the photo's place and from the room's
     /// other views; needs Blender.
     #[arg(long)]
@@ -329,15 +332,21 @@ fn refused(error: &OverrideError) -> anyhow::Error {
 fn request(args: &RunArgs) -> Result<BenchRequest> {
     let config = config::load(args.config.as_deref())?;
     let settings = config.settings;
+    let told = [(args.untold, "shape untold"), (args.photo_alone, "photo alone")];
+    let told = told.into_iter().filter(|(is_so, _)| *is_so).map(|(_, what)| what.to_owned());
     Ok(BenchRequest {
         rooms: truths(&args.rooms, args.only.as_deref())?,
         out: args.out.clone(),
         level: args.noise,
-        noise: Noise { features_untold: if args.untold { 1.0 } else { 0.0 }, ..args.noise.noise() },
+        noise: Noise {
+            features_untold: if args.untold { 1.0 } else { 0.0 },
+            photo_alone: args.photo_alone,
+            ..args.noise.noise()
+        },
         seeds: args.seeds.clone(),
         exact_height: args.exact_height,
         settings: with_changes(&settings, &args.changes).map_err(|e| refused(&e))?,
-        changes: args.changes.iter().cloned().chain(args.untold.then(|| "shape untold".to_owned())).collect(),
+        changes: args.changes.iter().cloned().chain(told).collect(),
         points: args.points,
         jobs: args.jobs.into(),
         keep: args.keep,

@@ -110,7 +110,7 @@ pub fn run(args: &Args) -> Result<u8> {
     let views: Vec<(Camera, Vec<Surface>, String)> = match args.camera {
         View::Input => vec![(photo.resized(size), Vec::new(), "input".into())],
         View::Canonical => {
-            let view = canonical_camera(&scene.room, wide, &photo);
+            let view = canonical_camera(&scene.room, wide, &photo, &scene.stands());
             vec![(view.camera, view.omit, "canonical".into())]
         }
         View::Orbit => orbit_cameras(&scene.room, wide, usize::from(args.views))

@@ -309,7 +309,7 @@ fn carried(scene: &RivalScene, camera: &Camera, run: &OwnRun, scale: f64) -> Vec
 }
 
 fn from_above(run: &OwnRun, parts: &[Part], shell: bool) -> RgbImage {
-    let view = canonical_camera(&run.scene.room, ELEVATED, &run.camera);
+    let view = canonical_camera(&run.scene.room, ELEVATED, &run.camera, &run.scene.stands());
     let hidden: Vec<&str> = view.omit.iter().map(|s: &Surface| shell_material_name(*s)).collect();
     let own_shell = run.shell.iter().filter(|(name, _)| shell && !is_left_out(name, &hidden));
     let instances: Vec<Instance<'_>> = parts

@@ -101,6 +101,7 @@ pub fn scene() -> Scene {
         intensity,
         on,
         object: None,
+        shade: None,
     };
     let spot = LightKind::Area { direction: [0.6, -0.8, 0.0], size_m: [0.1, 0.2] };
     let reading = Light {

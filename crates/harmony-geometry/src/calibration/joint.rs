@@ -57,7 +57,7 @@ const UNSEEN_SIGMA: f64 = 0.15;
 const METRIC_HEIGHT_SIGMA: f64 = 0.08;
 /// One sigma of the told height (logarithm): the map has no other metres, so that calibration takes it as it is;
 /// [`RoomPosterior::with_height_known_to`] says how far it is believed.
-const TOLD_HEIGHT_SIGMA: f64 = 0.001;
+pub(crate) const TOLD_HEIGHT_SIGMA: f64 = 0.001;
 /// Sigmas of the prior's camera height, distance to the back wall and width (logarithms): they matter where no face is
 /// seen.
 const CAMERA_HEIGHT_SIGMA: f64 = 0.12;

@@ -12,6 +12,7 @@ mod types;
 use harmony_scene::{Camera, Extents, Mat3, PointMap, PointMapKind, Surface, Vec2, Vec3};
 
 use joint::{DepthCells, Refinement, refine_jointly};
+pub(crate) use joint::TOLD_HEIGHT_SIGMA;
 pub use joint::{JointEvidence, RoomPosterior, room_from_unknowns, room_unknowns};
 use lens::Lens;
 pub use types::{

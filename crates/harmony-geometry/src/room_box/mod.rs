@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 pub use pins::solve_from_pins;
 use solved::CameraBox;
 
-use crate::{GrayImage, LayoutPrior, ViewEstimate};
+use crate::{GrayImage, LayoutPrior, RoomPosterior, ViewEstimate};
 
 /// Camera height when nobody knows: a phone held by a standing person, metres.
 pub(crate) const USUAL_CAMERA_HEIGHT: f64 = 1.5;
@@ -72,6 +72,9 @@ pub struct RoomBox {
     pub confidence: f64,
     /// What speaks for it.
     pub evidence: RoomBoxEvidence,
+    /// How surely it is known, where pins tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub posterior: Option<RoomPosterior>,
 }
 
 /// Pins cannot be solved.
@@ -177,7 +180,8 @@ fn finish(solved: &CameraBox, prior: &LayoutPrior, confidence: f64, evidence: Ro
     let camera = solved.camera(prior.photo);
     let extents = solved.extents(prior.extents.depth);
     let (anchor, anchor_px) = solved::anchor(&camera, &extents);
-    RoomBox { seen: solved::faces_shown(&camera, &extents), camera, extents, anchor, anchor_px, confidence, evidence }
+    let seen = solved::faces_shown(&camera, &extents);
+    RoomBox { camera, extents, seen, anchor, anchor_px, confidence, evidence, posterior: None }
 }
 
 impl RoomBox {

@@ -18,11 +18,12 @@ use harmony_scene::{ImageSize, Vec2, Vec3};
 use super::edges::image_evidence;
 use super::solved::CameraBox;
 use super::{RoomBox, RoomBoxEvidence, RoomBoxMethod, SolveError, USUAL_CAMERA_HEIGHT, finish, sane};
-use crate::least_squares::{minimise, robust};
+use crate::calibration::TOLD_HEIGHT_SIGMA;
+use crate::least_squares::{differences, minimise, robust};
 use crate::vanishing::Search;
 use crate::{
-    FocalPrior, GrayImage, LayoutPrior, LineSegment, RoomCorner, RoomEdge, ViewEstimate, WallSide, camera_rotation,
-    median,
+    FocalPrior, GrayImage, LayoutPrior, LineSegment, RoomCorner, RoomEdge, RoomPosterior, ViewEstimate, WallSide,
+    camera_rotation, median, room_unknowns,
 };
 
 use RoomEdge as E;
@@ -135,7 +136,7 @@ pub(super) fn solve_with_image(
         iterations,
         fallbacks: vec![],
     };
-    Ok(finish(&solved, prior, confidence, evidence))
+    Ok(RoomBox { posterior: Some(problem.posterior(&solved)), ..finish(&solved, prior, confidence, evidence) })
 }
 
 /// Number of points that were pinned (not hinted).
@@ -216,6 +217,10 @@ pub(crate) const FLOOR_LOGIT: usize = 6;
 pub(crate) const LN_BACK: usize = 7;
 type Unknowns = [f64; 8];
 const STEPS: Unknowns = [1e-5; 8];
+/// The posterior's further unknowns; one sigma of the scale, which nothing speaks of: no map has one of its own.
+const LN_HEIGHT: usize = 8;
+const LN_SCALE: usize = 9;
+const SCALE_SIGMA: f64 = 0.3;
 
 struct Problem<'a> {
     prior: &'a LayoutPrior,
@@ -274,7 +279,11 @@ impl<'a> Problem<'a> {
     }
 
     fn unpack(&self, p: &Unknowns) -> CameraBox {
-        let height = self.prior.extents.height;
+        self.unpack_in(p, self.prior.extents.height)
+    }
+
+    /// [`Self::unpack`] in a room of another height.
+    fn unpack_in(&self, p: &[f64], height: f64) -> CameraBox {
         let floor = height / (1.0 + (-p[FLOOR_LOGIT]).exp());
         CameraBox {
             focal: p[LN_FOCAL].exp(),
@@ -293,6 +302,12 @@ impl<'a> Problem<'a> {
     /// The residuals at `p`; pins of the group `left_out` are 0.
     fn residuals(&self, p: &Unknowns, limit: f64, left_out: Option<usize>, out: &mut Vec<f64>) {
         let solved = self.unpack(p);
+        self.of_image(&solved, p, limit, left_out, out);
+        self.of_lengths(&solved, out);
+    }
+
+    /// What the photo shows, and what is said of the angles.
+    fn of_image(&self, solved: &CameraBox, p: &[f64], limit: f64, left_out: Option<usize>, out: &mut Vec<f64>) {
         let rotation = solved.rotation();
         for pin in &self.pins {
             let off = solved.distance_to_edge(&rotation, pin.edge, pin.point) / pin.sigma;
@@ -306,10 +321,35 @@ impl<'a> Problem<'a> {
         };
         out.push(angle(solved.tilt, hints.tilt_deg, 40.0));
         out.push(angle(solved.yaw, hints.yaw_deg, 40.0));
+    }
+
+    /// What is said of the lengths.
+    fn of_lengths(&self, solved: &CameraBox, out: &mut Vec<f64>) {
         out.push((solved.floor / self.camera_height).ln() / self.camera_height_sigma);
         out.push(((solved.left + solved.right) / self.prior.extents.width).ln() / WIDTH_SIGMA);
         out.push((solved.left / solved.right).ln() / SIDE_SIGMA);
         out.push((solved.back / self.back).ln() / self.back_sigma);
+    }
+
+    /// How surely the solution is known, for whoever finds more that speaks of it.
+    fn posterior(&self, solved: &CameraBox) -> RoomPosterior {
+        let photo = self.prior.photo;
+        let mean = room_unknowns(&solved.camera(photo), &solved.extents(0.0), 1.0);
+        let lengths = |p: &[f64], out: &mut Vec<f64>| self.of_lengths(&self.unpack_in(p, p[LN_HEIGHT].exp()), out);
+        let all = |p: &[f64], out: &mut Vec<f64>| {
+            self.of_image(&self.unpack_in(p, p[LN_HEIGHT].exp()), p, LIMIT, None, out);
+            lengths(p, out);
+            out.push((p[LN_HEIGHT] - self.prior.extents.height.ln()) / TOLD_HEIGHT_SIGMA);
+            out.push(p[LN_SCALE] / SCALE_SIGMA);
+        };
+        let (mut residuals, mut off) = (Vec::new(), Vec::new());
+        all(&mean, &mut residuals);
+        lengths(&mean, &mut off);
+        let steps = [1e-5; 10];
+        let slopes = differences(&mean, &steps, residuals.len(), all);
+        let of_lengths = differences(&mean, &steps, off.len(), lengths);
+        let hints = off.iter().enumerate().map(|(i, off)| (std::array::from_fn(|k| of_lengths[(i, k)]), *off));
+        RoomPosterior { information: slopes.tr_mul(&slopes).iter().copied().collect(), mean, hints: hints.collect() }
     }
 
     /// The shift of the principal point that explains the pins, where none does not (`found`: the minima without).

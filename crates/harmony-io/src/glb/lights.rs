@@ -154,6 +154,7 @@ mod tests {
             intensity: 100.0,
             on,
             object: None,
+            shade: None,
         };
         // Cycles: 100 W in all directions, irradiance 100 / (4 pi d^2); three.js: intensity / d^2. Equal at any d.
         let bulb = punctual_intensity(&light(LightKind::Point { radius_m: 0.03 }, true), 0.0);

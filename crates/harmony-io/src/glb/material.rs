@@ -198,6 +198,7 @@ impl Materials {
                 transmission,
                 emissive,
                 double_sided: entry.double_sided,
+                hairy: entry.extras.pointer("/harmony/hairy").is_some_and(|v| v == &Value::Bool(true)),
             },
         }
     }

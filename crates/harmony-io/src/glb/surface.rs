@@ -77,6 +77,9 @@ impl Writer {
             );
             extras.insert("sheen".to_owned(), json!(sheen));
         }
+        if material.hairy {
+            extras.insert("hairy".to_owned(), json!(true));
+        }
         let emitted = material.emissive.map(|e| if e.is_finite() { f64::from(e).max(0.0) } else { 0.0 });
         let strength = emitted.into_iter().fold(0.0, f64::max);
         if strength > 1.0 {

@@ -183,6 +183,7 @@ fn the_document_lists_what_it_uses() {
                 intensity: 60.0,
                 on: true,
                 object: None,
+                shade: None,
             },
             Light {
                 id: "window_01".into(),
@@ -192,6 +193,7 @@ fn the_document_lists_what_it_uses() {
                 intensity: 200.0,
                 on: true,
                 object: None,
+                shade: None,
             },
         ],
         ambient_color: [1.0; 3],
@@ -326,7 +328,7 @@ fn tiled_box() -> Mesh {
     let mut mesh = crate_box(chequer(16));
     mesh.metric_uvs = mesh.positions.iter().map(|p| Vec2::new(p.x * 3.0 + 0.2, p.z * 3.0)).collect();
     let mut oak = Material::plain("oak", [1.0, 0.9, 0.8]);
-    (oak.sheen, oak.roughness) = (0.4, 0.8);
+    (oak.sheen, oak.roughness, oak.hairy) = (0.4, 0.8, true);
     let map = |k: u8| Arc::new(image::RgbImage::from_fn(32, 16, |x, y| image::Rgb([k, (x * 8) as u8, (y * 16) as u8])));
     oak.tile = Some(Arc::new(harmony_mesh::Tile {
         size: [1.2, 0.6],
@@ -379,7 +381,7 @@ fn tiles_come_back_with_their_metres() {
     let got = &back.nodes[0].mesh;
     let (m, tile) = got.materials.iter().find_map(|m| m.tile.as_ref().map(|t| (m, t))).unwrap();
     let want = mesh.materials[1].tile.as_ref().unwrap();
-    assert_eq!((m.name.as_str(), tile.size, tile.turn), ("oak", [1.2, 0.6], 0.5));
+    assert_eq!((m.name.as_str(), tile.size, tile.turn, m.hairy), ("oak", [1.2, 0.6], 0.5, true));
     assert!((m.sheen - 0.4).abs() <= 1e-6 && (m.roughness - 0.8).abs() <= 1e-6 && m.texture.is_none());
     assert_eq!((&tile.color, &tile.normal, &tile.surface), (&want.color, &want.normal, &want.surface));
     let (sin, cos) = 0.5_f32.sin_cos();

@@ -124,6 +124,7 @@ pub fn lighting() -> Lighting {
         intensity,
         on: true,
         object: Some(harmony_scene::ObjectId::new(id).unwrap()),
+        shade: None,
     };
     Lighting {
         lights: vec![

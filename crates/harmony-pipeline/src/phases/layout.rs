@@ -215,7 +215,7 @@ fn from_box(ctx: &PhaseCtx<'_>, found: RoomBox) -> Found {
         seen: found.seen,
         anchor: found.anchor,
         points: None,
-        posterior: None,
+        posterior: found.posterior,
         method: format!("room box from {}", words(&json!(e.method))),
         evidence: json!(found.evidence),
         confidence: found.confidence,

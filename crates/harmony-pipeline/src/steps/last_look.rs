@@ -8,7 +8,6 @@ use harmony_mesh::{Mesh, linear_rgb, parse_color};
 use harmony_placement::ReviewAction;
 use harmony_program::GUIDE;
 use harmony_prompts::{LastAction, LastActionKind, LastLookAnswer, LastLookQuestion, ListedLight, PaintedObject};
-use harmony_render::canonical_camera;
 use harmony_roles::Picture;
 use harmony_scene::{ImageSize, Lighting, ObjectId, Surface, WarningKind};
 use harmony_shape::material::kelvin_to_rgb;
@@ -175,9 +174,8 @@ fn findings(state: &SceneState, lit: bool) -> Vec<String> {
 fn pictures(state: &SceneState, lit: Option<LitPictures>) -> Vec<Picture> {
     let flat = views::flat(state);
     let (photo_view, canonical) = lit.map_or((None, None), |l| (Some(Arc::new(l.photo_view)), l.canonical));
-    let (room, camera) = (&state.partial.room, &state.partial.camera);
     let canonical = canonical.unwrap_or_else(|| {
-        let view = canonical_camera(room, VIEW, camera);
+        let view = views::canonical(state, VIEW);
         views::scene_from(state, &view.camera, view.omit)
     });
     let mut pictures = vec![

@@ -20,6 +20,7 @@ pub mod programs;
 pub mod relief;
 pub mod review;
 pub mod second_look;
+pub mod shades;
 pub mod shading;
 pub mod sun;
 pub mod surfaces;

@@ -225,6 +225,7 @@ async fn lamps_shine_when_they_are_bright_and_the_measured_correction_is_taken()
         intensity: 8.0,
         on: true,
         object: Some(id(name)),
+        shade: None,
     };
     let mut lights: Vec<Light> =
         ["lamp_01", "lamp_02", "lamp_03"].map(|name| light(name, LightKind::Point { radius_m: 0.05 })).to_vec();

@@ -61,6 +61,7 @@ fn light(name: &str, kind: LightKind, on: bool) -> Light {
         intensity: 12.5,
         on,
         object: Some(id(name)),
+        shade: None,
     }
 }
 

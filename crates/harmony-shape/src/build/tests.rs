@@ -2,7 +2,7 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::material::{MaterialSpec, PhotoMap};
-use crate::tree::{Boolean, Curve, Face, JointKind, Kind, MAX_TRIANGLES, Node, NodeId, Section, ShapeTree, TreeError};
+use crate::tree::{Boolean, Curve, Face, FuzzKind, JointKind, Kind, MAX_TRIANGLES, Node, NodeId, Section, ShapeTree, TreeError};
 
 #[derive(Default)]
 struct Maker {
@@ -421,4 +421,19 @@ fn a_hundred_nodes_take_little_time() {
     m.build();
     // generous: shared machines and slow builds
     assert!(start.elapsed().as_secs_f64() < 2.0, "{:?}", start.elapsed());
+}
+
+#[test]
+fn hairs_are_told_from_chairs() {
+    let mut m = Maker::default();
+    let (fur, oak) = (m.material("fur"), m.material("oak"));
+    let seat = m.cube("seat", Some(fur), [0.4, 0.1, 0.4]);
+    let fuzz = FuzzKind::Fur;
+    let seat = m.node("seat", Some(fur), Kind::Fuzz { child: seat, fuzz, length: 0.03, density: 0.2, seed: 1 });
+    let legs = m.cube("chairs", Some(oak), [0.4, 0.1, 0.4]);
+    let legs = m.at(legs, [0.0, -0.1, 0.0]);
+    m.group("stools", vec![seat, legs]);
+    let hairy: Vec<(String, bool)> =
+        m.build().mesh.materials.iter().map(|material| (material.name.clone(), material.hairy)).collect();
+    assert_eq!(hairy, [("fur".to_owned(), true), ("oak".to_owned(), false)]);
 }

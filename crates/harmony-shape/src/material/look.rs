@@ -53,6 +53,7 @@ pub fn material(spec: &MaterialSpec) -> Material {
         emissive: emission(spec, color),
         // Thin and open things are seen from both sides.
         double_sided: alpha < 1.0 && spec.transmission <= 0.0,
+        hairy: false,
         tile,
     }
 }

@@ -1,14 +1,16 @@
 //! Boards in the photo's light.
 //!
 //! A board's colour is said, as of paint in even light; walls and floors have the light of the photo in them. In a dim
-//! photo said white boards would glow. What the photo shows where a board is seen tells its colour there, and boards that
-//! it does not show get as much light as those that it does.
+//! photo said white boards would glow. What the photo shows where a board is seen tells its colour there. The room's walls
+//! tell how the light there is against that along the rest of it: a patch seen between a table's legs is darker than the
+//! board. Boards that the photo does not show get as much light as those that it does.
 
 use harmony_imaging::color::{lab_from_rgb8, linear_from_rgb8, median_color, rgb8_from_linear};
 use harmony_lighting::linear::luminance;
 use harmony_mesh::{TRIMS, Trim, Trims};
-use harmony_render::{Instance, RenderOptions, render_depth_ids};
+use harmony_render::{Instance, Lighting, RenderOptions, render, render_depth_ids};
 use harmony_scene::Mask;
+use image::{DynamicImage, RgbImage};
 
 use crate::state::SceneState;
 use crate::views;
@@ -19,6 +21,10 @@ const FEWEST: usize = 40;
 const LIGHT: [f32; 2] = [0.05, 1.4];
 /// Difference in hue, Lab units, up to which the photo's colour is the board's in coloured light.
 const TINT: f32 = 14.0;
+/// How far from a board the wall beside it is looked at, as a share of the photo's longer side.
+const BESIDE: f64 = 0.03;
+/// Light along the whole of a board as a share of that where it is seen.
+const ALONG: [f32; 2] = [0.5, 2.0];
 
 /// The room's boards as the photo shows them.
 pub fn in_photo(state: &SceneState) -> Trims {
@@ -27,9 +33,12 @@ pub fn in_photo(state: &SceneState) -> Trims {
     if said.iter().all(Option::is_none) {
         return state.trims;
     }
-    let shown = masks(state);
-    let seen: [Option<[f32; 3]>; 3] =
-        std::array::from_fn(|k| seen_as(said[k]?.color, median_color(&state.photo, shown[k].as_ref()?)?));
+    let boards = boards(state);
+    let seen: [Option<[f32; 3]>; 3] = std::array::from_fn(|k| {
+        let board = boards[k].as_ref()?;
+        let there = linear_from_rgb8(median_color(&state.photo, &board.seen)?);
+        seen_as(said[k]?.color, there.map(|c| (c * board.along).min(1.0)))
+    });
     let lights: Vec<f32> = said.iter().zip(&seen).filter_map(|(t, s)| Some(light((*s)?, (*t)?.color))).collect();
     let usual = if lights.is_empty() { 1.0 } else { lights.iter().sum::<f32>() / lights.len() as f32 };
     let [skirting, cornice, casing] = std::array::from_fn(|k| {
@@ -38,50 +47,84 @@ pub fn in_photo(state: &SceneState) -> Trims {
     Trims { skirting, cornice, casing }
 }
 
-/// Where each kind of board is the nearest thing, its edges and what was found left out; `None` where that is too little.
-fn masks(state: &SceneState) -> [Option<Mask>; 3] {
+/// A kind of board in the photo.
+struct Board {
+    /// Where it is the nearest thing, its edges and what was found left out.
+    seen: Mask,
+    /// Light on the walls along the whole of it, as a share of that beside where it is seen.
+    along: f32,
+}
+
+/// The kinds of boards; `None` where too little is seen of one.
+fn boards(state: &SceneState) -> [Option<Board>; 3] {
     let mut shell = views::shell(state, Vec::new());
     let names: Vec<String> = shell.materials.iter().map(|m| m.name.clone()).collect();
-    let mut boards = TRIMS.map(|name| {
+    let meshes = TRIMS.map(|name| {
         let mut board = shell.clone();
         board.groups.retain(|g| names[g.material] == name);
         board
     });
-    shell.groups.retain(|g| !TRIMS.contains(&names[g.material].as_str()));
-    // The room is 1; its boards are ids that nothing else has.
-    let ids_of = |k: usize| u32::MAX - 1 - k as u32;
-    let things =
-        state.partial.placed.iter().filter_map(|placed| {
-            Some(Instance::posed(state.mesh_of(&placed.item.id)?, &placed.pose, placed.item.index))
-        });
-    let boards = boards.iter_mut().enumerate().filter(|(_, b)| !b.groups.is_empty());
-    let all: Vec<Instance<'_>> = std::iter::once(Instance::in_room(&shell, 1))
-        .chain(boards.map(|(k, board)| Instance::in_room(board, ids_of(k))))
-        .chain(things)
+    let mut walls = shell.clone();
+    walls.groups.retain(|g| names[g.material].starts_with("wall_"));
+    shell.groups.retain(|g| !TRIMS.contains(&names[g.material].as_str()) && !names[g.material].starts_with("wall_"));
+    // The rest of the room is 1; its walls and boards are ids that nothing else has.
+    let wall = u32::MAX - 1;
+    let id_of = |k: usize| wall - 1 - k as u32;
+    let things: Vec<Instance<'_>> = (state.partial.placed.iter())
+        .filter_map(|placed| Some(Instance::posed(state.mesh_of(&placed.item.id)?, &placed.pose, placed.item.index)))
         .collect();
-    let size = state.partial.camera.size;
-    let seen = render_depth_ids(&state.partial.camera, &all, &RenderOptions::default());
+    let room: Vec<Instance<'_>> = [Instance::in_room(&shell, 1), Instance::in_room(&walls, wall)]
+        .into_iter()
+        .chain(
+            meshes
+                .iter()
+                .enumerate()
+                .filter(|(_, b)| !b.groups.is_empty())
+                .map(|(k, b)| Instance::in_room(b, id_of(k))),
+        )
+        .collect();
+    let camera = &state.partial.camera;
+    let options = RenderOptions { lighting: Lighting::Unlit, ..RenderOptions::default() };
+    let empty = render(camera, &room, &options);
+    let on_walls = Mask::from_fn(camera.size, |x, y| empty.ids[(y * camera.size.width + x) as usize] == wall);
+    let of_room = DynamicImage::ImageRgba8(empty.color).to_rgb8();
+    let all: Vec<Instance<'_>> = room.into_iter().chain(things).collect();
+    let frame = render_depth_ids(camera, &all, &RenderOptions::default());
     let covered = state.all_objects().or(&state.photo_frame);
     std::array::from_fn(|k| {
-        let board = seen.mask(ids_of(k));
-        let inner = Mask::from_fn(size, |x, y| {
+        let board = frame.mask(id_of(k));
+        let seen = Mask::from_fn(camera.size, |x, y| {
             let (x, y) = (i64::from(x), i64::from(y));
             let around = [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)];
             !covered.get(x, y) && around.into_iter().all(|(i, j)| board.get(x + i, y + j))
         });
-        (inner.count() >= FEWEST).then_some(inner)
+        if seen.count() < FEWEST {
+            return None;
+        }
+        let whole = Mask::from_fn(camera.size, |x, y| empty.ids[(y * camera.size.width + x) as usize] == id_of(k));
+        let along = beside(&of_room, &on_walls, &whole).zip(beside(&of_room, &on_walls, &seen));
+        Some(Board { seen, along: along.map_or(1.0, |(all, here)| (all / here).clamp(ALONG[0], ALONG[1])) })
     })
 }
 
+/// Luminance of the walls near a mask, as they are textured.
+fn beside(room: &RgbImage, walls: &Mask, of: &Mask) -> Option<f32> {
+    let radius = (BESIDE * f64::from(of.size().width.max(of.size().height))).round() as i32;
+    let near = of.dilated(radius).and(walls);
+    if near.count() < FEWEST {
+        return None;
+    }
+    Some(luminance(linear_from_rgb8(median_color(room, &near)?)).max(1e-3))
+}
+
 /// A board's colour in the light that the photo shows on it; `None` where the photo shows something else.
-fn seen_as(said: [f32; 3], shown: [u8; 3]) -> Option<[f32; 3]> {
-    let seen = linear_from_rgb8(shown);
+fn seen_as(said: [f32; 3], seen: [f32; 3]) -> Option<[f32; 3]> {
     let light = light(seen, said);
     if !(LIGHT[0]..=LIGHT[1]).contains(&light) {
         return None;
     }
     let dimmed = said.map(|c| c * light);
-    let (a, b) = (lab_from_rgb8(shown), lab_from_rgb8(rgb8_from_linear(dimmed)));
+    let (a, b) = (lab_from_rgb8(rgb8_from_linear(seen)), lab_from_rgb8(rgb8_from_linear(dimmed)));
     let tint = ((a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2)).sqrt();
     Some(if tint <= TINT { seen } else { dimmed })
 }
@@ -95,6 +138,7 @@ fn light(seen: [f32; 3], said: [f32; 3]) -> f32 {
 mod tests {
     use std::sync::Arc;
 
+    use harmony_scene::Surface;
     use image::{Rgb, RgbImage};
 
     use super::*;
@@ -131,6 +175,31 @@ mod tests {
         let said = linear_from_rgb8([200, 60, 40]);
         assert!((color[0] / color[2] - said[0] / said[2]).abs() < 1e-3, "{color:?}");
         assert!((luminance(color) / luminance(linear_from_rgb8([60; 3])) - 1.0).abs() < 1e-3, "{color:?}");
+    }
+
+    #[test]
+    fn a_patch_seen_in_the_dark_is_not_the_whole_board() {
+        let mut state = empty_room();
+        let (width, height) = state.photo.dimensions();
+        // The photo shows the right third, in a shadow that the wall has there too.
+        let shadow = |x: u32| x > 2 * width / 3;
+        state.photo_frame = Arc::new(Mask::from_fn(state.photo_frame.size(), |x, _| !shadow(x)));
+        state.photo =
+            Arc::new(RgbImage::from_fn(width, height, |x, _| Rgb(if shadow(x) { [80; 3] } else { [170; 3] })));
+        state.trims.skirting = Some(board([240, 240, 235]));
+        let alone = rgb8_from_linear(in_photo(&state).skirting.unwrap().color);
+        assert!(alone.iter().all(|c| (78..83).contains(c)), "of an even wall: {alone:?}");
+        let texture = |dark: bool| {
+            let picture = image::RgbaImage::from_fn(90, 45, |x, _| {
+                image::Rgba(if dark && x > 50 { [100, 100, 100, 255] } else { [200, 200, 200, 255] })
+            });
+            Arc::new(picture)
+        };
+        state.surfaces = [(Surface::Back, true), (Surface::Left, false), (Surface::Right, false)]
+            .map(|(wall, dark)| (wall, texture(dark)))
+            .into();
+        let color = rgb8_from_linear(in_photo(&state).skirting.unwrap().color);
+        assert!(color.iter().all(|c| *c > 100), "{color:?}");
     }
 
     #[test]
