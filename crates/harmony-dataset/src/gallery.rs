@@ -173,7 +173,8 @@ fn one(run: &Path, name: &str, out: &Path, options: &GalleryOptions) -> Result<S
     }
     let folder = out.join(name);
     let size = frame(options.width);
-    let flat = picture_of(&scene, &glb, &canonical_camera(&scene.room, size, &Camera::from(&scene.camera), &scene.stands()));
+    let flat =
+        picture_of(&scene, &glb, &canonical_camera(&scene.room, size, &Camera::from(&scene.camera), &scene.stands()));
     let put = |file: &str, image: &RgbImage| {
         let path = folder.join(file);
         picture::write_rgb_png(&path, image).map_err(|source| DatasetError::Picture { path, source })

@@ -143,8 +143,8 @@ def hide_from_camera():
         found = meshes_below(name)
         if not found:
             NOTES.append(f"no node {name} to hide")
-        # Sides of a face's niches, and strips in them, go with it (`harmony_mesh::is_left_out`).
-        found += [o for o in all_meshes() if o.name.startswith(f"{name}_niche_")]
+        # Sides of a face's niches, strips in them and blocks that hang go with it (`harmony_mesh::is_left_out`).
+        found += [o for o in all_meshes() if o.name.startswith((f"{name}_niche_", f"{name}_block_"))]
         for obj in found:
             obj.visible_camera = False
     if JOB["hidden_nodes"]:

@@ -162,6 +162,7 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
         let gloss = if too_glossy { gloss * LESS_GLOSS } else { gloss };
         next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded(mean), factors, gloss });
     }
+    share_hues(&mut next, &found);
     next.other = rounded([level_of(&found, |_| true).unwrap_or_else(|| luminance(field.other).log2()); 3]);
     for node in unseen {
         let level = unseen_level(node, &found).map_or(next.other, |level| rounded([level; 3]));
@@ -176,6 +177,27 @@ struct Found<'a> {
     node: &'a FieldNode,
     pixels: usize,
     level: f32,
+}
+
+/// Gives one material of several alike things, whose colour was said once, one hue: beside a sunlit floor one chair of ten
+/// came out yellow. How bright each is stays its own.
+fn share_hues(field: &mut AlbedoField, found: &[Found<'_>]) {
+    let mut twins: BTreeMap<(&str, Option<&str>), Vec<(&str, f32, [f32; 3])>> = BTreeMap::new();
+    for f in found.iter().filter(|f| f.node.is_even && f.node.kind == "object") {
+        let Some(cells) = field.nodes.get(&f.node.name) else { continue };
+        let own = (f.node.name.as_str(), f.pixels as f32, cells.mean.map(|m| m.log2() - f.level));
+        twins.entry((f.node.design(), f.node.material())).or_default().push(own);
+    }
+    for alike in twins.values().filter(|alike| alike.len() > 1) {
+        let pixels: f32 = alike.iter().map(|(_, n, _)| n).sum();
+        let hue = [0, 1, 2].map(|c| alike.iter().map(|(_, n, hue)| n * hue[c]).sum::<f32>() / pixels);
+        for (name, _, own) in alike {
+            let Some(cells) = field.nodes.get_mut(*name) else { continue };
+            let turned = |log: [f32; 3]| rounded([0, 1, 2].map(|c| log[c].log2() + hue[c] - own[c]));
+            cells.mean = turned(cells.mean);
+            cells.factors.iter_mut().for_each(|f| *f = turned(*f));
+        }
+    }
 }
 
 /// Mean level of some nodes by the pixels that show them; `None` without any.
@@ -385,6 +407,30 @@ mod tests {
         let usual = (level("stool_01/fur") * level("stool_02/legs") * level("table_01/top")).cbrt();
         let rail = level("stool_01/rail");
         assert!(rail > usual && rail < 1.7 * usual, "{rail} beside {usual}");
+    }
+
+    #[test]
+    fn twins_have_one_hue_and_each_its_own_brightness() {
+        let even = |node: &str| FieldNode { is_even: true, ..FieldNode::part(node, "leather", "object") };
+        let nodes =
+            [even("chair_01"), even("chair_02"), FieldNode { is_even: true, ..FieldNode::new("table_01", "object") }];
+        // The photo: half the first chair's share of red, the second one darker and of the hue that was said.
+        let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| (i % SIZE.width as usize / 32) as u32 + 1).collect();
+        let of = |rgb: &[[f32; 3]; 3]| {
+            let rgb = ids.iter().map(|id| rgb[*id as usize - 1]).collect();
+            LinearImage { size: SIZE, rgb }
+        };
+        let photo = of(&[[0.2, 0.4, 0.4], [0.2, 0.2, 0.2], [0.2, 0.4, 0.4]]);
+        let render = of(&[[0.4; 3]; 3]);
+        let weights = vec![1.0; ids.len()];
+        let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
+        let field = updated_field(&neutral_field(&camera()), &nodes, &seen);
+        let mean = |name: &str| field.nodes[name].mean;
+        let (a, b, table) = (mean("chair_01/leather"), mean("chair_02/leather"), mean("table_01"));
+        let red = |m: [f32; 3]| m[0] / m[1];
+        assert!((red(a) - red(b)).abs() < 0.02 && (red(a) - 0.5_f32.sqrt()).abs() < 0.03, "{a:?} {b:?}");
+        assert!((red(table) - 0.5).abs() < 0.02, "{table:?}");
+        assert!(luminance(a) > 1.5 * luminance(b), "{a:?} {b:?}");
     }
 
     fn nodes() -> Vec<FieldNode> {

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec2};
-use harmony_scene::{Extents, Opening, OpeningKind, Room, RoomFace, Surface, WallPlane, clipped};
+use harmony_scene::{Block, Extents, Opening, OpeningKind, Room, RoomFace, Surface, WallPlane, clipped};
 use image::RgbaImage;
 
 pub use trim::{TRIMS, Trim, Trims};
@@ -69,7 +69,8 @@ pub fn room_shell_with(
         let mut material = Material::plain(shell_material_name(surface), color);
         material.texture = texture;
         let mut sheet = Sheet::new(surface, &room.extents, &mut mesh);
-        for face in faces.iter().filter(|f| f.surface == surface && sides(room, f).is_none()) {
+        for face in faces.iter().filter(|f| f.surface == surface && sides(room, f).is_none() && hung(room, f).is_none())
+        {
             let holes = holes(room, face);
             sheet.face(face, &holes);
         }
@@ -80,6 +81,9 @@ pub fn room_shell_with(
         let triangles = sheet.triangles;
         mesh.groups.push(Group { material: mesh.materials.len(), triangles });
         mesh.materials.push(material);
+    }
+    if !options.omit.contains(&Surface::Ceiling) {
+        hung_blocks(&mut mesh, room, &faces, textures, options);
     }
     for (k, niche) in room.shape.niches.iter().enumerate() {
         let Some(color) = niche.sides.filter(|_| !options.omit.contains(&niche.surface)) else { continue };
@@ -92,7 +96,7 @@ pub fn room_shell_with(
         mesh.materials.push(Material::plain(&niche_name(niche.surface, k), color));
     }
     coves(&mut mesh, room, &options.omit);
-    caps(&mut mesh, room, options.plain);
+    caps(&mut mesh, room, options);
     trim::add(&mut mesh, room, &options.trims, &options.omit);
     mesh
 }
@@ -113,10 +117,11 @@ pub fn is_cove_name(name: &str) -> bool {
     name.ends_with("_glow") && Surface::ALL.into_iter().any(of_a_niche)
 }
 
-/// Whether a piece of the shell goes when faces (by their names) are left out: it is one of them, or a side or the strip
-/// of one of their niches.
+/// Whether a piece of the shell goes when faces (by their names) are left out: it is one of them, a side or the strip
+/// of one of their niches, or of a block that hangs from it.
 pub fn is_left_out(name: &str, faces: &[impl AsRef<str>]) -> bool {
-    let of = |face: &str| name.strip_prefix(face).is_some_and(|rest| rest.is_empty() || rest.starts_with("_niche_"));
+    let part = |rest: &str| rest.is_empty() || rest.starts_with("_niche_") || rest.starts_with("_block_");
+    let of = |face: &str| name.strip_prefix(face).is_some_and(part);
     faces.iter().any(|face| of(face.as_ref()))
 }
 
@@ -147,13 +152,50 @@ fn coves(mesh: &mut Mesh, room: &Room, omit: &[Surface]) {
     }
 }
 
+/// The block that hangs from the ceiling and that a face is of.
+fn hung(room: &Room, face: &RoomFace) -> Option<usize> {
+    room.shape.blocks.iter().position(|b| b.hangs(&room.extents) && b.has(face))
+}
+
+/// Blocks that hang from the ceiling, which go with it: `ceiling_block_01_wall_left`, one group for each face of the box
+/// whose material they have.
+fn hung_blocks(
+    mesh: &mut Mesh,
+    room: &Room,
+    faces: &[RoomFace],
+    textures: &dyn Fn(Surface) -> Option<Arc<RgbaImage>>,
+    options: &ShellOptions,
+) {
+    let shown = || Surface::ALL.into_iter().filter(|s| !options.omit.contains(s));
+    for (k, surface) in (0..room.shape.blocks.len()).flat_map(|k| shown().map(move |surface| (k, surface))) {
+        let own = |f: &&RoomFace| f.surface == surface && sides(room, f).is_none() && hung(room, f) == Some(k);
+        let mut sheet = Sheet::new(surface, &room.extents, mesh);
+        for face in faces.iter().filter(own) {
+            sheet.face(face, &holes(room, face));
+        }
+        let triangles = sheet.triangles;
+        if triangles.is_empty() {
+            continue;
+        }
+        let texture = textures(surface);
+        let color = if texture.is_some() { [1.0; 3] } else { options.plain };
+        let mut material =
+            Material::plain(&format!("ceiling_block_{:02}_{}", k + 1, shell_material_name(surface)), color);
+        material.texture = texture;
+        mesh.groups.push(Group { material: mesh.materials.len(), triangles });
+        mesh.materials.push(material);
+    }
+}
+
 /// How far below the ceiling a block's cap lies, metres: nobody in the room sees it there.
 const BELOW_CEILING: f64 = 1e-3;
 
 /// Upper sides of blocks that reach the ceiling, for views from above without it: else one looks into a hollow block.
-fn caps(mesh: &mut Mesh, room: &Room, color: [f32; 3]) {
+fn caps(mesh: &mut Mesh, room: &Room, options: &ShellOptions) {
     let height = room.extents.height;
-    for (k, block) in room.shape.blocks.iter().enumerate().filter(|(_, b)| b.max.y > height - BELOW_CEILING) {
+    let no_ceiling = options.omit.contains(&Surface::Ceiling);
+    let reaches = |b: &Block| b.max.y > height - BELOW_CEILING && !(no_ceiling && b.hangs(&room.extents));
+    for (k, block) in room.shape.blocks.iter().enumerate().filter(|(_, b)| reaches(b)) {
         let y = height - BELOW_CEILING;
         let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| {
             let side = [block.min, block.max];
@@ -163,7 +205,8 @@ fn caps(mesh: &mut Mesh, room: &Room, color: [f32; 3]) {
         sheet.polygon(&corners, DVec3::Y);
         let triangles = sheet.triangles;
         mesh.groups.push(Group { material: mesh.materials.len(), triangles });
-        mesh.materials.push(Material::plain(&format!("block_{:02}_top", k + 1), color));
+        let of = if block.hangs(&room.extents) { "ceiling_" } else { "" };
+        mesh.materials.push(Material::plain(&format!("{of}block_{:02}_top", k + 1), options.plain));
     }
 }
 
@@ -364,7 +407,7 @@ impl<'a> Sheet<'a> {
 mod tests {
     use super::*;
     use crate::Bvh;
-    use harmony_scene::{Block, Opening, OpeningKind, Wall};
+    use harmony_scene::{Opening, OpeningKind, Wall};
 
     fn room() -> Room {
         let opening = |kind, wall, u, y| Opening { kind, wall, u, y, inset: 0.0, rise: 0.0, object: None };
@@ -489,10 +532,23 @@ mod tests {
             max: DVec3::new(x + 0.5, top, 2.4),
         };
         room.shape.blocks = vec![block(0.5, height), block(1.5, 1.0)];
+        // A beam goes with the ceiling, with all its sides.
+        let beam =
+            Block { min: DVec3::new(0.0, height - 0.3, 3.0), max: DVec3::new(4.0, height, 3.3), ..block(0.0, height) };
+        room.shape.blocks.push(beam);
         let options = ShellOptions { omit: vec![Surface::Ceiling], ..ShellOptions::default() };
+        let whole = room_shell_with(&room, &|_| None, &ShellOptions::default());
+        let parts = whole.materials.iter().filter(|m| is_left_out(&m.name, &["ceiling"]) && m.name != "ceiling");
+        assert_eq!(
+            parts.filter(|m| m.name.starts_with("ceiling_block_03_")).count(),
+            4,
+            "front, back, below and the cap"
+        );
         let mesh = room_shell_with(&room, &|_| None, &options);
         assert!(mesh.materials.iter().any(|m| m.name == "block_01_top"));
         assert!(mesh.materials.iter().all(|m| m.name != "block_02_top"));
+        let below = Bvh::new(&mesh).raycast(DVec3::new(2.5, height + 1.0, 3.15), DVec3::NEG_Y, 9.0).unwrap();
+        assert!((below.distance - height - 1.0).abs() < 1e-6, "the floor is seen through where the beam was");
         let bvh = Bvh::new(&mesh);
         let from_above = |x: f64| bvh.raycast(DVec3::new(x, height + 1.0, 2.2), DVec3::NEG_Y, 9.0).unwrap();
         for (x, top) in [(0.75, height), (1.75, 1.0)] {

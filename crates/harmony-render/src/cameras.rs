@@ -340,7 +340,10 @@ mod tests {
         let room = room();
         let (low, high) = (Vec3::ZERO, room.extents.as_vec());
         // Turned a quarter, it is 1 m deep and 2 m wide.
-        let sofa = (Pose::new(Vec3::new(1.0, 0.0, 1.0), std::f64::consts::FRAC_PI_2, 1.0), Size::from_vec(Vec3::new(1.0, 0.8, 2.0)));
+        let sofa = (
+            Pose::new(Vec3::new(1.0, 0.0, 1.0), std::f64::consts::FRAC_PI_2, 1.0),
+            Size::from_vec(Vec3::new(1.0, 0.8, 2.0)),
+        );
         let (from, to) = around(&[sofa], (low, high));
         assert_eq!(from, Vec3::ZERO);
         assert!((to - Vec3::new(2.6, 2.6, 2.35)).abs().max_element() < 0.01, "to {to}");
@@ -351,7 +354,10 @@ mod tests {
         let photo = photo(Vec3::new(0.0, -0.3, -1.0));
         let sofa_in = |things: &[(Pose, Size)]| {
             let camera = canonical_camera(&room, size, &photo, things).camera;
-            camera.project(Vec3::new(0.0, 0.0, 0.5)).unwrap().distance(camera.project(Vec3::new(2.0, 0.0, 0.5)).unwrap())
+            camera
+                .project(Vec3::new(0.0, 0.0, 0.5))
+                .unwrap()
+                .distance(camera.project(Vec3::new(2.0, 0.0, 0.5)).unwrap())
         };
         assert!(sofa_in(&[sofa]) > 1.2 * sofa_in(&[]), "larger in the picture");
     }

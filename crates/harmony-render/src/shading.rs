@@ -7,6 +7,7 @@
 
 mod ambient;
 mod fit;
+mod pile;
 
 use std::sync::Arc;
 
@@ -192,7 +193,8 @@ fn lit(world: &Bvh, thing: &Stands<'_>, said: &[[f64; 3]], gains: &[[f64; 3]], l
         .par_iter()
         .zip(&placed.normals)
         .zip(&open)
-        .map(|((p, n), open)| law.at(n.as_dvec3(), p.as_dvec3(), f64::from(*open)) as f32)
+        .zip(&pile::light(&placed))
+        .map(|(((p, n), open), pile)| law.at(n.as_dvec3(), p.as_dvec3(), f64::from(*open)) as f32 * pile)
         .collect();
     let is_plain = |slot: usize| thing.plain.get(slot) == Some(&true);
     mesh.colors = vec![[1.0; 3]; mesh.positions.len()];

@@ -15,6 +15,8 @@ use crate::{Extents, Ray, Room, Surface, Wall};
 
 /// Lengths below this are none, metres.
 const EPS: f64 = 1e-6;
+/// What ends this near to floor or ceiling reaches it, metres.
+const HANGS: f64 = 0.05;
 /// Nothing stands against a plane that meets the floor over less than this, metres.
 const SHORTEST_FOOT: f64 = 0.15;
 /// Rooms whose faces a thread keeps.
@@ -47,6 +49,18 @@ pub struct Block {
     /// Its largest coordinates, metres.
     #[schemars(with = "[f64; 3]")]
     pub max: DVec3,
+}
+
+impl Block {
+    /// Whether it hangs from the ceiling and does not reach the floor: a beam, a soffit, a lowered part of the ceiling.
+    pub fn hangs(&self, extents: &Extents) -> bool {
+        self.max.y > extents.height - HANGS && self.min.y > HANGS
+    }
+
+    /// Whether all of a face lies on it.
+    pub fn has(&self, face: &RoomFace) -> bool {
+        face.polygon.iter().all(|p| p.cmpge(self.min - EPS).all() && p.cmple(self.max + EPS).all())
+    }
 }
 
 /// A free box behind a face of the box: a niche, the recess of a window, the arm of an L, a tray in the ceiling.
@@ -559,8 +573,13 @@ impl Room {
             .unwrap_or(wall.into())
     }
 
-    /// Height of the level ceiling above a place: in a tray, that of its field.
+    /// Height of the level ceiling above a place: in a tray, that of its field; under a part that is lowered, its.
     pub fn ceiling_over(&self, at: DVec3) -> f64 {
+        let under =
+            |b: &&Block| b.hangs(&self.extents) && at.xz().cmpge(b.min.xz()).all() && at.xz().cmple(b.max.xz()).all();
+        if let Some(low) = self.shape.blocks.iter().filter(under).map(|b| b.min.y).reduce(f64::min) {
+            return low;
+        }
         let over = |n: &&Niche| {
             let (low, high) = (n.min.xz(), n.max.xz());
             n.surface == Surface::Ceiling && at.xz().cmpge(low).all() && at.xz().cmple(high).all()

@@ -305,7 +305,12 @@ fn view(args: &Args, loaded: &RunScene) -> (Camera, Vec<Surface>) {
             (photo.resized(ImageSize::new(side(photo.size.width), side(photo.size.height))), Vec::new())
         }
         View::Canonical => {
-            let view = canonical_camera(&loaded.scene.room, ImageSize::new(args.size, args.size * 3 / 4), &photo, &loaded.scene.stands());
+            let view = canonical_camera(
+                &loaded.scene.room,
+                ImageSize::new(args.size, args.size * 3 / 4),
+                &photo,
+                &loaded.scene.stands(),
+            );
             (view.camera, view.omit)
         }
     }

@@ -11,8 +11,8 @@ mod types;
 
 use harmony_scene::{Camera, Extents, Mat3, PointMap, PointMapKind, Surface, Vec2, Vec3};
 
-use joint::{DepthCells, Refinement, refine_jointly};
 pub(crate) use joint::TOLD_HEIGHT_SIGMA;
+use joint::{DepthCells, Refinement, refine_jointly};
 pub use joint::{JointEvidence, RoomPosterior, room_from_unknowns, room_unknowns};
 use lens::Lens;
 pub use types::{

@@ -121,7 +121,8 @@ fn the_posterior_covers_the_truth_and_knows_the_metres_by_what_was_told() {
         // All lengths longer by 1 %: no pin and no line has anything against it.
         let longer = [0.0, 0.0, 0.0, 0.0, 0.01, 0.01, 0.0, 0.01, 0.01, 0.0];
         let cost: f64 = times(&longer).iter().zip(longer).map(|(a, b)| a * b).sum();
-        let of_lengths = 0.01_f64.powi(2) * (0.04_f64.powi(-2) + 0.15_f64.powi(-2) + 0.25_f64.powi(-2) + 0.4_f64.powi(-2));
+        let of_lengths =
+            0.01_f64.powi(2) * (0.04_f64.powi(-2) + 0.15_f64.powi(-2) + 0.25_f64.powi(-2) + 0.4_f64.powi(-2));
         assert!((cost / of_lengths - 1.0).abs() < 0.01, "{}: {cost} and {of_lengths}", room.name);
     }
 }

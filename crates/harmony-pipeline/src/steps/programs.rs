@@ -191,7 +191,24 @@ pub async fn ask(
     for answer in answers {
         found.extend(answer?);
     }
+    share(objects, &mut found);
     Ok(found)
+}
+
+/// Gives those of a set that were not asked about, for they are small in the photo, the program of the one that is seen
+/// largest.
+fn share(objects: &[Object], programs: &mut BTreeMap<ObjectId, Program>) {
+    let set = |o: &Object| {
+        o.said.matched_set.clone().filter(|set| !set.trim().is_empty()).map(|set| (set, o.said.kind.clone()))
+    };
+    let mut modelled: Vec<&Object> = objects.iter().filter(|o| programs.contains_key(&o.id)).collect();
+    modelled.sort_by_key(|o| (std::cmp::Reverse(o.mask.count()), o.id.clone()));
+    for object in objects.iter().filter(|o| set(o).is_some()) {
+        let Some(like) = modelled.iter().find(|o| set(o) == set(object)) else { continue };
+        if !programs.contains_key(&object.id) {
+            programs.insert(object.id.clone(), programs[&like.id].clone());
+        }
+    }
 }
 
 /// The questions for programs, by name, with the objects of each: those that matter, the largest in the photo first.
@@ -361,5 +378,35 @@ pub fn adopt(state: &mut SceneState, id: &ObjectId, made: Modelled, shape: Arc<S
             source: made.mesh.source,
             material: model.material,
         };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::{Level, Support};
+
+    use super::*;
+    use crate::testing::{add, empty_room};
+
+    #[test]
+    fn the_small_ones_of_a_set_get_the_program_of_the_largest() {
+        let mut state = empty_room();
+        let chair = |state: &mut SceneState, n: usize, z: f64, set: Option<&str>| {
+            let (size, at) = (Vec3::splat(0.5), Vec3::new(0.8 + 0.7 * n as f64, 0.0, z));
+            let id = add(state, &format!("chair_{n:02}"), Level::Furniture, size, at, Support::Floor);
+            state.objects.get_mut(&id).unwrap().said.matched_set = set.map(str::to_owned);
+            id
+        };
+        let near = chair(&mut state, 1, 3.2, Some("dining chairs"));
+        let other = chair(&mut state, 2, 2.6, Some("dining chairs"));
+        let far = chair(&mut state, 3, 0.8, Some("dining chairs"));
+        let lone = chair(&mut state, 4, 0.8, None);
+        let named = |name: &str| Program { source: name.to_owned(), params: BTreeMap::new() };
+        let mut programs = BTreeMap::from([(near.clone(), named("near")), (other.clone(), named("other"))]);
+        let objects: Vec<Object> = state.objects.values().cloned().collect();
+        share(&objects, &mut programs);
+        assert_eq!(programs.get(&far), Some(&named("near")));
+        assert_eq!(programs.get(&other), Some(&named("other")), "what was answered stays");
+        assert_eq!(programs.get(&lone), None);
     }
 }

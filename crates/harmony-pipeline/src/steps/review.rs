@@ -25,6 +25,8 @@ const FAR_OFF: (f64, f64) = (0.12, 0.04);
 /// Margin around a mask's box in which another is beside it, share of its size; and pairs that are tried together, at most.
 const BESIDE: f64 = 0.05;
 const MAX_PAIRS: usize = 8;
+/// Times that what is refused is tried: again once others were kept.
+const PASSES: usize = 2;
 /// Penetration from which a reviewer is told, metres.
 const DEEP: f64 = 0.02;
 
@@ -44,37 +46,13 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
         ctx.step(&format!("review {round}"));
         surfaces::keep_walls_open(state);
         let answer = ask(ctx, level, state, &name, std::mem::take(&mut tried)).await?;
-        let mut results = Vec::new();
-        let mut kept = 0;
-        let groups = grouped(&answer.actions);
-        let mut refused = Vec::new();
-        for (k, together) in groups.iter().enumerate() {
-            let result = try_together(ctx, state, together).await?;
-            kept += usize::from(result.kept);
-            refused.extend(result.refused.clone().map(|why| (k, why)));
-            tried.push(result.told);
-            results.push(result.record);
-        }
-        let which: Vec<usize> = refused.iter().map(|(k, _)| *k).collect();
-        for (a, b) in beside_each_other(state, &groups, &which) {
-            if [a, b].iter().any(|k| refused.iter().all(|(other, _)| other != k)) {
-                continue;
-            }
-            let both: Vec<&ReviewActionAnswer> = groups[a].iter().chain(&groups[b]).copied().collect();
-            let result = try_together(ctx, state, &both).await?;
-            if result.kept {
-                kept += 1;
-                tried.push(result.told);
-                results.push(result.record);
-                refused.retain(|(k, _)| *k != a && *k != b);
-            }
-        }
-        for (k, why) in refused {
-            ctx.warn(WarningKind::ActionRefused, ObjectId::new(&groups[k][0].id).ok(), why);
-        }
+        let mut came = Came::default();
+        try_all(ctx, state, &grouped(&answer.actions), &mut came).await?;
+        let kept = came.kept;
+        tried = came.told;
         ctx.write_json(
             &format!("{name}.json"),
-            &json!({ "issues": answer.issues, "converged": answer.converged, "actions": results, "kept": kept }),
+            &json!({ "issues": answer.issues, "converged": answer.converged, "actions": came.records, "kept": kept }),
         )?;
         // What moved is drawn in its colours in the next round.
         texture::level(ctx, state, level).await?;
@@ -83,6 +61,66 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
         }
     }
     Ok(())
+}
+
+/// What came of a round's actions.
+#[derive(Default)]
+struct Came {
+    kept: usize,
+    /// For the next round's question.
+    told: Vec<String>,
+    /// For `review_<n>.json`.
+    records: Vec<Value>,
+}
+
+/// Tries the groups one after another, refused ones with their neighbours, and what is still refused once more after
+/// others were kept: a chair comes to its place when the table has gone to its.
+async fn try_all(
+    ctx: &PhaseCtx<'_>,
+    state: &mut SceneState,
+    groups: &[Vec<&ReviewActionAnswer>],
+    came: &mut Came,
+) -> Result<(), PhaseError> {
+    let mut waiting: Vec<usize> = (0..groups.len()).collect();
+    for pass in 1..=PASSES {
+        let before = came.kept;
+        let mut refused: Vec<(usize, String)> = Vec::new();
+        for k in waiting {
+            let result = try_together(ctx, state, &groups[k]).await?;
+            refused.extend(result.refused.clone().map(|why| (k, why)));
+            if pass == 1 || result.kept {
+                came.takes(result);
+            }
+        }
+        let which: Vec<usize> = refused.iter().map(|(k, _)| *k).collect();
+        for (a, b) in beside_each_other(state, groups, &which) {
+            if [a, b].iter().any(|k| refused.iter().all(|(other, _)| other != k)) {
+                continue;
+            }
+            let both: Vec<&ReviewActionAnswer> = groups[a].iter().chain(&groups[b]).copied().collect();
+            let result = try_together(ctx, state, &both).await?;
+            if result.kept {
+                came.takes(result);
+                refused.retain(|(k, _)| *k != a && *k != b);
+            }
+        }
+        if pass == PASSES || came.kept == before {
+            for (k, why) in refused {
+                ctx.warn(WarningKind::ActionRefused, ObjectId::new(&groups[k][0].id).ok(), why);
+            }
+            break;
+        }
+        waiting = refused.into_iter().map(|(k, _)| k).collect();
+    }
+    Ok(())
+}
+
+impl Came {
+    fn takes(&mut self, tried: Tried) {
+        self.kept += usize::from(tried.kept);
+        self.told.push(tried.told);
+        self.records.push(tried.record);
+    }
 }
 
 async fn ask(

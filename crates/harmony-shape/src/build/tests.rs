@@ -2,7 +2,9 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::material::{MaterialSpec, PhotoMap};
-use crate::tree::{Boolean, Curve, Face, FuzzKind, JointKind, Kind, MAX_TRIANGLES, Node, NodeId, Section, ShapeTree, TreeError};
+use crate::tree::{
+    Boolean, Curve, Face, FuzzKind, JointKind, Kind, MAX_TRIANGLES, Node, NodeId, Section, ShapeTree, TreeError,
+};
 
 #[derive(Default)]
 struct Maker {

@@ -10,8 +10,10 @@ use harmony_scene::{Camera, Extents, Mask, Opening, OpeningKind, Pose, Room, Sup
 use super::beyond;
 use crate::state::SceneState;
 
-/// Openings of one wall that share more than this both ways are one, metres.
+/// Openings of one wall that share more than this both ways overlap, metres.
 const SHARED: f64 = 0.1;
+/// A passage of which a window or a door leaves less than this share is that window or door.
+const LEFT: f64 = 0.5;
 /// A silhouette's top is looked for from this far above where it was fitted, metres.
 const TOP_MARGIN: f64 = 0.15;
 /// Steps down from there, metres.
@@ -44,12 +46,25 @@ fn openings(state: &SceneState) -> Vec<Opening> {
     let mut out: Vec<Opening> = state.partial.placed.iter().filter_map(filled).collect();
     // Measured anew: room and camera have moved a little with what was placed.
     let (passages, _) = crate::phases::layout::passages(&state.layout.answer, camera, room);
+    let filled = out.clone();
     for passage in passages {
-        if !out.iter().any(|o| meet(o, &passage)) {
-            out.push(passage);
+        let width = passage.u[1] - passage.u[0];
+        let left = filled.iter().fold(passage, beside);
+        if left.u[1] - left.u[0] > LEFT * width && !out[filled.len()..].iter().any(|o| meet(o, &left)) {
+            out.push(left);
         }
     }
     out
+}
+
+/// What a window or a door leaves of a passage: the larger part beside it.
+fn beside(passage: Opening, filled: &Opening) -> Opening {
+    if !meet(filled, &passage) {
+        return passage;
+    }
+    let parts = [[passage.u[0], filled.u[0]], [filled.u[1], passage.u[1]]];
+    let [left, right] = parts.map(|[from, to]| to - from);
+    Opening { u: parts[usize::from(right > left)], ..passage }
 }
 
 /// Whether two openings share more than a frame's width.
@@ -234,6 +249,27 @@ mod tests {
         let (u, y) = closed_by(&mesh, &at_back(1.0, 0.1), Wall::Back).unwrap();
         near(u, [0.5, 1.5]);
         near(y, [0.1, 2.1]);
+    }
+
+    #[test]
+    fn a_leaf_beside_a_passage_takes_its_own_part_and_no_more() {
+        let opening = |u: [f64; 2], object: bool| Opening {
+            kind: OpeningKind::Door,
+            wall: Wall::Left,
+            u,
+            y: [0.0, 2.2],
+            inset: 0.0,
+            rise: 0.0,
+            object: object.then(|| harmony_scene::ObjectId::new("door_01").unwrap()),
+        };
+        let passage = opening([2.0, 4.5], false);
+        let left = |u: [f64; 2]| beside(passage.clone(), &opening(u, true)).u;
+        assert_eq!(left([0.2, 2.05]), [2.0, 4.5], "a frame's width");
+        assert_eq!(left([0.2, 2.25]), [2.25, 4.5]);
+        assert_eq!(left([4.0, 5.0]), [2.0, 4.0]);
+        assert_eq!(left([5.0, 6.0]), [2.0, 4.5]);
+        let other = Opening { wall: Wall::Back, ..opening([2.0, 4.0], true) };
+        assert_eq!(beside(passage.clone(), &other), passage);
     }
 
     #[test]
