@@ -2,7 +2,8 @@
 //! objects. Key `layout.openings`.
 //!
 //! A passage, an opening without a leaf, is outlined in the photo. The outline's rays on the plane that the photo shows
-//! beside it give where it is; what ends near the floor goes down to it. Whether a top is rounded follows from heights
+//! beside it give where it is; what ends near the floor goes down to it, and what the picture cuts is as large as was said.
+//! Whether a top is rounded follows from heights
 //! along it: of straight tops and arcs of circles the one that fits best, an arc only where it fits clearly better.
 
 use harmony_scene::{Camera, Opening, OpeningKind, Room, Vec2, Wall, WallPlane};
@@ -18,12 +19,16 @@ pub struct PassageHint {
     pub face: Vec<Vec2>,
     /// How far its top is rounded, metres; used where the outline does not tell.
     pub rise: f64,
+    /// Its width and height, metres; used where the picture's border cuts it.
+    pub size: Vec2,
 }
 
 /// Passages smaller than this are none, metres.
 const SMALLEST: f64 = 0.3;
 /// A lower end this near to the floor is there, metres.
 const AT_FLOOR: f64 = 0.25;
+/// Points this near to the picture's border, as a share of its longer side, are where it is cut.
+const AT_BORDER: f64 = 0.01;
 /// Points beside the outline, as a share of its size, show the wall that it is cut into.
 const BESIDE: f64 = 0.08;
 /// Heights taken along a top.
@@ -48,11 +53,25 @@ pub fn measure_passages(hints: &[PassageHint], camera: &Camera, room: &Room) -> 
 fn passage(hint: &PassageHint, camera: &Camera, room: &Room) -> Option<Opening> {
     let e = &room.extents;
     let plane = plane_of(hint, camera, room)?;
-    let corners: Vec<Vec2> = hint.face.iter().filter_map(|p| on_plane(plane, camera, room, *p)).collect();
+    let placed: Vec<(Vec2, Vec2)> =
+        hint.face.iter().filter_map(|p| Some((*p, on_plane(plane, camera, room, *p)?))).collect();
+    let corners: Vec<Vec2> = placed.iter().map(|(_, corner)| *corner).collect();
     if corners.len() < 3 {
         return None;
     }
-    let (low, high) = corners.iter().fold((Vec2::MAX, Vec2::MIN), |(l, h), p| (l.min(*p), h.max(*p)));
+    let (mut low, mut high) = corners.iter().fold((Vec2::MAX, Vec2::MIN), |(l, h), p| (l.min(*p), h.max(*p)));
+    let ends_at_border = |at_end: &dyn Fn(&Vec2) -> bool| {
+        placed.iter().any(|(pixel, corner)| at_end(corner) && is_at_border(camera, *pixel))
+    };
+    let cut = [ends_at_border(&|c| c.x < low.x + 0.02), ends_at_border(&|c| c.x > high.x - 0.02)];
+    match cut {
+        [true, false] => low.x = low.x.min(high.x - hint.size.x),
+        [false, true] => high.x = high.x.max(low.x + hint.size.x),
+        _ => {}
+    }
+    if ends_at_border(&|c| c.y > high.y - 0.02) {
+        high.y = high.y.max(hint.size.y);
+    }
     let u = [low.x.max(0.0), high.x.min(plane.wall.length(e))];
     let y = [if low.y < AT_FLOOR { 0.0 } else { low.y }, high.y.min(e.height)];
     if u[1] - u[0] < SMALLEST || y[1] - y[0] < SMALLEST {
@@ -61,6 +80,12 @@ fn passage(hint: &PassageHint, camera: &Camera, room: &Room) -> Option<Opening> 
     let outlined = rise_of(&tops(&corners, u), u);
     let rise = if corners.len() > 4 { outlined } else { hint.rise.max(0.0) };
     Some(Opening { kind: OpeningKind::Door, wall: plane.wall, u, y, inset: plane.inset, rise, object: None })
+}
+
+fn is_at_border(camera: &Camera, pixel: Vec2) -> bool {
+    let size = Vec2::new(f64::from(camera.size.width), f64::from(camera.size.height));
+    let near = AT_BORDER * size.max_element();
+    pixel.cmple(Vec2::splat(near)).any() || pixel.cmpge(size - near).any()
 }
 
 /// The plane, looking as the named wall does, that most rays just outside the outline meet.
@@ -170,7 +195,7 @@ mod tests {
     fn seen(opening: &Opening, room: &Room) -> PassageHint {
         let plane = WallPlane { wall: opening.wall, inset: opening.inset };
         let project = |p: &Vec2| camera().project(plane.point(&room.extents, p.x, p.y)).unwrap();
-        PassageHint { wall: opening.wall, face: opening.outline().iter().map(project).collect(), rise: 0.0 }
+        PassageHint { wall: opening.wall, face: opening.outline().iter().map(project).collect(), rise: 0.0, size: Vec2::ZERO }
     }
 
     fn passage_at(wall: Wall, u: [f64; 2], inset: f64, rise: f64) -> Opening {
@@ -197,9 +222,25 @@ mod tests {
     }
 
     #[test]
+    fn what_the_picture_cuts_is_as_wide_as_was_said() {
+        let r = room(vec![]);
+        let truth = passage_at(Wall::Left, [0.9, 3.6], 0.0, 0.0);
+        let mut hint = seen(&truth, &r);
+        let inside = |p: &Vec2| p.clamp(Vec2::ZERO, Vec2::new(640.0, 480.0));
+        // The near jamb is outside of the picture: the outline ends at its border.
+        hint.face = hint.face.iter().map(inside).collect();
+        let width = |size: Vec2| {
+            let (found, _) = measure_passages(&[PassageHint { size, ..hint.clone() }], &camera(), &r);
+            found[0].u[1] - found[0].u[0]
+        };
+        assert!(width(Vec2::ZERO) < 2.5, "{}", width(Vec2::ZERO));
+        assert!((width(Vec2::new(2.7, 2.1)) - 2.7).abs() < 0.02, "{}", width(Vec2::new(2.7, 2.1)));
+    }
+
+    #[test]
     fn an_outline_that_is_on_no_such_wall_is_left_out_and_said() {
         let r = room(vec![]);
-        let hint = PassageHint { wall: Wall::Front, face: vec![Vec2::ZERO, Vec2::new(9.0, 0.0), Vec2::ONE], rise: 0.0 };
+        let hint = PassageHint { wall: Wall::Front, face: vec![Vec2::ZERO, Vec2::new(9.0, 0.0), Vec2::ONE], rise: 0.0, size: Vec2::ZERO };
         let (found, notes) = measure_passages(&[hint], &camera(), &r);
         assert!(found.is_empty() && notes.len() == 1);
     }

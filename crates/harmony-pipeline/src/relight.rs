@@ -83,6 +83,7 @@ pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState, asked: bool) ->
     lighting.lights.retain(|light| !is_unseen_window(light) && !is_found_sun(light));
     lighting.lights.extend(unseen_windows(&state.partial.room, &state.partial.camera));
     lighting.lights.extend(sun_of(ctx, state, &lighting).await?);
+    crate::steps::shades::measure(state, &mut lighting.lights);
     let stage = Stage::new(ctx, state, field_nodes(state))?;
     ctx.step("measuring each light");
     let Some(light) = stage.measure(&lighting).await? else { return Ok(None) };

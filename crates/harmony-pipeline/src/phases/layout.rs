@@ -292,6 +292,7 @@ fn passage_hints(answer: &LayoutAnswer, size: ImageSize) -> Vec<PassageHint> {
             wall,
             face: o.face.iter().map(|p| pixel_of(p, size)).collect(),
             rise: o.arch_m.unwrap_or_default(),
+            size: glam::DVec2::new(o.width_m, o.height_m),
         };
         passages.map(hint).collect::<Vec<_>>()
     };

@@ -11,7 +11,7 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::outputs;
 use crate::relight::{LitPictures, finish, relight};
 use crate::state::SceneState;
-use crate::steps::{last_look, physical, shades};
+use crate::steps::{last_look, physical};
 use crate::views;
 
 /// Estimates materials and light; renders the lit picture when there is a path tracer.
@@ -29,7 +29,6 @@ pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneStat
     };
     let mut lighting = lights_from_scene(&state.partial.room, &objects, emitter);
     ask_sources(ctx, &state, &mut lighting).await?;
-    shades::measure(&state, &mut lighting.lights);
     state.lighting = Some(lighting.clone());
     let lit = if ctx.path_tracer { relight(ctx, &mut state, true).await? } else { None };
     if !ctx.path_tracer {

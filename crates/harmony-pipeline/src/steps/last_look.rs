@@ -56,6 +56,10 @@ pub async fn until_settled(
                 None => relit.push(action),
             }
         }
+        if changed {
+            // Before it is lit: a new shape has the colours that were said, not yet those of the photo.
+            super::shading::everything(ctx, state).await?;
+        }
         if changed && lit.is_some() {
             let after = format!("after_{name}");
             lit = relight(&ctx.inside(ctx.phase, &after), state, false).await?.or(lit);
@@ -81,9 +85,6 @@ pub async fn until_settled(
             if let Some((_, after)) = outcome {
                 lit = Some(after);
             }
-        }
-        if changed {
-            super::shading::everything(ctx, state).await?;
         }
         ctx.write_json(&format!("{name}.json"), &json!({ "differences": answer.differences, "tried": results }))?;
         if answer.converged || !changed {

@@ -14,6 +14,7 @@ const FEWEST: f64 = 5e-5;
 
 /// Puts the mean colour that the photo shows of its shade into each lamp's light.
 pub fn measure(state: &SceneState, lights: &mut [Light]) {
+    lights.iter_mut().for_each(|light| light.shade = None);
     let placed = &state.partial.placed;
     let owners: Vec<Option<usize>> = lights
         .iter()
