@@ -197,6 +197,7 @@ fn step(outcome: &mut ReviewOutcome, action: &ReviewAction, settings: &Placement
             for v in by_m {
                 in_range("a move", *v, -LONGEST_MOVE, LONGEST_MOVE)?;
             }
+            edit_item(after, i, |item| item.traits.corrected = true);
             carry(after, i, settings, |pose| pose.position += Vec3::from_array(*by_m));
             touched.push(object.clone());
         }

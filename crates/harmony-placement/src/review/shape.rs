@@ -41,7 +41,7 @@ pub fn reshape(
 
 /// As [`reshape`]; beside the old place the shape is also placed anew by what is seen of the object, and what explains more
 /// is taken: the old pose and size were fitted to the old shape, and a better one must not be judged by them. Where a
-/// reviewer has corrected turn or size they were not, and stay.
+/// reviewer has corrected place, turn or size they were not, and stay.
 ///
 /// # Errors
 /// [`ActionError::Unknown`].

@@ -30,7 +30,7 @@ pub struct Traits {
     pub heavily_occluded: bool,
     /// Its size is far outside what its kind has: little is thought of it.
     pub size_doubted: bool,
-    /// Its turn or its size was corrected by who saw it placed: another shape keeps both.
+    /// Its place, turn or size was corrected by who saw it placed: another shape keeps them.
     pub corrected: bool,
     /// It has a front that matters.
     pub has_front: bool,
