@@ -195,7 +195,12 @@ mod tests {
     fn seen(opening: &Opening, room: &Room) -> PassageHint {
         let plane = WallPlane { wall: opening.wall, inset: opening.inset };
         let project = |p: &Vec2| camera().project(plane.point(&room.extents, p.x, p.y)).unwrap();
-        PassageHint { wall: opening.wall, face: opening.outline().iter().map(project).collect(), rise: 0.0, size: Vec2::ZERO }
+        PassageHint {
+            wall: opening.wall,
+            face: opening.outline().iter().map(project).collect(),
+            rise: 0.0,
+            size: Vec2::ZERO,
+        }
     }
 
     fn passage_at(wall: Wall, u: [f64; 2], inset: f64, rise: f64) -> Opening {
@@ -240,7 +245,12 @@ mod tests {
     #[test]
     fn an_outline_that_is_on_no_such_wall_is_left_out_and_said() {
         let r = room(vec![]);
-        let hint = PassageHint { wall: Wall::Front, face: vec![Vec2::ZERO, Vec2::new(9.0, 0.0), Vec2::ONE], rise: 0.0, size: Vec2::ZERO };
+        let hint = PassageHint {
+            wall: Wall::Front,
+            face: vec![Vec2::ZERO, Vec2::new(9.0, 0.0), Vec2::ONE],
+            rise: 0.0,
+            size: Vec2::ZERO,
+        };
         let (found, notes) = measure_passages(&[hint], &camera(), &r);
         assert!(found.is_empty() && notes.len() == 1);
     }

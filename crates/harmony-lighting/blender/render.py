@@ -53,9 +53,7 @@ EMITTED = 0.88
 # within the shade and is even.
 FROM_BULB = 0.6
 # Share of the light that falls through hair on the hair behind it: each is thin and pale light is thrown on by many.
-THROUGH_HAIR = 0.7
-# Most light that one sample may bring to a picture, after exposure: more is white in every view.
-BRIGHTEST = 16.0
+THROUGH_HAIR = 0.9
 
 
 def to_blender(v):
@@ -734,8 +732,7 @@ def set_engine(scene):
     cycles.transmission_bounces, cycles.transparent_max_bounces = 6, 12
     cycles.caustics_reflective = cycles.caustics_refractive = False
     cycles.sample_clamp_indirect = 10.0
-    # A pillow's tip within a window's rectangle of light would be white dots.
-    cycles.sample_clamp_direct = BRIGHTEST / 2.0 ** JOB["lighting"]["exposure"] if JOB["mode"] == "lit" else 0.0
+    cycles.sample_clamp_direct = 0.0
     scene.display_settings.display_device = "sRGB"
     set_view(scene, JOB["view"])
     scene.view_settings.exposure = JOB["lighting"]["exposure"]

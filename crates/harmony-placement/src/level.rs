@@ -14,7 +14,7 @@ use crate::observe::{Contour, Window, drop_strangers, neighbours};
 use crate::propose::between_curtains;
 use crate::scene::attachment::{PoseConstraint, YawRule, angle_between, attachment_of};
 use crate::scene::subtree::{subtree, take_along};
-use crate::solve::joint::refine_globally;
+use crate::solve::joint::{LOST, refine_globally};
 use crate::solve::local::solve;
 use crate::terms::placed_energy;
 use crate::{Evidence, Item, OrderReport, PartialScene, Placed, PlacementSettings};
@@ -127,6 +127,7 @@ pub fn place_level(
     while let Some(item) = waiting.pop() {
         place_one(scene, &item, &waiting, settings, &mut report);
     }
+    let each = Finished::of(scene);
     if settings.refinement && settings.global_refinement {
         measure_all(scene, settings);
         report.global = refine_globally(scene, settings);
@@ -143,7 +144,9 @@ pub fn place_level(
     }
     settle_all(scene, settings);
     let scale = report.global.filter(|g| g.kept).map_or(1.0, |g| g.scale);
-    finished.hold(scene, scale, settings);
+    finished.hold(scene, scale, 0.0, settings);
+    // What all of them together, and what stands in what, moved too far from what is seen of it: a cushion onto an arm.
+    each.hold(scene, scale, LOST, settings);
     report.shifted_x = scene.fit_loose_walls();
     settle_all(scene, settings);
     hang_in_layers(scene, settings);
@@ -161,7 +164,7 @@ pub fn place_level(
 /// Smaller changes are no drift: metres, radians, logarithm of the scale.
 const STILL: (f64, f64, f64) = (0.01, 0.01, 0.01);
 
-/// Where the objects of earlier levels stood, and the camera that saw them so.
+/// Where objects stood, and the camera that saw them so.
 struct Finished {
     camera: Camera,
     poses: Vec<(ObjectId, Pose)>,
@@ -172,9 +175,9 @@ impl Finished {
         Self { camera: scene.camera, poses: scene.placed.iter().map(|p| (p.item.id.clone(), p.pose)).collect() }
     }
 
-    /// Puts finished objects back that agree less with what is seen of them where they are now, and would not be in anything
-    /// where they were: a later level moves them with camera and scale, and where it has reasons.
-    fn hold(&self, scene: &mut PartialScene, scale: f64, settings: &PlacementSettings) {
+    /// Puts objects back that agree less with what is seen of them where they are now, by so many nats, and would not be in
+    /// anything where they were: a later level moves them with camera and scale, and where it has reasons.
+    fn hold(&self, scene: &mut PartialScene, scale: f64, by: f64, settings: &PlacementSettings) {
         let turn = scene.camera.rotation.transpose() * self.camera.rotation;
         let (from, to) = (self.camera.centre(), scene.camera.centre());
         for (id, pose) in &self.poses {
@@ -198,7 +201,7 @@ impl Finished {
             let Some(was) = energy(scene) else { continue };
             let mut tried = scene.clone();
             take_along(&mut tried, i, back);
-            let better = energy(&tried).is_some_and(|is| accepts(was, is, 0.0));
+            let better = energy(&tried).is_some_and(|is| accepts(was, is, -by));
             if better && depth(&tried) <= depth(scene) {
                 tracing::debug!(object = %id, "held where it was");
                 *scene = tried;
@@ -491,7 +494,15 @@ mod tests {
         // A later level shifts both.
         let shift = Vec3::new(0.25, 0.0, 0.0);
         scene.placed.iter_mut().for_each(|p| p.pose.position += shift);
-        finished.hold(&mut scene, 1.0, &settings);
+        let mut slightly = scene.clone();
+        slightly.placed.iter_mut().for_each(|p| p.pose.position -= shift * 0.9);
+        let there = slightly.placed[0].pose.position;
+        finished.hold(&mut slightly, 1.0, LOST, &settings);
+        assert!(slightly.placed[0].pose.position.distance(there) < 1e-6, "a few centimetres are no {LOST} nats");
+        let mut far = scene.clone();
+        finished.hold(&mut far, 1.0, LOST, &settings);
+        assert!(far.placed[0].pose.position.distance(at) < 1e-6, "{:?}", far.placed[0].pose);
+        finished.hold(&mut scene, 1.0, 0.0, &settings);
         assert!(scene.placed[0].pose.position.distance(at) < 1e-6, "{:?}", scene.placed[0].pose);
         assert!(scene.placed[1].pose.position.distance(at + Vec3::Y * 0.7) < 1e-6);
         // Where it agrees better than before, it stays.
@@ -499,7 +510,7 @@ mod tests {
             camera: scene.camera,
             poses: vec![(scene.placed[0].item.id.clone(), Pose::new(at + shift, 0.0, 1.0))],
         };
-        elsewhere.hold(&mut scene, 1.0, &settings);
+        elsewhere.hold(&mut scene, 1.0, 0.0, &settings);
         assert!(scene.placed[0].pose.position.distance(at) < 1e-6);
         // A camera that turned takes the scene with it.
         let turn = harmony_scene::Mat3::from_rotation_y(0.3);

@@ -170,10 +170,13 @@ pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &Sur
         }
     }
     if found.is_empty() {
-        // All of it is in the host: it lies on what is above it, as a pillow on the seat that it has sunk into.
+        // All of it is in the host: it lies on what is above it, as a pillow on the seat that it has sunk into; but one that
+        // stands at the height of the seat leans into an arm or a backrest.
         let share = above.len() as f64 / f64::from(rays);
         above.sort_by(f64::total_cmp);
-        return (share > MOSTLY).then(|| Surface { height: above[above.len() / 2], share });
+        let on_a_level =
+            || layers(host, query.object_height).iter().any(|layer| (layer.height - query.level).abs() < LEVEL_SLACK);
+        return (share > MOSTLY && !on_a_level()).then(|| Surface { height: above[above.len() / 2], share });
     }
     // Where a part is in the host (in a backrest) that says nothing about its surface; collisions have their say there.
     found.sort_by(f64::total_cmp);
@@ -270,6 +273,30 @@ mod back_tests {
         assert!(gap(1.2).unwrap().abs() < 1e-6);
         // Nothing behind it: above the backrest.
         assert_eq!(gap_to_back(&host, &cushion, &Pose::new(Vec3::new(2.0, 1.5, 1.5), 0.0, 1.0)), None);
+    }
+
+    #[test]
+    fn a_cushion_that_leans_into_an_arm_does_not_stand_on_it() {
+        let scene = empty_room();
+        // A seat 1.4 m wide and 0.42 m high beside an arm of 0.2 m that ends 0.2 m above it.
+        let seat = (Vec3::new(1.4, 0.42, 0.8), Vec3::ZERO);
+        let arm = (Vec3::new(0.3, 0.62, 0.8), Vec3::X * 0.84);
+        let mut item = boxed(&scene, Vec3::new(2.0, 0.62, 0.8), Vec3::new(2.0, 0.0, 2.0), 0.0);
+        item.shape = Arc::new(of_boxes(&[seat, arm]));
+        let host = Placed {
+            item: Arc::new(item),
+            pose: Pose::new(Vec3::new(2.0, 0.0, 2.0), 0.0, 1.0),
+            support: harmony_scene::Support::Floor,
+            evidence: crate::Evidence::default(),
+        };
+        let cushion = boxed(&scene, Vec3::new(0.2, 0.35, 0.3), Vec3::new(2.0, 0.42, 2.0), 0.0);
+        let under = |x: f64, level: f64| {
+            let query = SurfaceQuery { level, object_height: 0.35, soft: true };
+            surface_under(&host, &cushion, &Pose::new(Vec3::new(x, level, 2.0), 0.0, 1.0), &query).map(|s| s.height)
+        };
+        assert!(under(2.3, 0.42).is_some_and(|h| (h - 0.42).abs() < 1e-6));
+        assert_eq!(under(2.84, 0.42), None, "it stays at the height of the seat");
+        assert!(under(2.84, 0.6).is_some_and(|h| (h - 0.62).abs() < 1e-6), "what is put on the arm is on it");
     }
 
     #[test]

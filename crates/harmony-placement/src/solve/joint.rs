@@ -37,7 +37,7 @@ const TETHER: [f64; 3] = [0.3, 0.12, 0.3];
 /// Spread of the sizes that a good model names, judged from so many objects on; others' sigmas grow by up to three times.
 const GOOD_SIZES: (f64, usize, f64) = (0.15, 8, 3.0);
 /// Nats of agreement that an object may lose before it is solved anew.
-const LOST: f64 = 3.0;
+pub(crate) const LOST: f64 = 3.0;
 /// Objects that agree less with their masks say nothing about the others.
 const TRUSTED_IOU: f64 = 0.6;
 /// A depth farther from the object's than this is another surface's (logarithm).
@@ -108,7 +108,7 @@ struct Problem<'a> {
 
 /// Refines everything that is placed; the scene changes only when its energy falls.
 ///
-/// `None` where calibration left no posterior (no point map) or nothing is placed.
+/// `None` where calibration left no posterior (neither a point map nor pins) or nothing is placed.
 pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -> Option<GlobalReport> {
     let posterior = scene.posterior.as_ref()?.clone().with_height_known_to(settings.noise.height);
     let before_each = scene_energy(scene, settings);
