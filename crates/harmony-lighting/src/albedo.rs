@@ -159,7 +159,8 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
             })
             .collect();
         // What a blue wall needs by channel is no hint for a beige one: the others learn the level alone.
-        found.push(Found { node, pixels: counted, level: luminance(mean.map(f32::exp2)).log2() });
+        let level = luminance(mean.map(f32::exp2)).log2();
+        found.push(Found { node, pixels: counted, level, hue: mean.map(|m| m - level) });
         // What is too bright is so by both, colour and gloss: a black stove came out grey, its colour being dark already.
         let change = luminance(mean.map(f32::exp2)) / luminance(old_mean.map(f32::exp2));
         let gloss = (before.map_or(1.0, |b| b.gloss) * change).min(1.0);
@@ -177,28 +178,27 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
     next
 }
 
-/// A node that was seen, and its level, log2.
+/// A node that was seen, its level and its channels against that, log2.
 struct Found<'a> {
     node: &'a FieldNode,
     pixels: usize,
     level: f32,
+    hue: [f32; 3],
 }
 
 /// Gives one material of several alike things, whose colour was said once, one hue: beside a sunlit floor one chair of ten
 /// came out yellow. How bright each is stays its own.
 fn share_hues(field: &mut AlbedoField, found: &[Found<'_>]) {
-    let mut twins: BTreeMap<(&str, Option<&str>), Vec<(&str, f32, [f32; 3])>> = BTreeMap::new();
+    let mut twins: BTreeMap<(&str, Option<&str>), Vec<&Found<'_>>> = BTreeMap::new();
     for f in found.iter().filter(|f| f.node.is_even && f.node.kind == "object") {
-        let Some(cells) = field.nodes.get(&f.node.name) else { continue };
-        let own = (f.node.name.as_str(), f.pixels as f32, cells.mean.map(|m| m.log2() - f.level));
-        twins.entry((f.node.design(), f.node.material())).or_default().push(own);
+        twins.entry((f.node.design(), f.node.material())).or_default().push(f);
     }
     for alike in twins.values().filter(|alike| alike.len() > 1) {
-        let pixels: f32 = alike.iter().map(|(_, n, _)| n).sum();
-        let hue = [0, 1, 2].map(|c| alike.iter().map(|(_, n, hue)| n * hue[c]).sum::<f32>() / pixels);
-        for (name, _, own) in alike {
-            let Some(cells) = field.nodes.get_mut(*name) else { continue };
-            let turned = |log: [f32; 3]| rounded([0, 1, 2].map(|c| log[c].log2() + hue[c] - own[c]));
+        let pixels: f32 = alike.iter().map(|f| f.pixels as f32).sum();
+        let hue = [0, 1, 2].map(|c| alike.iter().map(|f| f.pixels as f32 * f.hue[c]).sum::<f32>() / pixels);
+        for f in alike {
+            let Some(cells) = field.nodes.get_mut(&f.node.name) else { continue };
+            let turned = |log: [f32; 3]| rounded([0, 1, 2].map(|c| log[c].log2() + hue[c] - f.hue[c]));
             cells.mean = turned(cells.mean);
             cells.factors.iter_mut().for_each(|f| *f = turned(*f));
         }

@@ -346,7 +346,7 @@ mod tests {
         );
         let (from, to) = around(&[sofa], (low, high));
         assert_eq!(from, Vec3::ZERO);
-        assert!((to - Vec3::new(2.6, 2.6, 2.35)).abs().max_element() < 0.01, "to {to}");
+        assert!((to - Vec3::new(2.6, 2.6, 2.25)).abs().max_element() < 0.01, "to {to}");
         let far = (Pose::new(Vec3::new(3.8, 0.0, 5.4), 0.0, 1.0), Size::from_vec(Vec3::splat(0.4)));
         assert_eq!(around(&[sofa, far], (low, high)), (low, high));
         assert_eq!(around(&[], (low, high)), (low, high));

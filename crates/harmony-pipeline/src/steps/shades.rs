@@ -14,7 +14,9 @@ const FEWEST: f64 = 5e-5;
 
 /// Puts the mean colour that the photo shows of its shade into each lamp's light.
 pub fn measure(state: &SceneState, lights: &mut [Light]) {
-    lights.iter_mut().for_each(|light| light.shade = None);
+    for light in lights.iter_mut() {
+        light.shade = None;
+    }
     let placed = &state.partial.placed;
     let owners: Vec<Option<usize>> = lights
         .iter()
@@ -98,7 +100,9 @@ mod tests {
             assert!((seen - f64::from(linear_from_srgb(byte / 255.0))).abs() < 1e-3, "{shade:?}");
         }
         assert_eq!(of(&bare), None, "nothing of it is called a shade");
-        lights.iter_mut().for_each(|light| (light.on, light.shade) = (false, None));
+        for light in &mut lights {
+            (light.on, light.shade) = (false, None);
+        }
         measure(&state, &mut lights);
         assert_eq!(lights.iter().filter(|light| light.shade.is_some()).count(), 0, "what is off does not shine");
     }

@@ -189,14 +189,14 @@ mod tests {
         state.trims.skirting = Some(board([240, 240, 235]));
         let alone = rgb8_from_linear(in_photo(&state).skirting.unwrap().color);
         assert!(alone.iter().all(|c| (78..83).contains(c)), "of an even wall: {alone:?}");
-        let texture = |dark: bool| {
+        let texture = |dark_from: u32| {
             let picture = image::RgbaImage::from_fn(90, 45, |x, _| {
-                image::Rgba(if dark && x > 50 { [100, 100, 100, 255] } else { [200, 200, 200, 255] })
+                image::Rgba(if x >= dark_from { [100, 100, 100, 255] } else { [200, 200, 200, 255] })
             });
             Arc::new(picture)
         };
-        state.surfaces = [(Surface::Back, true), (Surface::Left, false), (Surface::Right, false)]
-            .map(|(wall, dark)| (wall, texture(dark)))
+        state.surfaces = [(Surface::Back, 60), (Surface::Left, 90), (Surface::Right, 0)]
+            .map(|(wall, dark_from)| (wall, texture(dark_from)))
             .into();
         let color = rgb8_from_linear(in_photo(&state).skirting.unwrap().color);
         assert!(color.iter().all(|c| *c > 100), "{color:?}");
