@@ -23,7 +23,6 @@
 mod blend;
 mod budget;
 mod check;
-mod connected;
 mod error;
 mod files;
 mod glb;

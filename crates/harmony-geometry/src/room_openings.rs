@@ -2,9 +2,9 @@
 //! objects. Key `layout.openings`.
 //!
 //! A passage, an opening without a leaf, is outlined in the photo. The outline's rays on the plane that the photo shows
-//! beside it give where it is; what ends near the floor goes down to it, and what the picture cuts is as large as was said.
-//! Whether a top is rounded follows from heights
-//! along it: of straight tops and arcs of circles the one that fits best, an arc only where it fits clearly better.
+//! beside it give where it is; what ends near the floor goes down to it, and what the picture cuts is as large as was
+//! said. Whether a top is rounded follows from heights along it: of straight tops and arcs of circles the one that fits
+//! best, an arc only where it fits clearly better.
 
 use harmony_scene::{Camera, Opening, OpeningKind, Room, Vec2, Wall, WallPlane};
 
@@ -29,6 +29,8 @@ const SMALLEST: f64 = 0.3;
 const AT_FLOOR: f64 = 0.25;
 /// Points this near to the picture's border, as a share of its longer side, are where it is cut.
 const AT_BORDER: f64 = 0.01;
+/// Corners this near to a side's end are on that side, metres.
+const AT_END: f64 = 0.02;
 /// Points beside the outline, as a share of its size, show the wall that it is cut into.
 const BESIDE: f64 = 0.08;
 /// Heights taken along a top.
@@ -63,13 +65,13 @@ fn passage(hint: &PassageHint, camera: &Camera, room: &Room) -> Option<Opening> 
     let ends_at_border = |at_end: &dyn Fn(&Vec2) -> bool| {
         placed.iter().any(|(pixel, corner)| at_end(corner) && is_at_border(camera, *pixel))
     };
-    let cut = [ends_at_border(&|c| c.x < low.x + 0.02), ends_at_border(&|c| c.x > high.x - 0.02)];
+    let cut = [ends_at_border(&|c| c.x < low.x + AT_END), ends_at_border(&|c| c.x > high.x - AT_END)];
     match cut {
         [true, false] => low.x = low.x.min(high.x - hint.size.x),
         [false, true] => high.x = high.x.max(low.x + hint.size.x),
         _ => {}
     }
-    if ends_at_border(&|c| c.y > high.y - 0.02) {
+    if ends_at_border(&|c| c.y > high.y - AT_END) {
         high.y = high.y.max(hint.size.y);
     }
     let u = [low.x.max(0.0), high.x.min(plane.wall.length(e))];

@@ -4,6 +4,7 @@
 
 mod bvh;
 mod clean;
+mod connected;
 mod convex;
 mod front;
 mod mesh;
@@ -17,6 +18,7 @@ mod upright;
 
 pub use bvh::{Bvh, Hit, closest_on_triangle};
 pub use clean::{CleanReport, canonicalise, clean, simple_form};
+pub use connected::connected;
 pub use convex::{ConvexPart, MAX_HULL_POINTS, convex_parts, hull_points};
 pub use front::{broad_sides, front_by_form, front_by_size};
 pub use mesh::{Bounds, Group, Material, Mesh, MeshError, Tile};

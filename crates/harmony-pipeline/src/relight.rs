@@ -83,7 +83,7 @@ pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState, asked: bool) ->
     lighting.lights.retain(|light| !is_unseen_window(light) && !is_found_sun(light));
     lighting.lights.extend(unseen_windows(&state.partial.room, &state.partial.camera));
     lighting.lights.extend(sun_of(ctx, state, &lighting).await?);
-    crate::steps::shades::measure(state, &mut lighting.lights);
+    lighting.lights = with_shades(ctx, state, lighting.lights).await?;
     let stage = Stage::new(ctx, state, field_nodes(state))?;
     ctx.step("measuring each light");
     let Some(light) = stage.measure(&lighting).await? else { return Ok(None) };
@@ -142,6 +142,16 @@ async fn sun_of(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &Lighting) -> 
     let found = ctx.computed(move || crate::steps::sun::found(&state, &lighting)).await?;
     ctx.write_json("sun.json", &found)?;
     Ok(found.map(|sun| sun.light))
+}
+
+/// The lights with what the photo shows of their shades.
+async fn with_shades(ctx: &PhaseCtx<'_>, state: &SceneState, mut lights: Vec<Light>) -> Result<Vec<Light>, PhaseError> {
+    let state = state.clone();
+    ctx.computed(move || {
+        crate::steps::shades::measure(&state, &mut lights);
+        lights
+    })
+    .await
 }
 
 /// Renders a lit scene again with another light and keeps it, unless it then agrees less with the photo; the reason

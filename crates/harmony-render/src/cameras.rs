@@ -104,10 +104,9 @@ fn around(things: &[(Pose, Size)], (low, high): (Vec3, Vec3)) -> (Vec3, Vec3) {
     let (mut from, mut to) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for (pose, size) in things {
         let half = size.as_vec() / 2.0;
-        for corner in corners(-half, half) {
-            let (sin, cos) = pose.yaw.sin_cos();
-            let turned = Vec3::new(cos * corner.x + sin * corner.z, corner.y, cos * corner.z - sin * corner.x);
-            (from, to) = (from.min(pose.position + turned), to.max(pose.position + turned));
+        let metric = Pose { scale: 1.0, stretch: Vec3::ONE, ..*pose };
+        for corner in corners(-half, half).map(|c| metric.point(c)) {
+            (from, to) = (from.min(corner), to.max(corner));
         }
     }
     if !(from.is_finite() && to.is_finite()) {

@@ -13,14 +13,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
-use harmony_mesh::{Mesh, simple_form};
+use harmony_mesh::{Mesh, connected, simple_form};
 use i_overlay::core::fill_rule::FillRule;
 use i_overlay::core::overlay_rule::OverlayRule;
 use i_overlay::float::clip::FloatClip;
 use i_overlay::float::single::SingleFloatOverlay;
 use i_overlay::string::clip::ClipRule;
-
-use crate::connected::connected;
 
 /// A closed line, the first point not repeated.
 pub(crate) type Loop = Vec<[f64; 2]>;

@@ -18,10 +18,8 @@ use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};
 use harmony_catalogue::{Axis, Joint, Motion as KindMotion, kind};
-use harmony_mesh::Mesh;
+use harmony_mesh::{Mesh, connected};
 use harmony_scene::{Motion, MovingPart};
-
-use crate::connected::connected;
 
 /// Slots whose parts are fronts, and slots of what is on them.
 const FRONTS: [&str; 3] = ["fronts", "doors", "leaf"];

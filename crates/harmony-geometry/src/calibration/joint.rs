@@ -125,7 +125,8 @@ pub struct RoomPosterior {
     /// The unknowns at which it holds; the scale is that of the points as they are delivered, so that its logarithm
     /// is 0 until somebody scales them.
     pub mean: [f64; 10],
-    /// The part of it that a model's guesses of lengths have (camera height, distance to the back wall, width): each
+    /// The part of it that a model's guesses of lengths have (camera height, distance to the back wall, width, and of pins
+    /// alone how far left the camera stands): each
     /// one's derivatives and how far it is off at `mean`, in units of its sigma.
     pub hints: Vec<([f64; 10], f64)>,
 }

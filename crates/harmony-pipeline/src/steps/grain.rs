@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use harmony_imaging::color::{linear_from_rgb8, rgb8_from_linear};
-use harmony_mesh::{Group, Mesh, Tile};
+use harmony_mesh::{Mesh, Tile};
 use harmony_render::{Glass, Instance, Lighting, RenderOptions, Stands, render};
 use harmony_scene::Camera;
 use image::{RgbImage, Rgba, RgbaImage};
@@ -44,20 +44,8 @@ pub fn as_seen(shell: &Mesh, stands: &[Stands<'_>], camera: &Camera, photo: &Rgb
         return made;
     }
     let number = |k: usize, m: usize| slots.iter().position(|slot| *slot == (k, m)).map_or(1, |i| i as u32 + 2);
-    let pieces: Vec<(usize, u32, Mesh)> = stands
-        .iter()
-        .enumerate()
-        .flat_map(|(k, stand)| {
-            let mut numbers: Vec<u32> = (0..stand.mesh.materials.len()).map(|m| number(k, m)).collect();
-            numbers.sort_unstable();
-            numbers.dedup();
-            numbers.into_iter().map(move |n| (k, n, stand.mesh))
-        })
-        .map(|(k, n, mesh)| {
-            let own = |group: &&Group| number(k, group.material) == n;
-            let groups = mesh.groups.iter().filter(own).cloned().collect();
-            (k, n, Mesh { groups, colors: Vec::new(), ..mesh.clone() })
-        })
+    let pieces: Vec<(usize, u32, Mesh)> = (stands.iter().enumerate())
+        .flat_map(|(k, stand)| numbered(stand.mesh, |m| number(k, m)).into_iter().map(move |(n, mesh)| (k, n, mesh)))
         .collect();
     let posed = pieces.iter().map(|(k, n, mesh)| Instance::posed(mesh, &stands[*k].pose, *n));
     let instances: Vec<Instance<'_>> = std::iter::once(Instance::in_room(shell, 1)).chain(posed).collect();
@@ -97,6 +85,18 @@ pub fn as_seen(shell: &Mesh, stands: &[Stands<'_>], camera: &Camera, photo: &Rgb
         }
     }
     made
+}
+
+/// A mesh taken apart by the numbers of its materials, without light on it: what frames of ids tell apart.
+pub(super) fn numbered(mesh: &Mesh, number: impl Fn(usize) -> u32) -> Vec<(u32, Mesh)> {
+    let mut numbers: Vec<u32> = mesh.groups.iter().map(|group| number(group.material)).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    let part = |n: u32| {
+        let groups = mesh.groups.iter().filter(|group| number(group.material) == n).cloned().collect();
+        (n, Mesh { groups, colors: Vec::new(), ..mesh.clone() })
+    };
+    numbers.into_iter().map(part).collect()
 }
 
 /// Upper left corners of the squares of an image.
@@ -173,7 +173,7 @@ fn rgb(Rgba([r, g, b, _]): Rgba<u8>) -> [u8; 3] {
 #[cfg(test)]
 mod tests {
     use glam::{DVec3, Vec2, Vec3};
-    use harmony_mesh::Material;
+    use harmony_mesh::{Group, Material};
     use harmony_scene::{ImageSize, Intrinsics, Mask, Pose};
 
     use super::*;

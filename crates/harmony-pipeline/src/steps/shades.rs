@@ -6,6 +6,7 @@ use harmony_mesh::Mesh;
 use harmony_render::{Glass, Instance, Lighting as Look, RenderOptions, render_depth_ids};
 use harmony_scene::Light;
 
+use super::grain::numbered;
 use crate::state::SceneState;
 use crate::views;
 
@@ -30,13 +31,7 @@ pub fn measure(state: &SceneState, lights: &mut [Light]) {
         let number = |m: usize| {
             light.filter(|_| mesh.materials.get(m).is_some_and(is_shade)).map_or(1, |light| light as u32 + 2)
         };
-        let mut numbers: Vec<u32> = mesh.groups.iter().map(|g| number(g.material)).collect();
-        numbers.sort_unstable();
-        numbers.dedup();
-        pieces.extend(numbers.into_iter().map(|n| {
-            let groups = mesh.groups.iter().filter(|g| number(g.material) == n).cloned().collect();
-            (k, n, Mesh { groups, colors: Vec::new(), ..Mesh::clone(mesh) })
-        }));
+        pieces.extend(numbered(mesh, number).into_iter().map(|(n, mesh)| (k, n, mesh)));
     }
     if pieces.iter().all(|(_, number, _)| *number == 1) {
         return;

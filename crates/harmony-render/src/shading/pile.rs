@@ -1,7 +1,7 @@
 //! Light within hair: it reaches the tips, and little of it the roots.
 
 use glam::Vec3;
-use harmony_mesh::Mesh;
+use harmony_mesh::{Mesh, connected};
 
 /// Most vertices of a hair: a larger connected piece is what it grows on.
 const HAIR: usize = 64;
@@ -11,44 +11,27 @@ const LIGHT: [f32; 2] = [0.8, 1.07];
 /// Factors on the light at the vertices of a placed mesh; 1 where there is no hair.
 pub(super) fn light(mesh: &Mesh) -> Vec<f32> {
     let mut out = vec![1.0; mesh.positions.len()];
-    let hairy = mesh.groups.iter().filter(|g| mesh.materials.get(g.material).is_some_and(|m| m.hairy));
-    let triangles: Vec<[u32; 3]> = hairy.flat_map(|g| g.triangles.iter().copied()).collect();
-    for piece in pieces(&triangles, mesh.positions.len()) {
-        let up = piece.iter().map(|i| mesh.normals[*i as usize]).sum::<Vec3>().normalize_or(Vec3::Y);
-        let height = |i: &u32| mesh.positions[*i as usize].dot(up);
-        let (low, high) = piece.iter().map(height).fold((f32::MAX, f32::MIN), |(l, h), v| (l.min(v), h.max(v)));
-        for i in &piece {
-            let share = if piece.len() > HAIR || high <= low { 0.0 } else { (height(i) - low) / (high - low) };
+    let is_hairy = |g: usize| mesh.materials.get(mesh.groups[g].material).is_some_and(|m| m.hairy);
+    let hairy = || mesh.groups.iter().enumerate().filter(|(g, _)| is_hairy(*g));
+    if hairy().next().is_none() {
+        return out;
+    }
+    let strand = connected(mesh, &is_hairy);
+    let mut places: Vec<(u32, u32)> =
+        hairy().flat_map(|(_, g)| g.triangles.iter().flatten().map(|i| (strand[*i as usize], *i))).collect();
+    places.sort_unstable();
+    places.dedup();
+    for piece in places.chunk_by(|a, b| a.0 == b.0) {
+        let up = piece.iter().map(|(_, i)| mesh.normals[*i as usize]).sum::<Vec3>().normalize_or(Vec3::Y);
+        let height = |i: u32| mesh.positions[i as usize].dot(up);
+        let heights = piece.iter().map(|(_, i)| height(*i));
+        let (low, high) = heights.fold((f32::MAX, f32::MIN), |(l, h), v| (l.min(v), h.max(v)));
+        for (_, i) in piece {
+            let share = if piece.len() > HAIR || high <= low { 0.0 } else { (height(*i) - low) / (high - low) };
             out[*i as usize] = LIGHT[0] + (LIGHT[1] - LIGHT[0]) * share;
         }
     }
     out
-}
-
-/// The vertices of each connected piece.
-fn pieces(triangles: &[[u32; 3]], vertices: usize) -> Vec<Vec<u32>> {
-    let mut parent: Vec<u32> = (0..vertices as u32).collect();
-    for [a, b, c] in triangles {
-        let root = root_of(&mut parent, *a);
-        for other in [b, c] {
-            let other = root_of(&mut parent, *other);
-            parent[other as usize] = root;
-        }
-    }
-    let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
-    used.sort_unstable();
-    used.dedup();
-    let mut by_root: Vec<(u32, u32)> = used.into_iter().map(|i| (root_of(&mut parent, i), i)).collect();
-    by_root.sort_unstable();
-    by_root.chunk_by(|a, b| a.0 == b.0).map(|piece| piece.iter().map(|(_, i)| *i).collect()).collect()
-}
-
-fn root_of(parent: &mut [u32], mut i: u32) -> u32 {
-    while parent[i as usize] != i {
-        parent[i as usize] = parent[parent[i as usize] as usize];
-        i = parent[i as usize];
-    }
-    i
 }
 
 #[cfg(test)]

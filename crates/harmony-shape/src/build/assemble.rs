@@ -8,7 +8,6 @@ use harmony_mesh::{ConvexPart, Group, Material, Mesh, hull_points, pack_charts};
 use rayon::prelude::*;
 
 use super::charts::{Chart, charts};
-use super::soft::HAIRS;
 use super::{BuildContext, Built, BuiltShape, Look, Part, report};
 use crate::Piece;
 use crate::material::PatternKind;
@@ -42,7 +41,7 @@ pub(super) fn assemble(tree: &ShapeTree, ctx: &BuildContext, root: &Built) -> Re
         let k = pieces.of_part[i];
         let swell = Swell::new(part, nudges[i]);
         let own = looks.of(part.look.as_ref(), part.piece.closed);
-        looks.materials[own].hairy |= part.name.rsplit('/').next() == Some(HAIRS);
+        looks.materials[own].hairy |= part.hairy;
         let is_decal = matches!(part.look, Some(Look::Decal(_)));
         let mirrored = part.place.matrix3.determinant() < 0.0;
         let turned_over = shows_its_back(part, origin);

@@ -174,6 +174,8 @@ pub(crate) struct Part {
     pub line: u32,
     /// Convex pieces in the piece's coordinates; `None`: the piece's hull.
     pub hulls: Option<Arc<Vec<Vec<DVec3>>>>,
+    /// Whether they are hairs on another part.
+    pub hairy: bool,
 }
 
 /// A joint with the run of parts that it moves.
@@ -246,6 +248,7 @@ impl Part {
             name: Arc::from(""),
             line,
             hulls: None,
+            hairy: false,
         }
     }
 

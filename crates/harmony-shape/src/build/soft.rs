@@ -49,9 +49,6 @@ fn points(curve: &Curve) -> Vec<DVec3> {
 }
 
 /// A part beside the main one: same material unless it has its own, no collision of its own.
-/// Name of a part of hairs.
-pub(super) const HAIRS: &str = "hairs";
-
 fn beside(piece: Piece, line: u32, name: &str, look: Option<Look>) -> Option<Part> {
     (!piece.triangles.is_empty()).then(|| Part {
         look,
@@ -159,7 +156,7 @@ pub(super) fn meshed(before: &Before<'_>, node: &Node) -> Result<Built, String> 
             let k = largest(&out)?;
             let hairs = soft::fuzz(&out.parts[k].placed(), *fuzz, *length, *density, *seed);
             let look = node.material.map(Look::Slot).or_else(|| out.parts[k].look.clone());
-            out.parts.extend(beside(hairs, line, HAIRS, look));
+            out.parts.extend(beside(hairs, line, "hairs", look).map(|part| Part { hairy: true, ..part }));
             Ok(out)
         }
         Kind::Braid { curve, radius, strands, pitch } => {

@@ -426,13 +426,13 @@ fn a_hundred_nodes_take_little_time() {
 }
 
 #[test]
-fn hairs_are_told_from_chairs() {
+fn what_has_hairs_is_told_whatever_its_parts_are_called() {
     let mut m = Maker::default();
     let (fur, oak) = (m.material("fur"), m.material("oak"));
     let seat = m.cube("seat", Some(fur), [0.4, 0.1, 0.4]);
     let fuzz = FuzzKind::Fur;
     let seat = m.node("seat", Some(fur), Kind::Fuzz { child: seat, fuzz, length: 0.03, density: 0.2, seed: 1 });
-    let legs = m.cube("chairs", Some(oak), [0.4, 0.1, 0.4]);
+    let legs = m.cube("hairs", Some(oak), [0.4, 0.1, 0.4]);
     let legs = m.at(legs, [0.0, -0.1, 0.0]);
     m.group("stools", vec![seat, legs]);
     let hairy: Vec<(String, bool)> =

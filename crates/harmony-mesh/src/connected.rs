@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use harmony_mesh::Mesh;
+use crate::Mesh;
 
 /// Number of the connected part of each vertex, by the groups that are taken; vertices at one place are one.
-pub(crate) fn connected(mesh: &Mesh, takes: &dyn Fn(usize) -> bool) -> Vec<u32> {
+pub fn connected(mesh: &Mesh, takes: &dyn Fn(usize) -> bool) -> Vec<u32> {
     let mut place: BTreeMap<[u32; 3], u32> = BTreeMap::new();
     let mut parent: Vec<u32> = mesh
         .positions
