@@ -17,7 +17,7 @@ use crate::scene::subtree::{subtree, take_along};
 use crate::solve::joint::{LOST, refine_globally};
 use crate::solve::local::solve;
 use crate::terms::placed_energy;
-use crate::{Evidence, Item, OrderReport, PartialScene, Placed, PlacementSettings};
+use crate::{Evidence, Item, OrderReport, PartialScene, Placed, PlacementSettings, YawHint};
 
 /// Objects of less confidence get a warning.
 const LOW_CONFIDENCE: f64 = 0.05;
@@ -261,6 +261,13 @@ fn rehosted_to(placed: &Placed) -> Option<ObjectId> {
     }
 }
 
+/// How far an object is turned from the front that was answered for it, radians, where that is another side of it.
+fn off_its_answer(placed: &Placed) -> Option<f64> {
+    let YawHint::About(yaw) = placed.item.yaw else { return None };
+    let off = angle_between(placed.pose.yaw, yaw).abs();
+    (off > std::f64::consts::FRAC_PI_4 && placed.item.traits.has_front).then_some(off)
+}
+
 /// What a person should know about a level, beside what was dropped and what stays unresolved: those are lists of
 /// the report on which the caller acts.
 fn warnings(scene: &PartialScene, level: Level, report: &LevelReport) -> Vec<Warning> {
@@ -299,6 +306,13 @@ fn warnings(scene: &PartialScene, level: Level, report: &LevelReport) -> Vec<War
     for object in &report.objects {
         if let Some(host) = &object.rehosted_to {
             let message = format!("it was placed on {host}, where its box lies, not on the given host");
+            tell(Some(&object.id), WarningKind::AnswerRepaired, message);
+        }
+        if let Some(off) = scene.find(&object.id).and_then(off_its_answer) {
+            let message = format!(
+                "it is turned by {:.0} degrees from the front that was answered: its outline and place say so",
+                off.to_degrees()
+            );
             tell(Some(&object.id), WarningKind::AnswerRepaired, message);
         }
         if scene.position(&object.id).is_some_and(|i| hangs_in_the_air(scene, i)) {

@@ -2,7 +2,7 @@
 
 use harmony_scene::{PlacementType, Pose, Support, Vec3};
 
-use crate::scene::attachment::{PoseConstraint, reach};
+use crate::scene::attachment::{PoseConstraint, reach, sag_of};
 use crate::scene::subtree::subtree;
 use crate::scene::support::{Surface, SurfaceQuery, ray_hit, surface_under};
 use crate::{PartialScene, Placed, PlacementSettings};
@@ -32,7 +32,8 @@ pub(crate) fn take_poses(scene: &mut PartialScene, poses: Vec<(usize, Pose)>, se
     let share = |p: &Placed| {
         let Support::Object { id } = &p.support else { return None };
         let host = scene.position(id).filter(|h| scene.placed[*h].item.id != p.item.id)?;
-        let share = (p.pose.position.y - scene.placed[host].pose.position.y) / scene.placed[host].size().height;
+        let height = p.pose.position.y + sag_of(&p.item, &p.pose) - scene.placed[host].pose.position.y;
+        let share = height / scene.placed[host].size().height;
         share.is_finite().then_some((host, share))
     };
     let shares: Vec<Option<(usize, f64)>> = scene.placed.iter().map(share).collect();
@@ -42,7 +43,9 @@ pub(crate) fn take_poses(scene: &mut PartialScene, poses: Vec<(usize, Pose)>, se
     for (i, share) in shares.into_iter().enumerate() {
         if let Some((host, share)) = share {
             let host = &scene.placed[host];
-            scene.placed[i].pose.position.y = host.pose.position.y + share * host.size().height;
+            let level = host.pose.position.y + share * host.size().height;
+            let placed = &mut scene.placed[i];
+            placed.pose.position.y = level - sag_of(&placed.item, &placed.pose);
         }
     }
     settle_all(scene, settings);
@@ -140,7 +143,8 @@ fn places_towards_middle(object: &Placed, host: &Placed) -> Vec<Place> {
         .collect();
     let most = surfaces.iter().map(|(_, s)| s.share).fold(0.0, f64::max);
     let enough = SUPPORTED.min(NEARLY * most).max(LEAST_SUPPORTED);
-    let place = |(p, s): (Vec3, Surface)| Place { at: Vec3::new(p.x, s.height, p.z), carries: s.share >= enough };
+    let sag = sag_of(&object.item, &object.pose);
+    let place = |(p, s): (Vec3, Surface)| Place { at: Vec3::new(p.x, s.height - sag, p.z), carries: s.share >= enough };
     surfaces.into_iter().map(place).collect()
 }
 
@@ -172,7 +176,7 @@ fn with_host(scene: &PartialScene, i: usize) -> Option<(&Placed, &Placed)> {
 
 /// The host's surface under an object at a place, near the height at which it is now.
 fn surface_at(object: &Placed, host: &Placed, position: Vec3) -> Option<Surface> {
-    let level = object.pose.position.y;
+    let level = object.pose.position.y + sag_of(&object.item, &object.pose);
     let query = SurfaceQuery { level, object_height: object.size().height, soft: object.item.traits.soft };
     let pose = Pose { position, ..object.pose };
     surface_under(host, &object.item, &pose, &query).filter(|s| (s.height - level).abs() <= SAME_LEVEL)
@@ -280,6 +284,65 @@ mod tests {
             let at = scene.placed[1].pose.position;
             assert!((at.y - height).abs() < 1e-3, "{at} {height}");
         }
+    }
+
+    /// A cloth 0.6 m wide that lies 0.4 m deep and hangs 0.35 m down at its front, on a seat 0.45 m high, as an item at a place.
+    fn throw_on_a_seat(scene: &mut PartialScene, at: Vec3) -> crate::Item {
+        add(scene, "sofa_01", Vec3::new(1.6, 0.45, 0.8), Vec3::new(2.0, 0.0, 2.0), |_| {});
+        let top = (Vec3::new(0.6, 0.03, 0.4), Vec3::Y * 0.35);
+        let front = (Vec3::new(0.6, 0.38, 0.02), Vec3::Z * 0.21);
+        let shape = of_boxes(&[top, front]);
+        let pose = Pose::new(at, 0.0, 1.0);
+        let mut item = crate::testing::boxed(scene, shape.extent(), at, 0.0);
+        item.id = ObjectId::new("throw_01").unwrap();
+        item.mask = crate::testing::seen(scene, &shape, &pose).into();
+        item.shape = Arc::new(shape);
+        item.level = harmony_scene::Level::Decoration;
+        item.relations.on_top_of = Some(ObjectId::new("sofa_01").unwrap());
+        item.traits.soft = true;
+        item
+    }
+
+    #[test]
+    fn a_throw_lies_on_the_seat_and_hangs_over_its_edge() {
+        let mut scene = empty_room();
+        let at = Vec3::new(2.1, 0.1, 2.2);
+        let item = throw_on_a_seat(&mut scene, at);
+        let settings = PlacementSettings::default();
+        let window = crate::observe::Window::new(&scene, &item, None, &[], &settings).unwrap();
+        let found = crate::solve::local::solve(&scene, &item, &window, &settings);
+        assert!(found.pose.position.distance(at) < 0.04, "{}", found.pose.position);
+        assert!(found.energy.support < 1e-9, "all that lies on it is carried: {:?}", found.energy);
+        drop(window);
+        let lower = Pose::new(at - Vec3::Y * 0.03, 0.0, 1.0);
+        let placed = Placed { item: Arc::new(item), pose: lower, support: on("sofa_01"), evidence: crate::Evidence::default() };
+        scene.placed.push(placed);
+        settle_all(&mut scene, &settings);
+        assert!((scene.placed[1].pose.position.y - 0.1).abs() < 1e-6, "{}", scene.placed[1].pose.position);
+        assert!(!hangs_in_the_air(&scene, 1));
+        // A seat that is made lower takes it along.
+        let seat = scene.placed[0].pose;
+        take_poses(&mut scene, vec![(0, Pose { stretch: Vec3::new(1.0, 0.8, 1.0), ..seat })], &settings);
+        assert!((scene.placed[1].pose.position.y - 0.01).abs() < 1e-6, "{}", scene.placed[1].pose.position);
+    }
+
+    #[test]
+    fn what_is_rigid_or_round_below_stands_on_its_lowest_points() {
+        let mut scene = empty_room();
+        let mut item = throw_on_a_seat(&mut scene, Vec3::new(2.1, 0.1, 2.2));
+        let pose = Pose::new(Vec3::ZERO, 0.0, 2.0);
+        assert!((sag_of(&item, &pose) - 0.7).abs() < 1e-6);
+        item.traits.soft = false;
+        assert_eq!(sag_of(&item, &pose), 0.0);
+        // A cushion: rings of an ellipsoid, each a box of its width there.
+        let ring = |k: i32| {
+            let height = f64::from(k) / 10.0;
+            let width = 2.0 * (0.25 - (height - 0.45).powi(2)).max(0.0).sqrt();
+            (Vec3::new(width, 0.1, width), Vec3::Y * height)
+        };
+        item.shape = Arc::new(of_boxes(&(0..10).map(ring).collect::<Vec<_>>()));
+        item.traits.soft = true;
+        assert_eq!(sag_of(&item, &pose), 0.0);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use harmony_scene::{DepthPosition, Level, PixelBox, PlacementType, SurfacePositi
 
 use super::{Hypothesis, Proposer};
 use crate::noise::surprise;
-use crate::scene::attachment::{Attachment, YawRule, reach, size_of};
+use crate::scene::attachment::{Attachment, YawRule, reach, sag_of, size_of};
 use crate::scene::support::{self, Layer};
 use crate::{Item, PartialScene, Placed, YawHint};
 
@@ -127,6 +127,8 @@ fn spots(proposer: &Proposer, host: &Placed, layers: &[Layer]) -> Vec<(f64, Vec3
     let pose = proposer.sized(Vec3::ZERO, host.pose.yaw);
     let size = size_of(proposer.item, &pose);
     let b = &window.mask_box;
+    // What hangs over an edge has its lowest points below the surface that carries it.
+    let sag = sag_of(proposer.item, &pose);
     let constraint = proposer.constraint(Attachment::Floor, YawRule::Fixed(host.pose.yaw));
     if proposer.item.placement.placement_type == PlacementType::AgainstBack {
         let ray = camera.ray(b.centre());
@@ -137,7 +139,7 @@ fn spots(proposer: &Proposer, host: &Placed, layers: &[Layer]) -> Vec<(f64, Vec3
         }
     }
     // The surface that the base's ray itself meets.
-    if window.free[3] {
+    if window.free[3] && sag == 0.0 {
         let ray = camera.ray(Vec2::new(b.centre().x, b.y1 - 0.02 * b.height()));
         if let Some((hit, true)) = support::ray_hit(host, ray.origin, ray.direction)
             && let Some(position) = proposer.by_contact(&constraint, &pose, hit.y, 3)
@@ -147,14 +149,14 @@ fn spots(proposer: &Proposer, host: &Placed, layers: &[Layer]) -> Vec<(f64, Vec3
     }
     for layer in layers {
         let position = proposer
-            .by_contact(&constraint, &pose, layer.height, 3)
-            .or_else(|| steps::hidden_base(proposer, layer.height, size.y));
+            .by_contact(&constraint, &pose, layer.height - sag, 3)
+            .or_else(|| steps::hidden_base(proposer, layer.height - sag, size.y));
         if let Some(position) = position {
             out.push((layer.height, onto(host, position)));
         }
     }
     if let Some(points) = proposer.by_points(&pose) {
-        let base = points.y - size.y / 2.0;
+        let base = points.y - size.y / 2.0 + sag;
         let nearest = layers.iter().min_by(|a, b| (a.height - base).abs().total_cmp(&(b.height - base).abs()));
         if let Some(layer) = nearest {
             out.push((layer.height, onto(host, points)));

@@ -6,6 +6,7 @@
 use harmony_scene::{Pose, Size, Support, Vec2, Vec3, Wall, WallPlane};
 
 use crate::noise::Noise;
+use crate::scene::shape::Hang;
 use crate::scene::support::{self, SurfaceQuery};
 use crate::{Item, PartialScene, Placed};
 
@@ -113,6 +114,17 @@ pub(crate) fn size_of(item: &Item, pose: &Pose) -> Vec3 {
     item.shape.extent() * pose.scale * pose.stretch
 }
 
+/// How an object hangs over an edge in a pose, and how high above its lowest points it lies on something there, metres.
+pub(crate) fn hang_of<'a>(item: &'a Item, pose: &Pose) -> Option<(&'a Hang, f64)> {
+    let hang = if item.traits.soft { item.shape.hang() } else { None };
+    hang.map(|hang| (hang, hang.sag * pose.scale * pose.stretch.y))
+}
+
+/// Height above its lowest points at which an object is carried in a pose, metres: 0 but for what hangs over an edge.
+pub(crate) fn sag_of(item: &Item, pose: &Pose) -> f64 {
+    hang_of(item, pose).map_or(0.0, |(_, sag)| sag)
+}
+
 /// Scale and stretch that give an object its prior size: one factor, or one a side where it may be stretched.
 pub(crate) fn prior_scale(item: &Item, size: Size) -> (f64, Vec3) {
     let wanted = size.as_vec();
@@ -156,7 +168,9 @@ pub(crate) fn attachment_of(scene: &PartialScene, object: usize, noise: &Noise) 
         Support::Wall { wall } => Attachment::OnWall(scene.room.plane_behind(*wall, placed.pose.position)),
         Support::Ceiling => Attachment::Ceiling,
         Support::Object { id } => match scene.position(id) {
-            Some(host) if host != object => Attachment::OnHost { host, level: placed.pose.position.y },
+            Some(host) if host != object => {
+                Attachment::OnHost { host, level: placed.pose.position.y + sag_of(&placed.item, &placed.pose) }
+            }
             _ => Attachment::Floor,
         },
         Support::Floor => match placed.item.relations.wall_affinity.wall() {
@@ -307,7 +321,7 @@ impl PoseConstraint<'_> {
             pose.position += self.out_of_blocks(pose.position + low, pose.position + high);
         }
         if let Attachment::OnHost { host, level } = self.attachment {
-            pose.position.y = self.surface(host, level, &pose).map_or(level, |s| s.height);
+            pose.position.y = self.surface(host, level, &pose).map_or(level, |s| s.height) - sag_of(self.item, &pose);
         }
         pose
     }

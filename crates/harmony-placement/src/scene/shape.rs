@@ -3,7 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use harmony_mesh::{Bounds, Bvh, ConvexPart, Group, Material, Mesh};
-use harmony_scene::Vec3;
+use harmony_scene::{Vec2, Vec3};
 
 use crate::observe::proxy::Proxy;
 
@@ -20,9 +20,29 @@ pub struct Shape {
     bounds: Bounds,
     bvh: OnceLock<Arc<Bvh>>,
     setback: OnceLock<f64>,
+    hang: OnceLock<Option<Hang>>,
     /// What is not see-through; `None` when all is like that, so that [`Shape::proxy`] holds.
     opaque: Option<Arc<Proxy>>,
 }
+
+/// How a thing hangs over an edge, as a throw over the arm of a sofa: it does not stand on its lowest points. Canonical
+/// units.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Hang {
+    /// Height of the part of its underside that lies on something.
+    pub(crate) sag: f64,
+    /// Points under that part: x and z.
+    pub(crate) under: Vec<Vec2>,
+}
+
+/// Columns along each side of a footprint in which an underside is looked at.
+const HANG_COLUMNS: u32 = 12;
+
+/// The part of an underside that lies on something is level within this share of the height, as much of the footprint as this
+/// at least, and as high as this share of the height at least: lower ones are the roundness of a cushion.
+const HANG_BAND: f64 = 0.15;
+const HANG_LEVEL: f64 = 0.35;
+const HANG_SAG: f64 = 0.3;
 
 /// Share of opaque surface below which a thing is see-through.
 const MOSTLY_CLEAR: f64 = 0.3;
@@ -70,7 +90,7 @@ impl Shape {
             let empty = part.triangle_count() == 0;
             Arc::new(if empty { Proxy::default() } else { Proxy::new(&harmony_mesh::simple_form(&Arc::new(part))) })
         });
-        Self { mesh, proxy, hulls, extremes, bounds, bvh: OnceLock::new(), setback: OnceLock::new(), opaque }
+        Self { mesh, proxy, hulls, extremes, bounds, bvh: OnceLock::new(), setback: OnceLock::new(), hang: OnceLock::new(), opaque }
     }
 
     /// The same with convex parts from elsewhere, or those of [`harmony_mesh::convex_parts`] for an object whose longest
@@ -125,6 +145,34 @@ impl Shape {
     /// Ray queries on the mesh, canonical constraint; built at the first call.
     pub fn bvh(&self) -> &Bvh {
         self.bvh.get_or_init(|| Arc::new(Bvh::new(&self.mesh)))
+    }
+
+    /// How it hangs over an edge, if it does: most of its underside lies far above its lowest points, at one height.
+    pub(crate) fn hang(&self) -> Option<&Hang> {
+        let found = self.hang.get_or_init(|| {
+            let Bounds { min, max } = self.bounds;
+            let size = self.extent();
+            let share = |k: u32| (f64::from(k) + 0.5) / f64::from(HANG_COLUMNS);
+            let columns = (0..HANG_COLUMNS * HANG_COLUMNS).map(|k| {
+                let at = Vec2::new(share(k % HANG_COLUMNS), share(k / HANG_COLUMNS));
+                Vec2::new(min.x, min.z) + at * Vec2::new(size.x, size.z)
+            });
+            let underside = |at: Vec2| {
+                let from = Vec3::new(at.x, min.y - 0.1 * size.y, at.y);
+                self.bvh().raycast(from, Vec3::Y, 1.2 * size.y).map(|hit| (hit.point.y - min.y, at))
+            };
+            let mut found: Vec<(f64, Vec2)> = columns.filter_map(underside).collect();
+            found.sort_by(|a, b| a.0.total_cmp(&b.0));
+            // The height about which most of them are; of two the lower.
+            let about = |h: f64| found.iter().filter(move |(other, _)| (other - h).abs() <= HANG_BAND * (max.y - min.y) / 2.0);
+            let (most, sag) = found.iter().fold((0, 0.0), |best, (h, _)| {
+                let count = about(*h).count();
+                if count > best.0 { (count, *h) } else { best }
+            });
+            let hangs = sag > HANG_SAG * size.y && most as f64 > HANG_LEVEL * found.len() as f64;
+            hangs.then(|| Hang { sag, under: about(sag).map(|(_, at)| *at).collect() })
+        });
+        found.as_ref()
     }
 
     /// How far a window's or a door's casing lies behind the foremost of it, a sill, a blind or a handle; canonical units.

@@ -5,7 +5,7 @@
 
 use harmony_scene::{Pose, Vec3};
 
-use crate::scene::attachment::{reach, size_of};
+use crate::scene::attachment::{hang_of, reach, size_of};
 use crate::{Item, Placed};
 
 /// Two surfaces closer than this are one, metres.
@@ -145,34 +145,41 @@ fn top_of(host: &Placed) -> f64 {
     host.pose.position.y + reach(&host.item, &host.pose).1.y + 0.05
 }
 
-/// The surface of a host under an object's footprint near a level.
-pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &SurfaceQuery) -> Option<Surface> {
+/// Points of an object's footprint that ask what is below them: a grid, or, of what hangs over an edge, those under the part
+/// that lies on something.
+fn footprint(item: &Item, pose: &Pose) -> Vec<Vec3> {
+    if let Some((hang, _)) = hang_of(item, pose) {
+        return hang.under.iter().map(|p| pose.point(Vec3::new(p.x, 0.0, p.y))).collect();
+    }
     let linear = Pose { scale: 1.0, stretch: Vec3::ONE, ..*pose }.linear();
     let half = size_of(item, pose) / 2.0 * FOOTPRINT_SHARE;
+    let t = |k: usize| 2.0 * k as f64 / (FOOTPRINT_RAYS - 1) as f64 - 1.0;
+    let grid = (0..FOOTPRINT_RAYS).flat_map(|i| (0..FOOTPRINT_RAYS).map(move |j| (i, j)));
+    grid.map(|(i, j)| pose.position + linear * Vec3::new(half.x * t(i), 0.0, half.z * t(j))).collect()
+}
+
+/// The surface of a host under an object's footprint near a level.
+pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &SurfaceQuery) -> Option<Surface> {
+    let points = footprint(item, pose);
     // Start above the level but under the next board.
     let from = query.level + LEVEL_SLACK.min(0.5 * query.object_height + 0.04);
     let mut found = Vec::new();
     let mut above = Vec::new();
-    let (mut rays, mut inside) = (0, 0);
-    for i in 0..FOOTPRINT_RAYS {
-        for j in 0..FOOTPRINT_RAYS {
-            let t = |k: usize| 2.0 * k as f64 / (FOOTPRINT_RAYS - 1) as f64 - 1.0;
-            let at = pose.position + linear * Vec3::new(half.x * t(i), 0.0, half.z * t(j));
-            rays += 1;
-            match below(host, at.x, at.z, from) {
-                Below::Carries(h) if h >= query.level - LEVEL_SLACK => found.push(h),
-                Below::Inside => {
-                    inside += 1;
-                    above.extend(top_above(host, at.x, at.z, from));
-                }
-                _ => {}
+    let mut inside = 0;
+    for at in &points {
+        match below(host, at.x, at.z, from) {
+            Below::Carries(h) if h >= query.level - LEVEL_SLACK => found.push(h),
+            Below::Inside => {
+                inside += 1;
+                above.extend(top_above(host, at.x, at.z, from));
             }
+            _ => {}
         }
     }
     if found.is_empty() {
         // All of it is in the host: it lies on what is above it, as a pillow on the seat that it has sunk into; but one that
         // stands at the height of the seat leans into an arm or a backrest.
-        let share = above.len() as f64 / f64::from(rays);
+        let share = above.len() as f64 / points.len() as f64;
         above.sort_by(f64::total_cmp);
         let on_a_level =
             || layers(host, query.object_height).iter().any(|layer| (layer.height - query.level).abs() < LEVEL_SLACK);
@@ -180,7 +187,7 @@ pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &Sur
     }
     // Where a part is in the host (in a backrest) that says nothing about its surface; collisions have their say there.
     found.sort_by(f64::total_cmp);
-    let share = found.len() as f64 / f64::from(rays - inside);
+    let share = found.len() as f64 / (points.len() - inside) as f64;
     let rank = if query.soft { found.len() / 2 } else { (found.len() * 9 / 10).min(found.len() - 1) };
     Some(Surface { height: found[rank], share })
 }
