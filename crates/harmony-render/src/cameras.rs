@@ -58,7 +58,7 @@ pub fn canonical_camera(room: &Room, size: ImageSize, photo_camera: &Camera, thi
     let forward = photo_camera.forward();
     let azimuth = (-forward.x).atan2(-forward.z);
     let azimuth = if azimuth.is_finite() { azimuth.clamp(-MAX_AZIMUTH, MAX_AZIMUTH) } else { 0.0 };
-    let (low, high) = around(things, seen_part(&room.extents, photo_camera));
+    let (low, high) = around(things, seen_part(&room.extents, photo_camera), room.extents.as_vec());
     let first = room_view(room, size, azimuth, low, high);
     let worth =
         |view: &RoomView, by: f64| covered(&view.camera, &standing(low, high, &view.omit)) / (1.0 + AZIMUTH_COST * by);
@@ -99,14 +99,20 @@ fn seen_part(e: &Extents, camera: &Camera) -> (Vec3, Vec3) {
     (low.with_y(0.0), high.with_y(whole.y))
 }
 
-/// The part of a box that has things in it, with some room around them; its whole height.
-fn around(things: &[(Pose, Size)], (low, high): (Vec3, Vec3)) -> (Vec3, Vec3) {
+/// The part of a box that has things in it, with some room around them, those that cross its border whole; its whole height.
+fn around(things: &[(Pose, Size)], (low, high): (Vec3, Vec3), whole: Vec3) -> (Vec3, Vec3) {
     let (mut from, mut to) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    let (mut least, mut most) = (low, high);
     for (pose, size) in things {
         let half = size.as_vec() / 2.0;
         let metric = Pose { scale: 1.0, stretch: Vec3::ONE, ..*pose };
+        let (mut start, mut end) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for corner in corners(-half, half).map(|c| metric.point(c)) {
-            (from, to) = (from.min(corner), to.max(corner));
+            (start, end) = (start.min(corner), end.max(corner));
+        }
+        (from, to) = (from.min(start), to.max(end));
+        if start.x < high.x && end.x > low.x && start.z < high.z && end.z > low.z {
+            (least, most) = (least.min(start).max(Vec3::ZERO), most.max(end).min(whole));
         }
     }
     if !(from.is_finite() && to.is_finite()) {
@@ -114,7 +120,7 @@ fn around(things: &[(Pose, Size)], (low, high): (Vec3, Vec3)) -> (Vec3, Vec3) {
     }
     let (from, to) = (from - BESIDE_THINGS_M, to + BESIDE_THINGS_M);
     let short = (Vec3::splat(LEAST_M) - (to - from)).max(Vec3::ZERO) / 2.0;
-    let (from, to) = ((from - short).max(low), (to + short).min(high));
+    let (from, to) = ((from - short).max(least), (to + short).min(most));
     if !(from.x < to.x && from.z < to.z) {
         return (low, high);
     }
@@ -343,12 +349,16 @@ mod tests {
             Pose::new(Vec3::new(1.0, 0.0, 1.0), std::f64::consts::FRAC_PI_2, 1.0),
             Size::from_vec(Vec3::new(1.0, 0.8, 2.0)),
         );
-        let (from, to) = around(&[sofa], (low, high));
+        let (from, to) = around(&[sofa], (low, high), high);
         assert_eq!(from, Vec3::ZERO);
         assert!((to - Vec3::new(2.6, 2.6, 2.25)).abs().max_element() < 0.01, "to {to}");
         let far = (Pose::new(Vec3::new(3.8, 0.0, 5.4), 0.0, 1.0), Size::from_vec(Vec3::splat(0.4)));
-        assert_eq!(around(&[sofa, far], (low, high)), (low, high));
-        assert_eq!(around(&[], (low, high)), (low, high));
+        assert_eq!(around(&[sofa, far], (low, high), high), (low, high));
+        assert_eq!(around(&[], (low, high), high), (low, high));
+        // The photo cuts it: the view does not. What the photo does not show at all does not count.
+        let part = (Vec3::new(1.5, 0.0, 0.0), high.with_z(3.0));
+        let (from, to) = around(&[sofa, far], part, high);
+        assert!(from.x.abs() < 0.01 && (to - high.with_z(3.0)).abs().max_element() < 0.01, "{from} {to}");
         let size = ImageSize::new(640, 480);
         let photo = photo(Vec3::new(0.0, -0.3, -1.0));
         let sofa_in = |things: &[(Pose, Size)]| {

@@ -41,8 +41,8 @@ const HANG_COLUMNS: u32 = 12;
 /// The part of an underside that lies on something is level within this share of the height, as much of the footprint as this
 /// at least, and as high as this share of the height at least: lower ones are the roundness of a cushion.
 const HANG_BAND: f64 = 0.15;
-const HANG_LEVEL: f64 = 0.35;
-const HANG_SAG: f64 = 0.3;
+const HANG_LEVEL: f64 = 0.5;
+const HANG_SAG: f64 = 0.15;
 
 /// Share of opaque surface below which a thing is see-through.
 const MOSTLY_CLEAR: f64 = 0.3;
