@@ -2,10 +2,6 @@
 
 use std::process::ExitCode;
 
-#[cfg(target_env = "musl")]
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 fn main() -> ExitCode {
     // Before anything else: a child that runs a modelling program reads no configuration and opens no file.
     if std::env::args_os().nth(1).is_some_and(|first| first == harmony_program::CHILD_COMMAND) {
