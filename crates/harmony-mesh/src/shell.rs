@@ -74,6 +74,9 @@ pub fn room_shell_with(
             let holes = holes(room, face);
             sheet.face(face, &holes);
         }
+        for corners in room.shape.blocks.iter().filter_map(|b| behind_hung(room, b, surface)) {
+            sheet.polygon(&corners, surface.normal());
+        }
         for hole in all_holes(room, surface) {
             let depth = options.door_reveal.filter(|_| hole.kind == OpeningKind::Door).unwrap_or(options.reveal);
             sheet.reveals(WallPlane { wall: hole.wall, inset: hole.inset }, &hole, depth);
@@ -155,6 +158,16 @@ fn coves(mesh: &mut Mesh, room: &Room, omit: &[Surface]) {
 /// The block that hangs from the ceiling and that a face is of.
 fn hung(room: &Room, face: &RoomFace) -> Option<usize> {
     room.shape.blocks.iter().position(|b| b.hangs(&room.extents) && b.has(face))
+}
+
+/// The part of a wall that a block hides which hangs from the ceiling, for views without both: else the wall has a notch.
+fn behind_hung(room: &Room, block: &Block, surface: Surface) -> Option<[DVec3; 4]> {
+    let (e, wall) = (&room.extents, surface.wall()?);
+    let ends = [block.min.max(DVec3::ZERO), block.max.min(e.as_vec())];
+    let touches = ends.iter().any(|p| wall.distance(e, *p) < 1e-6);
+    let [a, b] = ends.map(|p| wall.coordinates(p));
+    let at = |u: f64, y: f64| wall.point(e, u, y);
+    (touches && block.hangs(e)).then(|| [at(a.x, a.y), at(b.x, a.y), at(b.x, b.y), at(a.x, b.y)])
 }
 
 /// Blocks that hang from the ceiling, which go with it: `ceiling_block_01_wall_left`, one group for each face of the box
@@ -552,6 +565,8 @@ mod tests {
         };
         assert!((along(&whole) - 1.2).abs() < 1e-6 && (along(&mesh) - 4.5).abs() < 1e-6, "its sides go, too");
         let bvh = Bvh::new(&mesh);
+        let hit = bvh.raycast(DVec3::new(2.0, height - 0.15, 3.15), DVec3::NEG_X, 9.0).expect("the wall goes on where the beam was");
+        assert!((hit.distance - 2.0).abs() < 1e-6 && hit.normal.x > 0.9);
         let from_above = |x: f64| bvh.raycast(DVec3::new(x, height + 1.0, 2.2), DVec3::NEG_Y, 9.0).unwrap();
         for (x, top) in [(0.75, height), (1.75, 1.0)] {
             let hit = from_above(x);
