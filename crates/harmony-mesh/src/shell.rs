@@ -565,7 +565,9 @@ mod tests {
         };
         assert!((along(&whole) - 1.2).abs() < 1e-6 && (along(&mesh) - 4.5).abs() < 1e-6, "its sides go, too");
         let bvh = Bvh::new(&mesh);
-        let hit = bvh.raycast(DVec3::new(2.0, height - 0.15, 3.15), DVec3::NEG_X, 9.0).expect("the wall goes on where the beam was");
+        let hit = bvh
+            .raycast(DVec3::new(2.0, height - 0.15, 3.15), DVec3::NEG_X, 9.0)
+            .expect("the wall goes on where the beam was");
         assert!((hit.distance - 2.0).abs() < 1e-6 && hit.normal.x > 0.9);
         let from_above = |x: f64| bvh.raycast(DVec3::new(x, height + 1.0, 2.2), DVec3::NEG_Y, 9.0).unwrap();
         for (x, top) in [(0.75, height), (1.75, 1.0)] {

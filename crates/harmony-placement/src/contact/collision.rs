@@ -56,6 +56,11 @@ fn tolerance(scene: &PartialScene, a: usize, b: usize, settings: &PlacementSetti
     if on_wall(p) && on_wall(q) && (p.item.traits.hangs || q.item.traits.hangs) {
         return None;
     }
+    // What is thrown over something has it inside.
+    let over = |p: &Placed, q: &Placed| p.item.traits.soft && p.item.relations.on_top_of.as_ref() == Some(&q.item.id);
+    if over(p, q) || over(q, p) {
+        return None;
+    }
     if p.item.traits.soft && q.item.traits.soft {
         // Pillows in a row lean on each other.
         let thin = [p, q].map(|p| p.size().as_vec().min_element());

@@ -315,7 +315,8 @@ mod tests {
         assert!(found.energy.support < 1e-9, "all that lies on it is carried: {:?}", found.energy);
         drop(window);
         let lower = Pose::new(at - Vec3::Y * 0.03, 0.0, 1.0);
-        let placed = Placed { item: Arc::new(item), pose: lower, support: on("sofa_01"), evidence: crate::Evidence::default() };
+        let placed =
+            Placed { item: Arc::new(item), pose: lower, support: on("sofa_01"), evidence: crate::Evidence::default() };
         scene.placed.push(placed);
         settle_all(&mut scene, &settings);
         assert!((scene.placed[1].pose.position.y - 0.1).abs() < 1e-6, "{}", scene.placed[1].pose.position);
@@ -324,6 +325,30 @@ mod tests {
         let seat = scene.placed[0].pose;
         take_poses(&mut scene, vec![(0, Pose { stretch: Vec3::new(1.0, 0.8, 1.0), ..seat })], &settings);
         assert!((scene.placed[1].pose.position.y - 0.01).abs() < 1e-6, "{}", scene.placed[1].pose.position);
+    }
+
+    #[test]
+    fn a_throw_that_reaches_the_floor_is_around_what_it_is_thrown_over() {
+        let mut scene = empty_room();
+        let at = Vec3::new(2.0, 0.0, 2.0);
+        add(&mut scene, "basket_01", Vec3::new(0.36, 0.4, 0.36), at, |_| {});
+        add(&mut scene, "pouf_01", Vec3::new(0.6, 0.4, 0.6), Vec3::new(1.9, 0.0, 2.7), |_| {});
+        let size = Vec3::new(0.46, 0.46, 0.46);
+        let mut item = crate::testing::boxed(&scene, size, at, 0.0);
+        item.id = ObjectId::new("throw_01").unwrap();
+        item.level = harmony_scene::Level::Decoration;
+        item.traits.soft = true;
+        item.relations.on_top_of = Some(ObjectId::new("basket_01").unwrap());
+        // The pouf hides a part of it.
+        let (whole, before) = (item.mask.clone(), scene.placed[1].item.mask.clone());
+        let mask = harmony_scene::Mask::from_fn(whole.size(), |x, y| {
+            whole.get(i64::from(x), i64::from(y)) && !before.get(i64::from(x), i64::from(y))
+        });
+        item.mask = mask.into();
+        let report = crate::place_level(&mut scene, vec![item], None, &PlacementSettings::default());
+        let placed = &scene.placed[2];
+        assert!(placed.pose.position.distance(at) < 0.04, "{}", placed.pose.position);
+        assert!(report.unresolved.is_empty());
     }
 
     #[test]

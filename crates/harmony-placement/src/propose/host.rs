@@ -1,6 +1,6 @@
 //! First poses on furniture: the ray of the mask's base against the host's surfaces. Paper App. C "Decoration Placement". Key `deco.host`.
 
-use harmony_scene::{DepthPosition, Level, PixelBox, PlacementType, SurfacePosition, Vec2, Vec3};
+use harmony_scene::{DepthPosition, Level, PixelBox, PlacementType, Support, SurfacePosition, Vec2, Vec3};
 
 use super::{Hypothesis, Proposer};
 use crate::noise::surprise;
@@ -26,11 +26,28 @@ pub(crate) fn hypotheses<'a>(proposer: &Proposer<'a, '_>) -> Vec<Hypothesis<'a>>
     if let Some(host) = given {
         on_host(proposer, host, 0.0, &mut out);
     }
+    out.extend(given.into_iter().flat_map(|host| around_it(proposer, host)));
     let lies_on = |g: usize| overlap(proposer.scene, &proposer.scene.placed[g], &proposer.window.mask_box);
     if given.is_none_or(|g| lies_on(g) < DOUBTFUL_OVERLAP) {
         out.extend(on_other_hosts(proposer));
     }
     out
+}
+
+/// First poses of soft things that are thrown over what stands on the floor and reach down to it themselves: around it.
+fn around_it<'a>(proposer: &Proposer<'a, '_>, host: usize) -> Vec<Hypothesis<'a>> {
+    let (item, placed) = (proposer.item, &proposer.scene.placed[host]);
+    if !item.traits.soft || placed.support != Support::Floor {
+        return Vec::new();
+    }
+    let (low, high) = reach(&placed.item, &placed.pose);
+    let (low, high) = (low + placed.pose.position, high + placed.pose.position);
+    let covers = |h: &Hypothesis| {
+        let (from, to) = reach(item, &h.pose);
+        let (from, to) = (from + h.pose.position, to + h.pose.position);
+        from.x < high.x && to.x > low.x && from.z < high.z && to.z > low.z
+    };
+    proposer.on_floor(surprise(proposer.settings.noise.wrong_host)).into_iter().filter(covers).collect()
 }
 
 /// First poses on other hosts than the given one, which have to earn it.

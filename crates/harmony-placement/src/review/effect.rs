@@ -66,12 +66,26 @@ fn of_one(id: &ObjectId, asked: &Asked, old: &Placed, new: &Placed) -> Option<St
     let far = asked.by.length();
     let along = (new.pose.position - old.pose.position).dot(asked.by) / far.max(1e-9);
     if far > HARDLY[0] && along < CAME_ABOUT * far {
-        return Some(format!("{id} is held by its support: of {far:.2} m it would go {along:.2} m"));
+        return Some(format!("{id} is held by {}: of {far:.2} m it would go {along:.2} m", holder(new)));
     }
     // What hangs on a wall is turned as the wall is, which is near enough.
     let wanted = old.pose.yaw + asked.turn;
     let (missing, whole) = (angle_between(new.pose.yaw, wanted).abs(), angle_between(wanted, old.pose.yaw).abs());
     (whole > HARDLY[1] && missing > CAME_ABOUT * whole).then(|| {
-        format!("{id} is held by its support: {:.0} degrees of the turn would be missing", missing.to_degrees())
+        let missing = missing.to_degrees();
+        format!("{id} is held by {}: {missing:.0} degrees of the turn would be missing", holder(new))
     })
+}
+
+/// What holds an object where it is, in words that a reviewer can act on.
+fn holder(placed: &Placed) -> String {
+    match (&placed.support, placed.item.relations.wall_affinity.wall()) {
+        (Support::Object { id }, _) => format!("{id}, on which it stands (rehost puts it elsewhere)"),
+        (Support::Wall { wall }, _) => format!("the {} wall, on which it hangs", wall.surface().name()),
+        (Support::Ceiling, _) => "the ceiling, from which it hangs".to_owned(),
+        (Support::Floor, Some(wall)) => {
+            format!("the floor, the {} wall behind it, or its neighbours", wall.surface().name())
+        }
+        (Support::Floor, None) => "the floor or its neighbours".to_owned(),
+    }
 }

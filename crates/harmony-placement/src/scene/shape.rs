@@ -90,7 +90,17 @@ impl Shape {
             let empty = part.triangle_count() == 0;
             Arc::new(if empty { Proxy::default() } else { Proxy::new(&harmony_mesh::simple_form(&Arc::new(part))) })
         });
-        Self { mesh, proxy, hulls, extremes, bounds, bvh: OnceLock::new(), setback: OnceLock::new(), hang: OnceLock::new(), opaque }
+        Self {
+            mesh,
+            proxy,
+            hulls,
+            extremes,
+            bounds,
+            bvh: OnceLock::new(),
+            setback: OnceLock::new(),
+            hang: OnceLock::new(),
+            opaque,
+        }
     }
 
     /// The same with convex parts from elsewhere, or those of [`harmony_mesh::convex_parts`] for an object whose longest
@@ -164,7 +174,8 @@ impl Shape {
             let mut found: Vec<(f64, Vec2)> = columns.filter_map(underside).collect();
             found.sort_by(|a, b| a.0.total_cmp(&b.0));
             // The height about which most of them are; of two the lower.
-            let about = |h: f64| found.iter().filter(move |(other, _)| (other - h).abs() <= HANG_BAND * (max.y - min.y) / 2.0);
+            let about =
+                |h: f64| found.iter().filter(move |(other, _)| (other - h).abs() <= HANG_BAND * (max.y - min.y) / 2.0);
             let (most, sag) = found.iter().fold((0, 0.0), |best, (h, _)| {
                 let count = about(*h).count();
                 if count > best.0 { (count, *h) } else { best }
