@@ -158,6 +158,8 @@ pub struct LayoutPrior {
     pub photo: ImageSize,
     /// Room size, metres. The height carries the metric scale.
     pub extents: Extents,
+    /// Whether the photo shows the ceiling; where it does not, its height is a guess, and too low if the photo would show it.
+    pub ceiling_seen: bool,
     /// Camera.
     pub camera: CameraHints,
     /// Room edges and corners in the photo.
@@ -172,6 +174,7 @@ impl LayoutPrior {
         Self {
             photo,
             extents: Extents { width: 4.0, height: 2.5, depth: 5.0 },
+            ceiling_seen: true,
             camera: CameraHints::default(),
             pins: LayoutPins::default(),
             passages: Vec::new(),

@@ -13,7 +13,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use harmony_scene::{ImageSize, Vec2, Vec3};
+use harmony_scene::{Camera, Extents, ImageSize, Vec2, Vec3};
 
 use super::edges::image_evidence;
 use super::solved::CameraBox;
@@ -94,7 +94,33 @@ pub(super) fn solve_with_image(
     view: &ViewEstimate,
     prior: &LayoutPrior,
 ) -> Result<RoomBox, SolveError> {
-    let prior = &sane(prior);
+    let prior = sane(prior);
+    let found = solve_in_height(image, view, &prior)?;
+    let top = top_of_picture(&found.camera, &found.extents).filter(|_| !prior.ceiling_seen);
+    let height = prior.extents.height;
+    match top.map(|top| (CLEAR * top).min(MOST_RAISED * height)).filter(|higher| *higher > height) {
+        Some(height) => {
+            let extents = Extents { height, ..prior.extents };
+            solve_in_height(image, view, &LayoutPrior { extents, ..prior })
+        }
+        None => Ok(found),
+    }
+}
+
+/// The height that the walls have at least where the photo shows no ceiling: that of what its upper border shows of them, metres.
+fn top_of_picture(camera: &Camera, e: &Extents) -> Option<f64> {
+    let at = |k: u32| {
+        let ray = camera.ray(Vec2::new(f64::from(k) / f64::from(TOP_RAYS) * f64::from(camera.size.width), 0.0));
+        let (o, d) = (ray.origin, ray.direction);
+        let to = |from: f64, wall: f64, along: f64| Some((wall - from) / along).filter(|t| *t > 0.0 && t.is_finite());
+        let walls = [to(o.x, 0.0, d.x), to(o.x, e.width, d.x), to(o.z, 0.0, d.z)];
+        Some(o.y + walls.into_iter().flatten().reduce(f64::min)? * d.y)
+    };
+    (0..=TOP_RAYS).filter_map(at).reduce(f64::max)
+}
+
+/// [`solve_with_image`] in a room of the prior's height.
+fn solve_in_height(image: Option<&GrayImage>, view: &ViewEstimate, prior: &LayoutPrior) -> Result<RoomBox, SolveError> {
     let pins = pins(prior);
     if pins.is_empty() {
         return Err(SolveError::TooFewPins { got: 0, min: 1 });
@@ -222,6 +248,14 @@ const LN_HEIGHT: usize = 8;
 const LN_SCALE: usize = 9;
 const SCALE_SIGMA: f64 = 0.3;
 
+/// Rays through the photo's upper border that tell how high the walls are at least; how far above it an unseen ceiling lies
+/// that was said to be lower, and how much it is raised at most (more is no wrong guess but a wrong view).
+const TOP_RAYS: u32 = 8;
+const CLEAR: f64 = 1.015;
+const MOST_RAISED: f64 = 1.35;
+/// One sigma of an unseen ceiling's height over that of the photo's upper border (logarithm): it has no metres of its own.
+const UNSEEN_SIGMA: f64 = 0.02;
+
 struct Problem<'a> {
     prior: &'a LayoutPrior,
     /// Principal point below the image centre, pixels; pins and lines are relative to it.
@@ -336,10 +370,18 @@ impl<'a> Problem<'a> {
         let photo = self.prior.photo;
         let mean = room_unknowns(&solved.camera(photo), &solved.extents(0.0), 1.0);
         let lengths = |p: &[f64], out: &mut Vec<f64>| self.of_lengths(&self.unpack_in(p, p[LN_HEIGHT].exp()), out);
+        let above = |p: &[f64]| {
+            let solved = self.unpack_in(p, p[LN_HEIGHT].exp());
+            top_of_picture(&solved.camera(photo), &solved.extents(0.0)).map(|top| p[LN_HEIGHT] - top.max(0.1).ln())
+        };
+        let unseen = above(&mean).filter(|_| !self.prior.ceiling_seen);
         let all = |p: &[f64], out: &mut Vec<f64>| {
             self.of_image(&self.unpack_in(p, p[LN_HEIGHT].exp()), p, LIMIT, None, out);
             lengths(p, out);
-            out.push((p[LN_HEIGHT] - self.prior.extents.height.ln()) / TOLD_HEIGHT_SIGMA);
+            out.push(match unseen {
+                Some(mean) => above(p).map_or(0.0, |above| (above - mean) / UNSEEN_SIGMA),
+                None => (p[LN_HEIGHT] - self.prior.extents.height.ln()) / TOLD_HEIGHT_SIGMA,
+            });
             out.push(p[LN_SCALE] / SCALE_SIGMA);
         };
         let (mut residuals, mut off) = (Vec::new(), Vec::new());

@@ -9,7 +9,7 @@ use harmony_geometry::{
     GrayImage, LayoutPins, LayoutPrior, PinnedEdge, RoomBox, RoomEdge, ViewEstimate, camera_rotation,
     estimate_room_box, estimate_view, room_unknowns, solve_from_pins,
 };
-use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Vec2, Vec3};
+use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Surface, Vec2, Vec3};
 
 /// Deterministic errors in -1..=1.
 struct Hand(u64);
@@ -62,6 +62,39 @@ fn centre_error(found: &RoomBox, room: &Room, pins: &LayoutPins) -> Vec3 {
     let left = has([RoomEdge::FloorLeft, RoomEdge::CeilingLeft, RoomEdge::BackLeft]);
     let x = if left { c.x - t.x } else { (found.extents.width - c.x) - (room.extents.width - t.x) };
     Vec3::new(x, c.y - t.y, c.z - t.z)
+}
+
+#[test]
+fn a_ceiling_that_is_not_seen_is_above_the_picture() {
+    let ceilings = [RoomEdge::CeilingBack, RoomEdge::CeilingLeft, RoomEdge::CeilingRight];
+    let mut tried = 0;
+    for room in rooms() {
+        let pins = read_pins(&room, 0.0, &mut Hand(7));
+        if pins.edges.iter().any(|p| ceilings.contains(&p.edge)) {
+            continue;
+        }
+        let view = estimate_view(&gray(&room.folder.join("photo.jpg")), None);
+        let mut told = prior(&room, pins);
+        told.extents.height *= 0.8;
+        let low = solve_from_pins(&view, &told).unwrap();
+        let high = solve_from_pins(&view, &LayoutPrior { ceiling_seen: false, ..told.clone() }).unwrap();
+        if low.seen.contains(&Surface::Ceiling) {
+            tried += 1;
+            assert!(!high.seen.contains(&Surface::Ceiling), "{}: {:.2}", room.name, high.extents.as_vec());
+            assert!(high.extents.height < 1.36 * told.extents.height);
+        }
+        // What the camera's height says of the metres stays.
+        let off = (high.extents.width / low.extents.width).ln().abs();
+        assert!(off < 0.05, "{}: {:.2} and {:.2}", room.name, low.extents.as_vec(), high.extents.as_vec());
+        // It is tied to what is seen, not to the guess.
+        let posterior = high.posterior.as_ref().unwrap();
+        let known = posterior.information[88];
+        assert!(known < 1e5, "{}: {known}", room.name);
+        assert_eq!(posterior.clone().with_height_known_to(0.04), *posterior);
+    }
+    if !rooms().is_empty() {
+        assert!(tried > 0, "no room hides its ceiling");
+    }
 }
 
 #[test]

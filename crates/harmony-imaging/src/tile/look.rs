@@ -48,6 +48,14 @@ const ODD: f32 = 28.0;
 const PIECE: f64 = 0.05;
 /// Fewest squares whose spread says something.
 const LEAST_SQUARES: usize = 30;
+/// Brightness (8-bit levels) from which a texel can be in the sun, how many times the typical one that is at least, how wide such
+/// a patch is, metres, how far its soft edge reaches, and its most share of what was seen: more is a light surface.
+const SUN: f32 = 190.0;
+const SUN_TIMES: f32 = 1.8;
+const SUN_WIDTH: f64 = 0.06;
+const SUN_EDGE: f64 = 0.05;
+const MOST_SUN: f64 = 0.15;
+
 /// Spread of such squares that boards or tiles of one floor have at most, as a logarithm, and what any surface may have.
 const MOST_PIECES: f32 = 0.12;
 const USUAL_PIECES: f32 = 0.03;
@@ -151,6 +159,31 @@ impl Look {
     }
 }
 
+/// Texels of patches of sun: wide, far brighter than the rest and a small part of it. They are the photo's light, and would be
+/// laid all over the surface. `None` without any.
+fn sunlit(texture: &RgbaImage, px_per_m: f64) -> Option<Vec<bool>> {
+    let luma = |p: &Rgba<u8>| 0.2126 * f32::from(p.0[0]) + 0.7152 * f32::from(p.0[1]) + 0.0722 * f32::from(p.0[2]);
+    let mut all: Vec<f32> = texture.pixels().filter(|p| p.0[3] >= 128).map(luma).collect();
+    if all.is_empty() {
+        return None;
+    }
+    let middle = all.len() / 2;
+    let typical = *all.select_nth_unstable_by(middle, f32::total_cmp).1;
+    let least = SUN.max(SUN_TIMES * typical);
+    let (width, height) = (texture.width() as usize, texture.height() as usize);
+    let bright: Vec<bool> = texture.pixels().map(|p| p.0[3] >= 128 && luma(p) >= least).collect();
+    let count = bright.iter().filter(|b| **b).count();
+    if count == 0 || count as f64 > MOST_SUN * all.len() as f64 {
+        return None;
+    }
+    // What is no wider than a joint is none.
+    let other: Vec<bool> = bright.iter().map(|b| !b).collect();
+    let half = (SUN_WIDTH / 2.0 * px_per_m) as f32;
+    let core: Vec<bool> = distance_to(&other, width, height).into_iter().map(|d| d.is_finite() && d > half).collect();
+    let reach = half + (SUN_EDGE * px_per_m) as f32;
+    core.contains(&true).then(|| distance_to(&core, width, height).into_iter().map(|d| d <= reach).collect())
+}
+
 impl Survey {
     /// Takes apart what was seen (alpha 128 or more); `None` when that is hardly anything.
     ///
@@ -162,7 +195,10 @@ impl Survey {
         if !(px_per_m.is_finite() && px_per_m > 0.0) {
             return None;
         }
-        let known = without_odd_islands(texture);
+        let mut known = without_odd_islands(texture);
+        if let Some(sun) = sunlit(&known, px_per_m) {
+            known.pixels_mut().zip(sun).filter(|(_, lit)| *lit).for_each(|(p, _)| p.0[3] = 0);
+        }
         let count = known.pixels().filter(|p| p.0[3] >= 128).count();
         if count < LEAST_OBSERVED {
             return None;

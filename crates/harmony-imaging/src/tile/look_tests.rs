@@ -223,3 +223,23 @@ fn a_faint_line_on_paint_is_not_repeated_over_the_wall() {
     let worst = columns.iter().map(|c| (c - usual).abs()).fold(0.0, f32::max);
     assert!(worst < 0.6, "no column stands out of its wall: {worst}");
 }
+
+#[test]
+fn a_patch_of_sun_stays_where_it_is_and_is_laid_nowhere_else() {
+    let sun = |x: u32, y: u32| (120..160).contains(&x) && (200..260).contains(&y);
+    let mut texture = RgbaImage::from_fn(600, 400, |x, y| {
+        let grain = (hash(u64::from(y) << 32 | u64::from(x)) % 15) as f32 - 7.0;
+        opaque(if sun(x, y) { [250.0, 248.0, 240.0] } else { [92.0 + grain, 90.0 + grain, 84.0 + grain] })
+    });
+    for (_, _, p) in texture.enumerate_pixels_mut().filter(|(x, _, _)| *x >= 300) {
+        p.0[3] = 0;
+    }
+    let survey = survey(&texture);
+    let whole = survey.complete();
+    assert!(whole.get_pixel(140, 230).0[0] > 230);
+    let brightest = whole.enumerate_pixels().filter(|(x, _, _)| *x > 330).map(|(_, _, p)| p.0[0]).max().unwrap();
+    assert!(brightest < 130, "{brightest}");
+    // White tiles are no sun.
+    let (tiled, taken) = (tiles(600, 400), |t: &RgbaImage| sunlit(t, 100.0));
+    assert!(taken(&tiled).is_none() && taken(&texture).is_some());
+}

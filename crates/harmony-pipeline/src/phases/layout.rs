@@ -33,6 +33,9 @@ use crate::views::Gallery;
 /// Typical lens of a phone or a real-estate photo, as a fraction of the longer side; used when nothing else is known.
 const TYPICAL_FOCAL: f64 = 0.82;
 
+/// Share of a wall's height from which on the photo shows it up to the ceiling.
+const WHOLE_WALL: f64 = 0.95;
+
 /// Recovers room and camera.
 ///
 /// # Errors
@@ -359,8 +362,11 @@ pub fn layout_prior(answer: &LayoutAnswer, size: ImageSize) -> LayoutPrior {
             points: pin.points.iter().map(pixel).collect(),
         })
         .collect();
+    let ceiling = [PinKind::CeilingBack, PinKind::CeilingLeft, PinKind::CeilingRight];
+    let whole_walls = c.visible_wall_height_m > WHOLE_WALL * answer.room.ceiling_height_m;
     LayoutPrior {
         photo: size,
+        ceiling_seen: whole_walls || answer.pins.iter().any(|pin| ceiling.contains(&pin.edge)),
         extents: Extents {
             width: answer.room.floor_width_m,
             height: answer.room.ceiling_height_m,

@@ -151,10 +151,13 @@ impl<'a> Proposer<'a, '_> {
             return out;
         }
         if let Some(wall) = wall {
+            // Of a wall and a front that contradict one another either may be wrong.
+            let contrary = self.item.traits.has_front && self.off_front(wall).is_some_and(|off| off > AGREES);
+            let along = price + if contrary { surprise(noise.wrong_turn) } else { 0.0 };
             for plane in self.scene.room.standing_planes(wall) {
                 let constraint = self.constraint(Attachment::AgainstWall(plane), YawRule::Fixed(wall.yaw()));
                 for position in self.wall_positions(&constraint, plane) {
-                    out.push(self.settled(constraint, position, price));
+                    out.push(self.settled(constraint, position, along));
                 }
             }
             let about = YawRule::About { yaw: wall.yaw(), sigma: self.settings.noise.yaw_along };
@@ -224,13 +227,19 @@ impl<'a> Proposer<'a, '_> {
             out.extend(self.floor_positions(&constraint).into_iter().map(|p| self.settled(constraint, p, price)));
         }
         if let YawHint::About(yaw) = self.item.yaw
-            && angle_between(yaw, said.yaw()).abs() > AGREES
+            && self.off_front(said).is_some_and(|off| off > self.settings.noise.yaw_along)
         {
             let constraint =
                 self.constraint(Attachment::Floor, YawRule::About { yaw, sigma: self.settings.noise.yaw_panel });
             out.extend(self.floor_positions(&constraint).into_iter().map(|p| self.settled(constraint, p, price)));
         }
         out
+    }
+
+    /// How far the given front is from one that looks away from a wall, radians; `None` without any.
+    fn off_front(&self, wall: Wall) -> Option<f64> {
+        let YawHint::About(yaw) = self.item.yaw else { return None };
+        Some(angle_between(yaw, wall.yaw()).abs())
     }
 
     /// Places along a wall: where the mask's centre is seen at the object's own distance to the wall.

@@ -2,12 +2,19 @@
 
 use std::sync::Arc;
 
-use harmony_scene::{ObjectId, Support, Vec3};
+use harmony_scene::{ObjectId, Pose, Support, Vec3};
 
 use super::edit::{carry, place_anew};
 use super::{ActionError, ReviewOutcome, energy_change, find};
+use crate::accept::accepts;
+use crate::scene::attachment::sag_of;
 use crate::scene::subtree::{subtree, take_along};
-use crate::{PartialScene, PlacementSettings, Shape, measure};
+use crate::scene::support::layers;
+use crate::terms::placed_energy;
+use crate::{PartialScene, Placed, PlacementSettings, Shape, measure};
+
+/// Surfaces of an object that are tried for what stands on it, at most.
+const MOST_LAYERS: usize = 6;
 
 /// Tries another shape for a placed object, whose units are metres: it takes the old one's place, turn and support.
 ///
@@ -36,6 +43,7 @@ pub fn reshape(
     if !hangs {
         lift(&mut after, i, grown);
     }
+    find_tops(&mut after, i, settings);
     Ok(changed(after, i, settings))
 }
 
@@ -63,6 +71,7 @@ pub fn fit_shape(
     let new = std::mem::replace(&mut anew.placed[i].pose, old.pose);
     take_along(&mut anew, i, new);
     lift(&mut anew, i, grown);
+    find_tops(&mut anew, i, settings);
     let better = energy_change(&there.scene, &anew, settings) < 0.0;
     Ok(if better { changed(anew, i, settings) } else { there })
 }
@@ -71,6 +80,25 @@ pub fn fit_shape(
 fn lift(scene: &mut PartialScene, object: usize, by: f64) {
     for k in subtree(scene, object).into_iter().filter(|k| *k != object) {
         scene.placed[k].pose.position.y += by;
+    }
+}
+
+/// Puts what stands on an object onto another of its surfaces, straight up or down, where it agrees better there: the top of a
+/// chest need not have risen with the mirror on it.
+fn find_tops(scene: &mut PartialScene, object: usize, settings: &PlacementSettings) {
+    let host = scene.placed[object].item.id.clone();
+    let stands = |p: &Placed| matches!(&p.support, Support::Object { id } if *id == host);
+    for k in (0..scene.placed.len()).filter(|k| *k != object && stands(&scene.placed[*k])).collect::<Vec<_>>() {
+        let energy = |scene: &PartialScene| placed_energy(scene, k, settings).map(|e| e.total());
+        let Some(mut least) = energy(scene) else { continue };
+        let (pose, sag) = (scene.placed[k].pose, sag_of(&scene.placed[k].item, &scene.placed[k].pose));
+        for layer in layers(&scene.placed[object], scene.placed[k].size().height).into_iter().take(MOST_LAYERS) {
+            let mut tried = scene.clone();
+            take_along(&mut tried, k, Pose { position: pose.position.with_y(layer.height - sag), ..pose });
+            if let Some(found) = energy(&tried).filter(|found| accepts(least, *found, 0.0)) {
+                (least, *scene) = (found, tried);
+            }
+        }
     }
 }
 

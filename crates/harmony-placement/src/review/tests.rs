@@ -25,6 +25,31 @@ fn another_shape_takes_the_place_of_the_old_one_and_what_stands_on_it_goes_along
 }
 
 #[test]
+fn what_stands_on_a_chest_follows_its_top_and_not_the_mirror_on_it() {
+    let settings = PlacementSettings::default();
+    let mut scene = empty_room();
+    let at = Vec3::new(1.8, 0.0, 1.6);
+    let dresser = |top: f64| {
+        let chest = (Vec3::new(1.0, top, 0.45), Vec3::ZERO);
+        let mirror = (Vec3::new(0.9, 1.9 - top, 0.04), Vec3::new(0.0, top, -0.2));
+        Arc::new(of_boxes(&[chest, mirror]))
+    };
+    let mut item = boxed(&scene, Vec3::new(1.0, 1.9, 0.45), at, 0.0);
+    item.shape = dresser(0.8);
+    item.mask = Arc::new(seen(&scene, &item.shape, &Pose::new(at, 0.0, 1.0)));
+    let object = item.id.clone();
+    let (pose, support) = (Pose::new(at, 0.0, 1.0), Support::Floor);
+    scene.placed.push(Placed { item: Arc::new(item), pose, support, evidence: Evidence::default() });
+    // The photo shows the bottle on a top of 0.95 m.
+    add(&mut scene, "bottle", Vec3::new(0.1, 0.2, 0.1), at + Vec3::new(0.2, 0.95, 0.1), |bottle| {
+        bottle.pose.position.y = 0.8;
+        bottle.support = Support::Object { id: object.clone() };
+    });
+    let after = reshape(&scene, &object, dresser(0.95), &settings).unwrap().scene;
+    assert!((after.placed[1].pose.position.y - 0.95).abs() < 1e-6, "{:?}", after.placed[1].pose);
+}
+
+#[test]
 fn a_better_shape_is_not_judged_by_the_size_that_was_fitted_to_the_old_one() {
     // A stool of a seat on one leg was modelled as a block; as a block as wide as the leg and the seat in the mean it
     // agrees with the outline best, and a vase stands on it.

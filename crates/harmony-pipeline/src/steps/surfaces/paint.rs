@@ -180,7 +180,12 @@ impl Piece {
         is_even_wanted: bool,
     ) -> PaintedPiece {
         let named = self.named_pattern(answer);
-        let (look, image, from) = if let Some(own) = self.seen() {
+        let paper = self.same_paper(all, answer);
+        let (look, image, from) = if let (Some(own), Some(paper)) = (self.seen(), &paper) {
+            let look = paper.tinted(own.look.color);
+            let image = own.complete_as(&look);
+            (look, image, "what was seen of it, in the pattern of a wall that was named alike")
+        } else if let Some(own) = self.seen() {
             match named.and_then(|n| named_look(n, &own.look, Some(own), self.px_per_m, SEED)) {
                 Some(look) => {
                     let image = own.complete_as(&look);
@@ -190,7 +195,10 @@ impl Piece {
             }
         } else {
             let (look, from) = self.borrowed(all, plain, light, answer);
-            let look = named.and_then(|n| named_look(n, &look, None, self.px_per_m, SEED)).unwrap_or(look);
+            let look = match paper {
+                Some(paper) => paper.tinted(look.color),
+                None => named.and_then(|n| named_look(n, &look, None, self.px_per_m, SEED)).unwrap_or(look),
+            };
             let image = match &self.survey {
                 // The little that was seen stays.
                 Some(survey) => survey.complete_in(&look),
@@ -210,6 +218,27 @@ impl Piece {
             "periods_px": look.and_then(Look::periods).map(|p| p.map(|v| [v.x, v.y])),
         });
         PaintedPiece { image, even, note }
+    }
+
+    /// The paper of a wall that was named like this one, where the photo shows its repeat and not this one's: of one colour and
+    /// pattern, they are of one paper, and its picture says more than a name.
+    fn same_paper<'a>(&self, all: &'a [Self], answer: &[LayoutSurface]) -> Option<&'a Look> {
+        let whole = |p: &Self| p.surface.wall().is_some() && p.strip.kind.is_none();
+        let repeats = |p: &Self| p.seen().is_some_and(|s| s.look.periods().is_some());
+        let named = |p: &Self| {
+            let of_face = answer.iter().find(|s| s.surface.surface() == p.surface)?;
+            Some((lab_from_rgb8(of_face.rgb()?), of_face.pattern.as_ref()?.kind))
+        };
+        let (own, kind) = named(self).filter(|_| whole(self) && !repeats(self))?;
+        let alike = |p: &&Self| {
+            let as_fine = (p.px_per_m / self.px_per_m - 1.0).abs() < 0.01;
+            named(p).is_some_and(|(lab, other)| {
+                as_fine && other == kind && (0..3).map(|k| (lab[k] - own[k]).powi(2)).sum::<f32>().sqrt() < ONE_PAINT
+            })
+        };
+        let others = all.iter().filter(|p| whole(p) && repeats(p)).filter(alike);
+        let best = others.filter_map(|p| p.seen()).max_by(|a, b| a.seen_area.total_cmp(&b.seen_area))?;
+        Some(&best.look)
     }
 
     /// The pattern that the answer gives this strip.
@@ -496,6 +525,51 @@ mod tests {
         let both = [named(SurfaceName::WallBack), named(SurfaceName::WallLeft)];
         assert!((105..140).contains(&far(&both)), "{}", far(&both));
         assert!(far(&both[..1]) < 85, "nobody said that they are of one paint");
+    }
+
+    #[test]
+    fn walls_of_one_paper_repeat_the_wall_that_shows_its_repeat() {
+        let pattern = LayoutPattern {
+            kind: harmony_prompts::LayoutPatternKind::Motif,
+            width_m: 0.2,
+            length_m: 0.2,
+            joint_m: 0.0,
+            turn_deg: 0.0,
+            colors: vec!["#b0b0a0".into(), "#303040".into()],
+        };
+        let named = |surface, pattern: Option<&LayoutPattern>| LayoutSurface {
+            surface,
+            color_hex: Some("#b0b0a0".into()),
+            pattern: pattern.cloned(),
+            parts: vec![],
+        };
+        let mut all = faces([None, None, Some([170; 3]), Some([120; 3]), None, None]);
+        // A cross every 17 by 13 texels, which no named motif is.
+        for (x, y, p) in all[2].texture.enumerate_pixels_mut().filter(|(_, _, p)| p.0[3] > 0) {
+            let (u, v) = (x % 17, y % 13);
+            if (u == 8 && v < 7) || (v == 3 && (5..12).contains(&u)) {
+                p.0 = [50, 50, 70, 255];
+            }
+        }
+        let dark = |answer: &[LayoutSurface], surface: Surface| {
+            let painted = paint(&all, answer, &room(&[]), true, false);
+            let wall = &painted.textures[&surface];
+            // Along a row, how well it repeats after 17 texels, and not after 10.
+            let at = |x: u32, y: u32| f64::from(wall.get_pixel(x, y).0[0]);
+            let off = |by: u32| -> f64 {
+                let points = (2..20).flat_map(|x| (20..60).map(move |y| (x, y)));
+                points.map(|(x, y)| (at(x, y) - at(x + by, y)).abs()).sum()
+            };
+            off(17) < 0.6 * off(10)
+        };
+        let both = [
+            named(SurfaceName::WallBack, Some(&pattern)),
+            named(SurfaceName::WallLeft, Some(&pattern)),
+            named(SurfaceName::WallRight, Some(&pattern)),
+        ];
+        assert!(dark(&both, Surface::Left) && dark(&both, Surface::Right));
+        let apart = [named(SurfaceName::WallBack, Some(&pattern)), named(SurfaceName::WallLeft, None)];
+        assert!(!dark(&apart, Surface::Left), "nobody said so");
     }
 
     #[test]
