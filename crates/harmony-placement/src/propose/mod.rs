@@ -151,13 +151,10 @@ impl<'a> Proposer<'a, '_> {
             return out;
         }
         if let Some(wall) = wall {
-            // Of a wall and a front that contradict one another either may be wrong.
-            let contrary = self.item.traits.has_front && self.off_front(wall).is_some_and(|off| off > AGREES);
-            let along = price + if contrary { surprise(noise.wrong_turn) } else { 0.0 };
             for plane in self.scene.room.standing_planes(wall) {
                 let constraint = self.constraint(Attachment::AgainstWall(plane), YawRule::Fixed(wall.yaw()));
                 for position in self.wall_positions(&constraint, plane) {
-                    out.push(self.settled(constraint, position, along));
+                    out.push(self.settled(constraint, position, price));
                 }
             }
             let about = YawRule::About { yaw: wall.yaw(), sigma: self.settings.noise.yaw_along };
