@@ -96,8 +96,10 @@ pub(super) fn solve_with_image(
 ) -> Result<RoomBox, SolveError> {
     let prior = sane(prior);
     let found = solve_in_height(image, view, &prior)?;
-    let top = top_of_picture(&found.camera, &found.extents).filter(|_| !prior.ceiling_seen);
-    let height = prior.extents.height;
+    if prior.ceiling_seen {
+        return Ok(found);
+    }
+    let (height, top) = (prior.extents.height, top_of_picture(&found.camera, &found.extents));
     match top.map(|top| (CLEAR * top).min(MOST_RAISED * height)).filter(|higher| *higher > height) {
         Some(height) => {
             let extents = Extents { height, ..prior.extents };

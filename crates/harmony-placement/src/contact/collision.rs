@@ -5,7 +5,7 @@
 //! its place moving less: with one pair that is the paper's rule, and a row of cupboards each a little too wide makes room
 //! along the whole row. Objects move only in the directions that their support allows, what rests on them goes along.
 
-use harmony_scene::{Level, ObjectId, Vec3, Wall};
+use harmony_scene::{Level, ObjectId, Support, Vec3, Wall};
 
 use super::solid::{Solid, directions_around, level_directions, way_out};
 use crate::noise::Noise;
@@ -56,8 +56,11 @@ fn tolerance(scene: &PartialScene, a: usize, b: usize, settings: &PlacementSetti
     if on_wall(p) && on_wall(q) && (p.item.traits.hangs || q.item.traits.hangs) {
         return None;
     }
-    // What is thrown over something has it inside.
-    let over = |p: &Placed, q: &Placed| p.item.traits.soft && p.item.relations.on_top_of.as_ref() == Some(&q.item.id);
+    // What is thrown over something and reaches the floor has it inside.
+    let over = |p: &Placed, q: &Placed| {
+        let said = p.item.relations.on_top_of.as_ref();
+        p.item.traits.soft && p.support == Support::Floor && said == Some(&q.item.id)
+    };
     if over(p, q) || over(q, p) {
         return None;
     }

@@ -17,9 +17,6 @@ const DOUBTFUL_OVERLAP: f64 = 0.5;
 /// How far about a mask's lowest row its foot is looked for, share of its height.
 const FOOT: f64 = 0.1;
 
-/// Layers of a host tried, at most.
-const MOST_LAYERS: usize = 6;
-
 pub(crate) fn hypotheses<'a>(proposer: &Proposer<'a, '_>) -> Vec<Hypothesis<'a>> {
     let mut out = Vec::new();
     let given = given_host(proposer);
@@ -111,10 +108,7 @@ fn on_host<'a>(proposer: &Proposer<'a, '_>, host: usize, price: f64, out: &mut V
     let placed = &proposer.scene.placed[host];
     let pose = proposer.sized(Vec3::ZERO, placed.pose.yaw);
     let height = size_of(proposer.item, &pose).y;
-    let mut layers = support::layers(placed, height);
-    // Large layers first: the tray's rim is not the table.
-    layers.sort_by(|a, b| b.share.total_cmp(&a.share).then(b.height.total_cmp(&a.height)));
-    layers.truncate(MOST_LAYERS);
+    let layers = support::main_layers(placed, height);
     for (level, position) in spots(proposer, placed, &layers) {
         for (yaw, turn_price) in
             yaws(proposer, placed, position).into_iter().flat_map(|rule| proposer.quarter_turns(rule))

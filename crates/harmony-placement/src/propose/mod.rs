@@ -224,19 +224,13 @@ impl<'a> Proposer<'a, '_> {
             out.extend(self.floor_positions(&constraint).into_iter().map(|p| self.settled(constraint, p, price)));
         }
         if let YawHint::About(yaw) = self.item.yaw
-            && self.off_front(said).is_some_and(|off| off > self.settings.noise.yaw_along)
+            && angle_between(yaw, said.yaw()).abs() > self.settings.noise.yaw_along
         {
             let constraint =
                 self.constraint(Attachment::Floor, YawRule::About { yaw, sigma: self.settings.noise.yaw_panel });
             out.extend(self.floor_positions(&constraint).into_iter().map(|p| self.settled(constraint, p, price)));
         }
         out
-    }
-
-    /// How far the given front is from one that looks away from a wall, radians; `None` without any.
-    fn off_front(&self, wall: Wall) -> Option<f64> {
-        let YawHint::About(yaw) = self.item.yaw else { return None };
-        Some(angle_between(yaw, wall.yaw()).abs())
     }
 
     /// Places along a wall: where the mask's centre is seen at the object's own distance to the wall.

@@ -307,5 +307,5 @@ fn what_its_support_undoes_is_not_kept() {
     let settings = PlacementSettings::default();
     let after = apply(&scene, std::slice::from_ref(&up), &settings).unwrap();
     let v = judge(&scene, &after, &settings);
-    assert!(!v.kept && v.reason.contains("is held by "), "{v:?}");
+    assert!(!v.kept && v.reason.contains("is held by the floor"), "{v:?}");
 }

@@ -114,15 +114,14 @@ pub(crate) fn size_of(item: &Item, pose: &Pose) -> Vec3 {
     item.shape.extent() * pose.scale * pose.stretch
 }
 
-/// How an object hangs over an edge in a pose, and how high above its lowest points it lies on something there, metres.
-pub(crate) fn hang_of<'a>(item: &'a Item, pose: &Pose) -> Option<(&'a Hang, f64)> {
-    let hang = if item.traits.soft { item.shape.hang() } else { None };
-    hang.map(|hang| (hang, hang.sag * pose.scale * pose.stretch.y))
+/// How an object hangs over an edge, if it does: only what is soft can.
+pub(crate) fn hang_of(item: &Item) -> Option<&Hang> {
+    if item.traits.soft { item.shape.hang() } else { None }
 }
 
 /// Height above its lowest points at which an object is carried in a pose, metres: 0 but for what hangs over an edge.
 pub(crate) fn sag_of(item: &Item, pose: &Pose) -> f64 {
-    hang_of(item, pose).map_or(0.0, |(_, sag)| sag)
+    hang_of(item).map_or(0.0, |hang| hang.sag * pose.scale * pose.stretch.y)
 }
 
 /// Scale and stretch that give an object its prior size: one factor, or one a side where it may be stretched.

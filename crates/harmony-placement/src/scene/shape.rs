@@ -36,7 +36,7 @@ pub(crate) struct Hang {
 }
 
 /// Columns along each side of a footprint in which an underside is looked at.
-const HANG_COLUMNS: u32 = 12;
+const HANG_COLUMNS: u32 = 8;
 
 /// The part of an underside that lies on something is level within this share of the height, as much of the footprint as this
 /// at least, and as high as this share of the height at least: lower ones are the roundness of a cushion.

@@ -44,6 +44,9 @@ pub(crate) struct Surface {
     pub(crate) share: f64,
 }
 
+/// Layers of a host tried for one object, at most.
+const MOST_LAYERS: usize = 6;
+
 /// A height at which a host can carry things.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Layer {
@@ -148,7 +151,7 @@ fn top_of(host: &Placed) -> f64 {
 /// Points of an object's footprint that ask what is below them: a grid, or, of what hangs over an edge, those under the part
 /// that lies on something.
 fn footprint(item: &Item, pose: &Pose) -> Vec<Vec3> {
-    if let Some((hang, _)) = hang_of(item, pose) {
+    if let Some(hang) = hang_of(item) {
         return hang.under.iter().map(|p| pose.point(Vec3::new(p.x, 0.0, p.y))).collect();
     }
     let linear = Pose { scale: 1.0, stretch: Vec3::ONE, ..*pose }.linear();
@@ -226,6 +229,15 @@ pub(crate) fn layers(host: &Placed, object_height: f64) -> Vec<Layer> {
         .filter(|(_, count)| *count >= 2)
         .map(|(height, count)| Layer { height, share: count as f64 / total })
         .collect()
+}
+
+/// The heights of [`layers`] that are tried for an object, large ones first (the tray's rim is not the table), at most
+/// [`MOST_LAYERS`].
+pub(crate) fn main_layers(host: &Placed, object_height: f64) -> Vec<Layer> {
+    let mut out = layers(host, object_height);
+    out.sort_by(|a, b| b.share.total_cmp(&a.share).then(b.height.total_cmp(&a.height)));
+    out.truncate(MOST_LAYERS);
+    out
 }
 
 /// Free space between an object's back and what its host has behind it (a backrest, a headboard), metres, measured at

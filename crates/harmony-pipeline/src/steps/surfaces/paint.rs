@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use harmony_imaging::color::lab_from_rgb8;
+use harmony_imaging::color::{lab_distance, lab_from_rgb8};
 use harmony_imaging::tile::{Grain, Look, Survey};
 use harmony_prompts::{LayoutPart, LayoutPartKind, LayoutPattern, LayoutSurface};
 use harmony_scene::{Extents, OpeningKind, Room, Surface};
@@ -195,9 +195,11 @@ impl Piece {
             }
         } else {
             let (look, from) = self.borrowed(all, plain, light, answer);
-            let look = match paper {
-                Some(paper) => paper.tinted(look.color),
-                None => named.and_then(|n| named_look(n, &look, None, self.px_per_m, SEED)).unwrap_or(look),
+            let (look, from) = match paper {
+                Some(paper) => {
+                    (paper.tinted(look.color), "the layout answer, in the pattern of a wall that was named alike")
+                }
+                None => (named.and_then(|n| named_look(n, &look, None, self.px_per_m, SEED)).unwrap_or(look), from),
             };
             let image = match &self.survey {
                 // The little that was seen stays.
@@ -227,14 +229,12 @@ impl Piece {
         let repeats = |p: &Self| p.seen().is_some_and(|s| s.look.periods().is_some());
         let named = |p: &Self| {
             let of_face = answer.iter().find(|s| s.surface.surface() == p.surface)?;
-            Some((lab_from_rgb8(of_face.rgb()?), of_face.pattern.as_ref()?.kind))
+            Some((of_face.rgb()?, of_face.pattern.as_ref()?.kind))
         };
         let (own, kind) = named(self).filter(|_| whole(self) && !repeats(self))?;
         let alike = |p: &&Self| {
             let as_fine = (p.px_per_m / self.px_per_m - 1.0).abs() < 0.01;
-            named(p).is_some_and(|(lab, other)| {
-                as_fine && other == kind && (0..3).map(|k| (lab[k] - own[k]).powi(2)).sum::<f32>().sqrt() < ONE_PAINT
-            })
+            named(p).is_some_and(|(color, other)| as_fine && other == kind && lab_distance(color, own) < ONE_PAINT)
         };
         let others = all.iter().filter(|p| whole(p) && repeats(p)).filter(alike);
         let best = others.filter_map(|p| p.seen()).max_by(|a, b| a.seen_area.total_cmp(&b.seen_area))?;
@@ -329,7 +329,7 @@ impl Plain {
 fn of_one_paint(pieces: &mut [Piece], answer: &[LayoutSurface]) {
     struct Seen {
         index: usize,
-        named: [f32; 3],
+        named: [u8; 3],
         color: [f32; 3],
         weight: f32,
     }
@@ -342,11 +342,11 @@ fn of_one_paint(pieces: &mut [Piece], answer: &[LayoutSurface]) {
             let survey = p.seen()?;
             let named = answer.iter().find(|s| s.surface.surface() == p.surface).and_then(LayoutSurface::rgb)?;
             let weight = (survey.seen_area / ENOUGH).min(1.0) as f32;
-            Some(Seen { index, named: lab_from_rgb8(named), color: survey.look.color, weight })
+            Some(Seen { index, named, color: survey.look.color, weight })
         })
         .collect();
     for own in seen.iter().filter(|s| s.weight < 1.0) {
-        let alike = |s: &&Seen| (0..3).map(|k| (s.named[k] - own.named[k]).powi(2)).sum::<f32>().sqrt() < ONE_PAINT;
+        let alike = |s: &&Seen| lab_distance(s.named, own.named) < ONE_PAINT;
         let total: f32 = seen.iter().filter(alike).map(|s| s.weight).sum();
         let color = std::array::from_fn(|k| {
             let all = seen.iter().filter(alike).map(|s| s.weight * s.color[k]).sum::<f32>() / total;
@@ -362,7 +362,7 @@ struct Light(Vec<Named>);
 
 /// A face whose colour was both named and seen.
 struct Named {
-    lab: [f32; 3],
+    color: [u8; 3],
     /// Logarithm of seen over named, by channel.
     ratio: [f32; 3],
     weight: f32,
@@ -371,7 +371,7 @@ struct Named {
 /// Difference of colours (Lab) at which one says much less about the other.
 const ALIKE: f32 = 10.0;
 /// Difference of named colours (Lab) up to which walls are of one paint.
-const ONE_PAINT: f32 = 3.0;
+const ONE_PAINT: f64 = 3.0;
 /// Weight of a floor or a ceiling against that of a wall: light falls on them at another angle.
 const NOT_A_WALL: f32 = 0.2;
 
@@ -383,18 +383,17 @@ impl Light {
             let ratio = |k: usize| (survey.look.color[k] / f32::from(named[k]).max(8.0)).clamp(0.2, 1.6).ln();
             let weight = if piece.surface.wall().is_some() { 1.0 } else { NOT_A_WALL };
             let area = (survey.seen_area / ENOUGH).min(1.0) as f32;
-            Some(Named { lab: lab_from_rgb8(named), ratio: std::array::from_fn(ratio), weight: weight * area })
+            Some(Named { color: named, ratio: std::array::from_fn(ratio), weight: weight * area })
         };
         Self(pieces.iter().filter(|p| p.strip.kind.is_none()).filter_map(of_piece).collect())
     }
 
     /// The named colour by the ratios of seen to named of the faces that were named alike.
     fn on(&self, color: [u8; 3]) -> [f32; 3] {
-        let lab = lab_from_rgb8(color);
         // Without any: what rooms are exposed like.
         let (mut sum, mut total) = ([0.8_f32.ln() * 1e-3; 3], 1e-3);
         for named in &self.0 {
-            let off = (0..3).map(|k| (named.lab[k] - lab[k]).powi(2)).sum::<f32>().sqrt();
+            let off = lab_distance(named.color, color) as f32;
             let weight = named.weight * (-off / ALIKE).exp();
             total += weight;
             sum.iter_mut().zip(named.ratio).for_each(|(s, r)| *s += weight * r);
@@ -551,7 +550,7 @@ mod tests {
                 p.0 = [50, 50, 70, 255];
             }
         }
-        let dark = |answer: &[LayoutSurface], surface: Surface| {
+        let repeats = |answer: &[LayoutSurface], surface: Surface| {
             let painted = paint(&all, answer, &room(&[]), true, false);
             let wall = &painted.textures[&surface];
             // Along a row, how well it repeats after 17 texels, and not after 10.
@@ -567,9 +566,9 @@ mod tests {
             named(SurfaceName::WallLeft, Some(&pattern)),
             named(SurfaceName::WallRight, Some(&pattern)),
         ];
-        assert!(dark(&both, Surface::Left) && dark(&both, Surface::Right));
+        assert!(repeats(&both, Surface::Left) && repeats(&both, Surface::Right));
         let apart = [named(SurfaceName::WallBack, Some(&pattern)), named(SurfaceName::WallLeft, None)];
-        assert!(!dark(&apart, Surface::Left), "nobody said so");
+        assert!(!repeats(&apart, Surface::Left), "nobody said so");
     }
 
     #[test]
