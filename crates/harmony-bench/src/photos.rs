@@ -190,7 +190,7 @@ fn judged(
         let scene = match join(&runs, &out, true, &JoinNoise::default(), &|_| {}) {
             Ok(report) => {
                 told(&report, tell);
-                Ok(judge.joined(&report, &out, photos).map_err(|e| failed(e.to_string()))?)
+                Ok(judge.joined(&report, &out).map_err(|e| failed(e.to_string()))?)
             }
             Err(error) => {
                 tell(format!("    {photos} photos: {error}"));

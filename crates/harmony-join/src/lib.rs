@@ -34,6 +34,7 @@ use std::path::{Path, PathBuf};
 
 use harmony_pipeline::{RunFolder, RunFolderError};
 use harmony_scene::Scene;
+use serde::Serialize;
 
 pub use merge::{Dropped, Thing};
 pub use noise::JoinNoise;
@@ -155,13 +156,26 @@ impl JoinError {
     }
 }
 
+/// A run that was given and is not in the scene.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct LeftOut {
+    /// Its name.
+    pub run: String,
+    /// Why, with the numbers that say so.
+    pub reason: String,
+}
+
 /// What was joined.
 #[derive(Debug, Clone)]
 pub struct JoinReport {
     /// The scene as it was written.
     pub scene: Scene,
-    /// The runs' names.
+    /// The names of the runs that are in it.
     pub runs: Vec<String>,
+    /// Their places among those that were given.
+    pub numbers: Vec<usize>,
+    /// Runs that do not fit to the first one, or not in one way only.
+    pub left_out: Vec<LeftOut>,
     /// How pairs of runs lie together.
     pub links: Vec<Link>,
     /// Room, placings, places.
@@ -175,10 +189,11 @@ pub struct JoinReport {
 }
 
 /// Joins finished runs into the folder `out`, which must not hold anything unless `replace` and it was joined before. The
-/// first run's frame is the joined one's. `tell` hears of each step.
+/// first run's frame is the joined one's. Runs that do not fit to it are left out, and told; where none does that is an
+/// error. `tell` hears of each step.
 ///
 /// # Errors
-/// [`JoinError`]; nothing is written before all runs fit together.
+/// [`JoinError`]; nothing is written before two runs fit together.
 pub fn join(
     folders: &[PathBuf],
     out: &Path,
@@ -196,10 +211,19 @@ pub fn join(
     tell("laying the runs together");
     let links = tree::links(&sources, noise);
     let (placings, order) = tree::spanned(sources.len(), &links, noise);
-    let mut start = Vec::new();
-    for (run, placing) in placings.iter().enumerate() {
-        start.push(placing.ok_or_else(|| refused(&sources, &links, run, noise))?);
+    let numbers: Vec<usize> = (0..sources.len()).filter(|run| placings[*run].is_some()).collect();
+    let strangers = (0..sources.len()).filter(|run| placings[*run].is_none());
+    let refusals: Vec<(usize, JoinError)> = strangers.map(|run| (run, refused(&sources, &links, run, noise))).collect();
+    let mut left_out = Vec::new();
+    for (run, error) in refusals {
+        if numbers.len() < 2 {
+            return Err(error);
+        }
+        tell(&format!("left out: {error}"));
+        left_out.push(LeftOut { run: sources[run].name.clone(), reason: error.to_string() });
     }
+    let (sources, links, order) = only(&numbers, sources, links, &order);
+    let start: Vec<Placing> = placings.into_iter().flatten().collect();
     let mut tracks = tracks::tracks(&sources, &start, &order, noise);
     let mut joint = solve::solve(&sources, &start, &tracks, noise);
     for round in 1..ROUNDS {
@@ -215,18 +239,20 @@ pub fn join(
     let (things, dropped) = merge::things(&sources, &tracks, &joint, noise);
     tell("painting the room");
     let (textures, faces) = room::textures(&sources, &joint);
-    let room = room::room(&sources, &joint, &things);
+    let (room, beyond) = room::room(&sources, &joint, &things);
     let trims = room::trims(&sources, &joint);
     let joined = write::Joined {
         sources: &sources,
         links: &links,
         joint: &joint,
         room,
+        beyond,
         textures,
         faces,
         trims,
         things: things.clone(),
         dropped: dropped.clone(),
+        left_out: left_out.clone(),
     };
     tell("writing");
     let _lock = RunFolder::take(out)?;
@@ -234,7 +260,20 @@ pub fn join(
     let (scene, seen) = write::write(out, &joined, &title)?;
     drop(joined);
     let runs = sources.into_iter().map(|s| s.name).collect();
-    Ok(JoinReport { scene, runs, links, joint, things, dropped, seen })
+    Ok(JoinReport { scene, runs, numbers, left_out, links, joint, things, dropped, seen })
+}
+
+/// Sources, links and order of some runs alone, numbered anew.
+fn only(
+    numbers: &[usize],
+    sources: Vec<Source>,
+    links: Vec<Link>,
+    order: &[usize],
+) -> (Vec<Source>, Vec<Link>, Vec<usize>) {
+    let anew = |run: usize| numbers.iter().position(|n| *n == run);
+    let sources = sources.into_iter().enumerate().filter(|(run, _)| numbers.contains(run)).map(|(_, s)| s).collect();
+    let links = links.into_iter().filter_map(|l| Some(Link { runs: [anew(l.runs[0])?, anew(l.runs[1])?], ..l }));
+    (sources, links.collect(), order.iter().filter_map(|run| anew(*run)).collect())
 }
 
 /// Refuses what cannot be joined before anything is read.
@@ -295,4 +334,33 @@ fn refused(sources: &[Source], links: &[Link], run: usize, noise: &JoinNoise) ->
         way.odds, noise.least_odds
     );
     JoinError::AnotherRoom { run: name, numbers }
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::QuarterTurn;
+
+    use super::*;
+    use crate::testing::{ROOM, furnished, source, thing};
+
+    #[test]
+    fn a_stranger_is_left_out_and_the_others_are_numbered_anew() {
+        let noise = JoinNoise::default();
+        let others =
+            vec![thing("bed", [1.6, 1.1], 0.0, [1.6, 0.6, 2.0]), thing("wardrobe", [3.2, 0.4], 0.0, [1.2, 2.1, 0.6])];
+        let elsewhere = harmony_scene::Extents { width: 3.7, height: 2.8, depth: 4.1 };
+        let sources = vec![
+            source("door", ROOM, &furnished(), QuarterTurn::ALL[0], 1.0, &[]),
+            source("hotel", elsewhere, &others, QuarterTurn::ALL[0], 1.0, &[]),
+            source("window", ROOM, &furnished(), QuarterTurn::ALL[2], 1.02, &[]),
+        ];
+        let links = tree::links(&sources, &noise);
+        let (placings, order) = tree::spanned(3, &links, &noise);
+        assert!(placings[1].is_none() && placings[2].is_some(), "{placings:?}");
+        assert!(refused(&sources, &links, 1, &noise).to_string().contains("hotel"));
+        let (kept, links, order) = only(&[0, 2], sources, links, &order);
+        assert_eq!(kept.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["door", "window"]);
+        assert_eq!(links.iter().map(|l| l.runs).collect::<Vec<_>>(), [[0, 1]]);
+        assert_eq!(order, [0, 1]);
+    }
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use harmony_mesh::Mesh;
-use harmony_scene::{Confidence, Level, ObjectId, Pose, Relations, SceneObject, Size, Support, WallAffinity};
+use harmony_scene::{Confidence, Level, ObjectId, Pose, Relations, SceneObject, Size, Support, Wall, WallAffinity};
 use serde::Serialize;
 
 use crate::depth::Sight;
@@ -27,6 +27,10 @@ const SAME: f64 = 0.3;
 /// Share of a thing's points in view past which another photo must see before its place counts as empty, and points in
 /// view at least.
 const EMPTY: (f64, usize) = (0.7, 12);
+/// What stands is moved into the room by less than this, metres.
+const MOST_INWARD_M: f64 = 0.3;
+/// Agreement of a thing's outline with its mask from which its own photo surely shows it.
+const OUTLINED: f64 = 0.6;
 /// Runs that agree about a turn differ less, radians.
 const SAME_TURN: f64 = 0.45;
 /// A turn this near to a quarter in its own room is square there, radians.
@@ -272,13 +276,18 @@ fn without_doubles(sources: &[Source], mut things: Vec<Thing>, dropped: &mut Vec
     kept
 }
 
-/// Leaves out what one run alone has where another photo sees past its place.
+/// Leaves out what one run alone has where another photo sees past its place. A run without a point map knows of its photo
+/// what it found itself: against a thing that its own photo outlines well that is not enough.
 fn without_absent(sources: &[Source], things: Vec<Thing>, joint: &Joint, dropped: &mut Vec<Dropped>) -> Vec<Thing> {
     let mut kept = Vec::new();
     for t in things {
         let only = (t.track.members.len() == 1).then(|| t.track.members[0].0);
         let absent = only.and_then(|run| {
+            let outlined = t.object.confidence.silhouette_iou.is_some_and(|iou| iou > OUTLINED);
             (0..sources.len()).filter(|other| *other != run).find(|other| {
+                if outlined && !sources[*other].depth.measured {
+                    return false;
+                }
                 let back = joint.placings[*other].inverse();
                 let step = (t.mesh.positions.len() / 200).max(1);
                 let sights: Vec<Sight> = t
@@ -366,7 +375,35 @@ fn connect(sources: &[Source], things: &mut [Thing], joint: &Joint) {
         let in_first = t.track.objects(sources).find(|(run, _)| *run == 0);
         t.object.seen_box = in_first.and_then(|(_, o)| o.object.seen_box);
     }
+    at_walls(sources, things, joint);
     on_hosts(sources, things);
+}
+
+/// What hangs on a wall keeps the distance to it that its best run has (a flat picture a centimetre behind its place is
+/// inside the wall), and what stands is inside the room as there.
+fn at_walls(sources: &[Source], things: &mut [Thing], joint: &Joint) {
+    for t in things {
+        let (source, own) = (&sources[t.from.0], &sources[t.from.0].objects[t.from.1]);
+        let by = t.object.size.depth / own.object.size.depth.max(1e-6);
+        match (&t.object.support, &own.object.support) {
+            (Support::Wall { wall }, Support::Wall { wall: there }) => {
+                let gap = by * there.distance(&source.scene.room.extents, own.place());
+                let off = gap - wall.distance(&joint.extents, t.object.pose.position);
+                t.object.pose.position += wall.normal() * off;
+            }
+            (Support::Floor | Support::Object { .. }, _) => {
+                let (low, high) = bounds(t);
+                for wall in Wall::ALL {
+                    let nearest = if wall.normal().dot(DVec3::ONE) > 0.0 { low } else { high };
+                    let out = -wall.distance(&joint.extents, nearest);
+                    if (0.0..MOST_INWARD_M).contains(&out) {
+                        t.object.pose.position += wall.normal() * out;
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
 }
 
 /// Sets what stands on another thing at its host's height, from the floor up.

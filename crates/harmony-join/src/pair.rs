@@ -170,7 +170,7 @@ fn joint_sigma(first: &Source, a: &SeenObject, second: &Source, b: &SeenObject, 
     let distance = a.place().distance(first.camera.centre()) + b.place().distance(second.camera.centre());
     let (p, q) = (mean(place_noise(first, a, noise)), mean(place_noise(second, b, noise)));
     // The scales are fitted, but only so well.
-    p.hypot(q).hypot(0.5 * noise.scale[1] * distance)
+    noise.pairing * p.hypot(q).hypot(0.5 * noise.scale[1] * distance)
 }
 
 /// The placing that pairs and walls want: turns and scales of few things say little, so that only the shift is free until
@@ -181,7 +181,7 @@ fn moved(first: &Source, second: &Source, placing: &Placing, pairs: &[(usize, us
     let sigmas: Vec<f64> =
         pairs.iter().map(|(i, j)| joint_sigma(first, &first.objects[*i], second, &second.objects[*j], noise)).collect();
     let walls = common_walls(first, second, placing.turn);
-    let scales = scale_sigma(first, noise).hypot(scale_sigma(second, noise));
+    let scales = noise.pairing * scale_sigma(first, noise).hypot(scale_sigma(second, noise));
     let residuals = |p: &[f64], out: &mut Vec<f64>| {
         let trial = with(p);
         out.push(p[0] / (2.0 * noise.askew));
@@ -228,7 +228,7 @@ fn wall_off(
         Wall::Front => e.depth,
     };
     let sigma = |d: f64| (noise.wall[0] * d).hypot(noise.wall[1]);
-    (at - here, sigma(first.distance_to(wall)).hypot(sigma(second.distance_to(own))))
+    (at - here, noise.pairing * sigma(first.distance_to(wall)).hypot(sigma(second.distance_to(own))))
 }
 
 fn odds(first: &Source, second: &Source, placing: &Placing, pairs: &[(usize, usize)], noise: &JoinNoise) -> (f64, u32) {

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 use harmony_imaging::color::{linear_from_rgb8, srgb_from_linear};
 use harmony_mesh::{Trim, Trims};
+use harmony_pipeline::Beyond;
 use harmony_scene::{Opening, Room, Surface};
 use image::RgbaImage;
 use rayon::prelude::*;
@@ -24,11 +25,14 @@ const FINEST: f64 = 250.0;
 const SHARPNESS: i32 = 8;
 /// Texels that two photos show by which their exposures are compared, at least.
 const COMMON_TEXELS: usize = 400;
+/// Side of the cells in which the light of two photos on one face is compared, metres.
+const LIGHT_CELL_M: f64 = 0.25;
 /// Largest factor between two photos' exposures that is believed.
 const MOST_GAIN: f32 = 3.0;
 
-/// The room with the openings that its windows and doors cut.
-pub fn room(sources: &[Source], joint: &Joint, things: &[Thing]) -> Room {
+/// The room with the openings that its windows and doors cut and the passages that its runs have, and what is seen through
+/// these.
+pub fn room(sources: &[Source], joint: &Joint, things: &[Thing]) -> (Room, Vec<Beyond>) {
     let first = &sources[0].scene.room;
     let mut room = first.clone();
     room.shape.fitted(&first.extents, &joint.extents, 0.0);
@@ -40,7 +44,61 @@ pub fn room(sources: &[Source], joint: &Joint, things: &[Thing]) -> Room {
         })
         .collect();
     room.openings = things.iter().filter_map(|t| opening(sources, joint, t)).collect();
-    room
+    let mut panes = Vec::new();
+    let mut found: Vec<Passage> = (0..sources.len()).flat_map(|run| passages(sources, joint, run)).collect();
+    found.sort_by(|a, b| b.sight.total_cmp(&a.sight));
+    for Passage { opening, picture, .. } in found {
+        if room.openings.iter().any(|other| in_one_place(other, &opening)) {
+            continue;
+        }
+        panes.extend(picture.map(|picture| Beyond { opening: opening.clone(), picture }));
+        room.openings.push(opening);
+    }
+    (room, panes)
+}
+
+/// A passage of a run in the joined room.
+struct Passage {
+    opening: Opening,
+    picture: Option<Arc<RgbaImage>>,
+    /// How large the run's photo shows it (solid angle, more or less).
+    sight: f64,
+}
+
+fn passages(sources: &[Source], joint: &Joint, run: usize) -> Vec<Passage> {
+    let (source, placing) = (&sources[run], &joint.placings[run]);
+    let (e, scale) = (&source.scene.room.extents, placing.ln_scale.exp());
+    let moved = |(found, picture): &(Opening, Option<Arc<RgbaImage>>)| {
+        let wall = placing.turn.wall(found.wall);
+        let along = |u: f64| wall.coordinates(placing.point(found.wall.point(e, u, 0.0))).x;
+        let ends = found.u.map(along);
+        let mirrored = ends[0] > ends[1];
+        let length = wall.length(&joint.extents);
+        let u = [ends[0].min(ends[1]).max(0.02), ends[0].max(ends[1]).min(length - 0.02)];
+        let y = [(found.y[0] * scale).max(0.0), (found.y[1] * scale).min(joint.extents.height - 0.02)];
+        let way = found.wall.point(e, f64::midpoint(found.u[0], found.u[1]), f64::midpoint(found.y[0], found.y[1]))
+            - source.camera.centre();
+        let facing = (-way.dot(found.wall.normal())).max(0.0);
+        let sight = (u[1] - u[0]) * (y[1] - y[0]) * facing / way.length().max(0.3).powi(3);
+        let turned = |image: &Arc<RgbaImage>| {
+            if mirrored { Arc::new(image::imageops::flip_horizontal(&**image)) } else { Arc::clone(image) }
+        };
+        (u[1] - u[0] > 0.1 && y[1] - y[0] > 0.1).then(|| Passage {
+            opening: Opening { wall, u, y, inset: found.inset * scale, rise: found.rise * scale, ..found.clone() },
+            picture: picture.as_ref().map(turned),
+            sight,
+        })
+    };
+    source.passages.iter().filter_map(moved).collect()
+}
+
+/// Whether two openings are in one wall and share a good part of the smaller one.
+fn in_one_place(a: &Opening, b: &Opening) -> bool {
+    let shared = |p: [f64; 2], q: [f64; 2]| {
+        let both = (p[1].min(q[1]) - p[0].max(q[0])).max(0.0);
+        both / (p[1] - p[0]).min(q[1] - q[0]).max(1e-6)
+    };
+    a.wall == b.wall && shared(a.u, b.u) * shared(a.y, b.y) > 0.2
 }
 
 /// The opening of a window or door as its best run has it, moved to where the thing is.
@@ -127,8 +185,23 @@ pub fn textures(sources: &[Source], joint: &Joint) -> (BTreeMap<Surface, Arc<Rgb
         if runs.iter().all(|r| r.iter().all(Option::is_none)) {
             continue;
         }
-        // Where nobody sees the face, whoever sees most of it says how it goes on; the first of equals.
-        let fallback = (0..runs.len()).rev().max_by(|a, b| by_run[*a].total_cmp(&by_run[*b])).unwrap_or(0);
+        // Whoever sees most of it gives the face its light, the first of equals: the others' is brought to it.
+        let base = (0..runs.len()).rev().max_by(|a, b| by_run[*a].total_cmp(&by_run[*b])).unwrap_or(0);
+        let lights: Vec<Option<LightField>> = (0..runs.len())
+            .map(|run| {
+                (run != base).then(|| {
+                    LightField::new(
+                        &runs[base],
+                        &runs[run],
+                        [gains[base], gains[run]],
+                        size,
+                        surface.size(&joint.extents),
+                    )
+                })?
+            })
+            .collect();
+        // Where nobody sees the face it goes on as in the runs whose seen part is near.
+        let away: Vec<Vec<f32>> = runs.iter().map(|run| to_seen(run, size)).collect();
         let mut seen = 0;
         let image = RgbaImage::from_fn(size[0], size[1], |x, y| {
             let at = (y * size[0] + x) as usize;
@@ -142,12 +215,13 @@ pub fn textures(sources: &[Source], joint: &Joint) -> (BTreeMap<Surface, Arc<Rgb
                 let weight = if best > 0.0 {
                     (texel.sight / best).powi(SHARPNESS) as f32
                 } else {
-                    f32::from(u8::from(run == fallback || runs[fallback][at].is_none()))
+                    (1.0 + away[run][at]).powi(-SHARPNESS / 2)
                 };
                 weights += weight;
-                (0..3).for_each(|c| sum[c] += weight * texel.color[c] * gain[c]);
+                let light = lights[run].as_ref().map_or([1.0; 3], |field| field.at(x, y));
+                (0..3).for_each(|c| sum[c] += weight * texel.color[c] * gain[c] * light[c]);
             }
-            let color = sum.map(|v| (srgb_from_linear(v / weights.max(1e-6)) * 255.0).round() as u8);
+            let color = sum.map(|v| (srgb_from_linear(v / weights.max(f32::MIN_POSITIVE)) * 255.0).round() as u8);
             image::Rgba([color[0], color[1], color[2], 255])
         });
         reports.push(FaceReport { surface, seen: f64::from(seen as u32) / texel_count as f64, by_run });
@@ -195,6 +269,109 @@ fn texels(source: &Source, faces: &Faces, joint: &Joint, run: usize, surface: Su
         }
     }
     out
+}
+
+/// How far each texel is from the nearest one that a run's photo shows, texels, by steps to the eight neighbours; where it
+/// shows none, farther than any.
+fn to_seen(run: &[Option<Texel>], grid: [u32; 2]) -> Vec<f32> {
+    let [width, height] = grid.map(|n| n as usize);
+    let farthest = (width + height) as f32 * 2.0;
+    let mut away: Vec<f32> =
+        run.iter().map(|t| if t.is_some_and(|t| t.sight > 0.0) { 0.0 } else { farthest }).collect();
+    let mut step = |x: usize, y: usize, neighbours: [(i64, i64, f32); 4]| {
+        for (dx, dy, length) in neighbours {
+            let (x0, y0) = (x as i64 + dx, y as i64 + dy);
+            if (0..width as i64).contains(&x0) && (0..height as i64).contains(&y0) {
+                let there = away[y0 as usize * width + x0 as usize] + length;
+                let here = &mut away[y * width + x];
+                *here = here.min(there);
+            }
+        }
+    };
+    let diagonal = std::f32::consts::SQRT_2;
+    for y in 0..height {
+        for x in 0..width {
+            step(x, y, [(-1, 0, 1.0), (0, -1, 1.0), (-1, -1, diagonal), (1, -1, diagonal)]);
+        }
+    }
+    for y in (0..height).rev() {
+        for x in (0..width).rev() {
+            step(x, y, [(1, 0, 1.0), (0, 1, 1.0), (1, 1, diagonal), (-1, 1, diagonal)]);
+        }
+    }
+    away
+}
+
+/// Factors that bring one run's colours on a face to another one's, smooth over the face: two photos show one wall in
+/// different light, and where one gives way to the other an edge would show.
+struct LightField {
+    /// Logarithms by cell.
+    cells: Vec<[f32; 3]>,
+    columns: usize,
+    rows: usize,
+    /// Texels a cell.
+    side: [f32; 2],
+}
+
+impl LightField {
+    /// From texels that both photos show; `None` where these are too few. `grid` in texels, `size` in metres.
+    fn new(
+        base: &[Option<Texel>],
+        own: &[Option<Texel>],
+        gains: [[f32; 3]; 2],
+        grid: [u32; 2],
+        size: DVec2,
+    ) -> Option<Self> {
+        let [columns, rows] = [size.x, size.y].map(|m| (m / LIGHT_CELL_M).ceil().max(1.0) as usize);
+        let side = [grid[0] as f32 / columns as f32, grid[1] as f32 / rows as f32];
+        let mut sums = vec![([0.0_f64; 3], 0.0_f64); columns * rows];
+        let mut common = 0;
+        for (k, (a, b)) in base.iter().zip(own).enumerate() {
+            let (Some(a), Some(b)) = (a, b) else { continue };
+            if a.sight <= 0.0 || b.sight <= 0.0 {
+                continue;
+            }
+            common += 1;
+            let (x, y) = (k % grid[0] as usize, k / grid[0] as usize);
+            let cell = ((x as f32 / side[0]) as usize).min(columns - 1)
+                + ((y as f32 / side[1]) as usize).min(rows - 1) * columns;
+            for c in 0..3 {
+                let ratio = (a.color[c] * gains[0][c]).max(0.01) / (b.color[c] * gains[1][c]).max(0.01);
+                sums[cell].0[c] += f64::from(ratio.clamp(1.0 / MOST_GAIN, MOST_GAIN).ln());
+            }
+            sums[cell].1 += 1.0;
+        }
+        if common < COMMON_TEXELS {
+            return None;
+        }
+        // Each cell takes the mean of all, the nearer ones more.
+        let known: Vec<(usize, &([f64; 3], f64))> = sums.iter().enumerate().filter(|(_, s)| s.1 > 0.0).collect();
+        let cells = (0..columns * rows).map(|cell| {
+            let (mut sum, mut weights) = ([0.0; 3], 0.0);
+            for (other, (logs, count)) in &known {
+                let (dx, dy) = ((cell % columns).abs_diff(other % columns), (cell / columns).abs_diff(other / columns));
+                let near = 1.0 / (1.0 + (dx * dx + dy * dy) as f64).powi(2);
+                (0..3).for_each(|c| sum[c] += near * logs[c]);
+                weights += near * count;
+            }
+            sum.map(|v| (v / weights) as f32)
+        });
+        Some(Self { cells: cells.collect(), columns, rows, side })
+    }
+
+    /// Factors at a texel, linear between the cells' middles.
+    fn at(&self, x: u32, y: u32) -> [f32; 3] {
+        let place = |v: u32, side: f32, count: usize| {
+            let at = ((v as f32 + 0.5) / side - 0.5).clamp(0.0, (count - 1) as f32);
+            let low = (at as usize).min(count.saturating_sub(2));
+            (low, (low + 1).min(count - 1), at - low as f32)
+        };
+        let (x0, x1, s) = place(x, self.side[0], self.columns);
+        let (y0, y1, t) = place(y, self.side[1], self.rows);
+        let cell = |x: usize, y: usize| self.cells[x + y * self.columns];
+        let (a, b, c, d) = (cell(x0, y0), cell(x1, y0), cell(x0, y1), cell(x1, y1));
+        [0, 1, 2].map(|k| ((1.0 - t) * ((1.0 - s) * a[k] + s * b[k]) + t * ((1.0 - s) * c[k] + s * d[k])).exp())
+    }
 }
 
 /// Factors by channel that bring each run's colours to the first one's, from places that two photos show.
@@ -256,4 +433,36 @@ pub fn trims(sources: &[Source], joint: &Joint) -> Trims {
         (skirting.is_some() || cornice.is_some() || casing.is_some()).then_some(Trims { skirting, cornice, casing })
     };
     (0..sources.len()).find_map(of).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A face of which only columns before `until` are shown, all of one grey.
+    fn face(grid: [u32; 2], shown: std::ops::Range<u32>, grey: f32) -> Vec<Option<Texel>> {
+        let texel = |k: u32| Texel { color: [grey; 3], sight: if shown.contains(&(k % grid[0])) { 1.0 } else { 0.0 } };
+        (0..grid[0] * grid[1]).map(|k| Some(texel(k))).collect()
+    }
+
+    #[test]
+    fn the_nearest_shown_texel_is_found_around_corners() {
+        let away = to_seen(&face([20, 10], 0..3, 0.5), [20, 10]);
+        assert_eq!(away[5 * 20 + 2], 0.0);
+        assert_eq!(away[5 * 20 + 12], 10.0);
+        assert!(to_seen(&face([20, 10], 0..0, 0.5), [20, 10]).iter().all(|d| *d > 30.0));
+    }
+
+    #[test]
+    fn light_of_two_photos_is_brought_together_where_both_show_a_face_and_beyond() {
+        let grid = [80, 40];
+        let (base, own) = (face(grid, 0..50, 0.6), face(grid, 20..80, 0.3));
+        let field = LightField::new(&base, &own, [[1.0; 3]; 2], grid, DVec2::new(4.0, 2.0)).unwrap();
+        for x in [0, 30, 79] {
+            assert!(field.at(x, 20).iter().all(|f| (f - 2.0).abs() < 1e-3), "{:?}", field.at(x, 20));
+        }
+        // Nothing in common says nothing.
+        let apart = face(grid, 60..80, 0.3);
+        assert!(LightField::new(&base, &apart, [[1.0; 3]; 2], grid, DVec2::new(4.0, 2.0)).is_none());
+    }
 }

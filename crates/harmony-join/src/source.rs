@@ -5,16 +5,19 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DMat3, DVec2, DVec3};
-use harmony_io::{GlbError, ReadLimits, load_glb};
+use harmony_io::{GlbError, LoadedNode, ReadLimits, load_glb};
 use harmony_mesh::Mesh;
 use harmony_render::{Instance, RenderOptions, render_depth_ids};
-use harmony_scene::{Camera, ImageSize, Mask, Scene, SceneObject, Surface, Wall};
+use harmony_scene::{Camera, ImageSize, Mask, Opening, Scene, SceneObject, Surface, Wall};
+use image::RgbaImage;
 use serde_json::Value;
 
 use crate::depth::SeenDepth;
 
 /// Width of the pictures by which what hides what is judged, pixels.
 const SMALL: u32 = 320;
+/// The pane of a passage is this near to its middle, metres.
+const PANE_M: f64 = 0.3;
 /// A mask this near to the image's edge is cut by it, pixels.
 const EDGE: u32 = 2;
 
@@ -61,6 +64,8 @@ pub struct Source {
     pub objects: Vec<SeenObject>,
     /// How far one sees in its photo.
     pub depth: SeenDepth,
+    /// Its passages, and what its photo shows through them.
+    pub passages: Vec<(Opening, Option<Arc<RgbaImage>>)>,
 }
 
 /// An object of a run, and how its photo shows it.
@@ -162,7 +167,8 @@ impl Source {
         let depth = SeenDepth::new(folder, &small, &frame.depth);
         let name =
             folder.file_name().map_or_else(|| folder.display().to_string(), |n| n.to_string_lossy().into_owned());
-        Ok(Self { folder: folder.to_owned(), name, camera, objects, depth, scene })
+        let passages = passages(&scene, &glb.nodes);
+        Ok(Self { folder: folder.to_owned(), name, camera, objects, depth, passages, scene })
     }
 
     /// Whether a face of its room was measured.
@@ -179,6 +185,22 @@ impl Source {
     pub fn distance_to(&self, wall: Wall) -> f64 {
         wall.distance(&self.scene.room.extents, self.camera.centre())
     }
+}
+
+/// A run's passages with the panes that its file has behind them.
+fn passages(scene: &Scene, nodes: &[LoadedNode]) -> Vec<(Opening, Option<Arc<RgbaImage>>)> {
+    let panes: Vec<(DVec3, &LoadedNode)> = nodes
+        .iter()
+        .filter(|n| n.name.starts_with("beyond_") && !n.mesh.positions.is_empty())
+        .map(|n| (n.mesh.positions.iter().map(|p| p.as_dvec3()).sum::<DVec3>() / n.mesh.positions.len() as f64, n))
+        .collect();
+    let of = |o: &Opening| {
+        let middle = o.wall.point(&scene.room.extents, f64::midpoint(o.u[0], o.u[1]), f64::midpoint(o.y[0], o.y[1]));
+        let near = panes.iter().filter(|(at, _)| at.distance(middle) < PANE_M + o.inset.abs());
+        let (_, node) = near.min_by(|a, b| a.0.distance(middle).total_cmp(&b.0.distance(middle)))?;
+        node.mesh.materials.first()?.texture.clone()
+    };
+    scene.room.openings.iter().filter(|o| o.is_passage()).map(|o| (o.clone(), of(o))).collect()
 }
 
 /// Sigmas by object, from the levels' `placements.json`; empty where a run has none.

@@ -112,6 +112,7 @@ pub fn source(name: &str, extents: Extents, things: &[Box3], turn: QuarterTurn, 
         camera,
         objects: seen,
         depth: SeenDepth { camera: small, depth, measured: true },
+        passages: Vec::new(),
         scene,
     }
 }

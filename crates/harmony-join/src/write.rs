@@ -10,7 +10,7 @@ use harmony_io::{
 };
 use harmony_mesh::{Mesh, ShellOptions, Trims, room_shell_with};
 use harmony_pipeline::outputs::{objects_json, shell_nodes};
-use harmony_pipeline::{GENERATOR, JoinedRun, PhaseEntry, PhaseState, RunFile, hash_files};
+use harmony_pipeline::{Beyond, GENERATOR, JoinedRun, PhaseEntry, PhaseState, RunFile, hash_files, panes};
 use harmony_render::{Instance, Lighting as Shading, OUTSIDE, RenderOptions, canonical_camera, render};
 use harmony_scene::{
     Camera, ImageSize, Light, Lighting, Mask, ObjectId, Room, SCENE_VERSION, Scene, SceneCamera, Surface,
@@ -28,7 +28,7 @@ use crate::seen::{SeenShare, in_place, seen_share};
 use crate::solve::Joint;
 use crate::source::{Source, photo_file};
 use crate::tree::Link;
-use crate::{JOIN_FILE, JoinError, PHASE};
+use crate::{JOIN_FILE, JoinError, LeftOut, PHASE};
 
 /// Everything that was made.
 pub struct Joined<'a> {
@@ -40,6 +40,8 @@ pub struct Joined<'a> {
     pub joint: &'a Joint,
     /// The room.
     pub room: Room,
+    /// What is seen through its passages.
+    pub beyond: Vec<Beyond>,
     /// Its faces.
     pub textures: BTreeMap<Surface, Arc<RgbaImage>>,
     /// How they were made.
@@ -50,6 +52,8 @@ pub struct Joined<'a> {
     pub things: Vec<Thing>,
     /// What is not in the scene.
     pub dropped: Vec<Dropped>,
+    /// Runs that are not in it.
+    pub left_out: Vec<LeftOut>,
 }
 
 impl Joined<'_> {
@@ -60,7 +64,13 @@ impl Joined<'_> {
 
     fn shell(&self, omit: Vec<Surface>) -> Mesh {
         let options = ShellOptions { omit, trims: self.trims, ..ShellOptions::default() };
-        room_shell_with(&self.room, &|s| self.textures.get(&s).cloned(), &options)
+        let shown = |o: &&Beyond| !options.omit.contains(&o.opening.wall.surface());
+        let beyond: Vec<Beyond> = self.beyond.iter().filter(shown).cloned().collect();
+        let mut shell = room_shell_with(&self.room, &|s| self.textures.get(&s).cloned(), &options);
+        if !beyond.is_empty() {
+            shell.append(&panes(&beyond, &self.room.extents));
+        }
+        shell
     }
 
     fn instances<'b>(&'b self, shell: &'b Mesh) -> Vec<Instance<'b>> {
@@ -106,6 +116,12 @@ impl Joined<'_> {
     /// The scene as `scene.json` holds it.
     pub fn scene(&self) -> Scene {
         let mut warnings: Vec<Warning> = self.dropped.iter().map(warning_of).collect();
+        warnings.extend(self.left_out.iter().map(|l| Warning {
+            phase: PHASE.to_owned(),
+            object: None,
+            kind: WarningKind::NotAvailable,
+            message: format!("left out: {}", l.reason),
+        }));
         warnings.extend(self.sources.iter().filter(|s| !s.depth.measured).map(|s| Warning {
             phase: PHASE.to_owned(),
             object: None,
@@ -288,7 +304,12 @@ fn pictures(out: &Path, joined: &Joined<'_>, scene: &Scene) -> Result<(), JoinEr
     }
     let view = canonical_camera(&joined.room, ImageSize::new(1280, 960), &Camera::from(&scene.camera), &scene.stands());
     let open = joined.shell(view.omit.clone());
-    let canonical = render(&view.camera, &joined.instances(&open), &FLAT).color;
+    // What is fixed to a face that is left out goes with it.
+    let gone = scene.gone_with(&view.omit);
+    let hidden: Vec<u32> = scene.objects.iter().filter(|o| gone.contains(&o.id)).map(|o| o.index).collect();
+    let mut shown = joined.instances(&open);
+    shown.retain(|instance| !hidden.contains(&instance.id));
+    let canonical = render(&view.camera, &shown, &FLAT).color;
     picture::write_rgb_png(&out.join("render_canonical.png"), &DynamicImage::ImageRgba8(canonical).to_rgb8())?;
     Ok(())
 }
@@ -351,7 +372,7 @@ fn join_json(joined: &Joined<'_>, seen: &SeenShare) -> Value {
     json!({
         "runs": joined.sources.iter().map(|s| &s.name).collect::<Vec<_>>(),
         "links": links, "placings": joined.joint.placings, "energy_nats": joined.joint.energy,
-        "objects": things, "dropped": joined.dropped, "faces": joined.faces, "seen_share": seen,
+        "objects": things, "dropped": joined.dropped, "left_out": joined.left_out, "faces": joined.faces, "seen_share": seen,
     })
 }
 

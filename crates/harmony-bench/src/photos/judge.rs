@@ -42,6 +42,8 @@ pub struct Scene {
     pub false_or_double: Vec<String>,
     /// Joined things whose members are different things in truth.
     pub mixed: Vec<String>,
+    /// How many photos are in it.
+    pub photos: usize,
     /// Objects of the truth that any of the room's photos shows.
     pub there: usize,
     /// Relative errors of width, height and depth.
@@ -94,14 +96,14 @@ impl<'a> Judge<'a> {
             let truth = self.known[0].get(&o.object.id).cloned();
             (o.object.id.clone(), truth, 1)
         });
-        self.scene(&self.runs[0], &found.collect::<Vec<_>>(), Vec::new(), 1)
+        self.scene(&self.runs[0], &found.collect::<Vec<_>>(), Vec::new(), &[0])
     }
 
-    /// A joined run of the first `photos` photos.
+    /// A joined run of photos.
     ///
     /// # Errors
     /// A folder without a scene.
-    pub fn joined(&self, report: &JoinReport, folder: &Path, photos: usize) -> Result<Scene, PredictionError> {
+    pub fn joined(&self, report: &JoinReport, folder: &Path) -> Result<Scene, PredictionError> {
         let run = Prediction::load(folder)?;
         let mut found = Vec::new();
         let mut mixed = Vec::new();
@@ -109,8 +111,9 @@ impl<'a> Judge<'a> {
             let mut votes: BTreeMap<&str, usize> = BTreeMap::new();
             for (source, object) in &thing.track.members {
                 // The objects of a run are read in the order of its scene.
-                let id = &self.runs[*source].objects[*object].object.id;
-                if let Some(truth) = self.known[*source].get(id) {
+                let run = report.numbers[*source];
+                let id = &self.runs[run].objects[*object].object.id;
+                if let Some(truth) = self.known[run].get(id) {
                     *votes.entry(truth.as_str()).or_default() += 1;
                 }
             }
@@ -120,7 +123,7 @@ impl<'a> Judge<'a> {
             let most = votes.iter().max_by_key(|(_, n)| **n).map(|(id, _)| (*id).to_owned());
             found.push((thing.object.id.clone(), most, thing.track.members.len()));
         }
-        Ok(self.scene(&run, &found, mixed, photos))
+        Ok(self.scene(&run, &found, mixed, &report.numbers))
     }
 
     fn scene(
@@ -128,7 +131,7 @@ impl<'a> Judge<'a> {
         run: &Prediction,
         found: &[(ObjectId, Option<String>, usize)],
         mixed: Vec<String>,
-        photos: usize,
+        photos: &[usize],
     ) -> Scene {
         let first = &self.taken[0].truth;
         let scale = run.depth_ratio(first).unwrap_or(1.0);
@@ -170,6 +173,7 @@ impl<'a> Judge<'a> {
             objects,
             false_or_double,
             mixed,
+            photos: photos.len(),
             there: self.there.len(),
             extents: [e.width / t.width - 1.0, e.height / t.height - 1.0, e.depth / t.depth - 1.0],
             seen_objects,
@@ -177,12 +181,15 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Shares of the true surface, objects and room, that the first photos show.
-    fn seen(&self, photos: usize) -> (f64, f64) {
+    /// Shares of the true surface, objects and room, that some photos show.
+    fn seen(&self, photos: &[usize]) -> (f64, f64) {
         let meshes: Vec<_> = self.there.values().map(|(_, mesh, _)| in_place(mesh)).collect();
         let shell = room_shell(&self.taken[0].truth.room(), &|_| None);
-        let cameras: Vec<Camera> =
-            self.taken[..photos].iter().map(|t| t.turn.inverse().camera(&t.truth.extents, &t.truth.camera)).collect();
+        let cameras: Vec<Camera> = photos
+            .iter()
+            .map(|k| &self.taken[*k])
+            .map(|t| t.turn.inverse().camera(&t.truth.extents, &t.truth.camera))
+            .collect();
         let share = seen_share(&meshes, &[in_place(&shell)], &cameras);
         (share.objects, share.room)
     }

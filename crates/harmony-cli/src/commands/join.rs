@@ -6,7 +6,7 @@ use anyhow::Result;
 use harmony_join::{JoinNoise, JoinReport, join};
 
 use crate::display::hinted;
-use crate::{EXIT_OK, say, tell};
+use crate::{EXIT_INCOMPLETE, EXIT_OK, say, tell};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -18,7 +18,8 @@ Examples:
   harmony reconstruct door.jpg window.jpg --out room
 
 The last line does the same in one. Each photo is reconstructed by itself first; joining asks no model.
-Photos must share furniture. Runs of different rooms are refused, and so are rooms that fit together in two ways.")]
+Photos must share furniture. A run that does not fit to the others, or fits in two ways, is left out and told (exit code 3);
+where none fits to the first nothing is written.")]
 pub struct Args {
     /// Run folders of the single photos; the first one's frame and photo are the joined scene's.
     #[arg(required = true, num_args = 2..)]
@@ -48,7 +49,7 @@ pub fn joined(runs: &[PathBuf], out: &Path, replace: bool) -> Result<u8> {
         .map_err(|e| hinted(e.to_string(), e.hint()))?;
     print(&report)?;
     say!("look at {}/report.html", out.display())?;
-    Ok(EXIT_OK)
+    Ok(if report.left_out.is_empty() { EXIT_OK } else { EXIT_INCOMPLETE })
 }
 
 fn print(report: &JoinReport) -> Result<()> {
@@ -91,5 +92,6 @@ fn print(report: &JoinReport) -> Result<()> {
         100.0 * seen.room,
         first(&seen.room_by_photo)
     )?;
-    report.dropped.iter().try_for_each(|d| say!("  left out: {} of {}: {}", d.id, d.run, d.reason))
+    report.dropped.iter().try_for_each(|d| say!("  left out: {} of {}: {}", d.id, d.run, d.reason))?;
+    report.left_out.iter().try_for_each(|l| say!("  left out: the whole of {}: {}", l.run, l.reason))
 }
