@@ -136,6 +136,8 @@ pub enum Trait {
     Flat,
     /// It gives way where others touch it.
     Soft,
+    /// It may be thrown over what carries it, and hang down beside it.
+    Drapes,
     /// It leans where it stands against a back.
     Leans,
     /// It hangs, in front of what is behind it or from above.

@@ -146,6 +146,34 @@ impl Bvh {
         self.cast(origin, direction, max, true).is_some()
     }
 
+    /// All triangles met by a ray within `max` of its origin, from either side, nearest first. An edge between two
+    /// triangles is met twice.
+    pub fn crossings(&self, origin: DVec3, direction: DVec3, max: f64) -> Vec<Hit> {
+        let Some(direction) = direction.try_normalize().filter(|_| origin.is_finite() && !max.is_nan()) else {
+            return Vec::new();
+        };
+        let ray = RayTest { origin, direction, inverse: direction.recip() };
+        let mut hits = Vec::new();
+        let mut stack = vec![0];
+        while let Some(i) = stack.pop() {
+            let Some(node) = self.nodes.get(i).filter(|node| node.bounds.enter(&ray, max).is_some()) else { continue };
+            match node.kind {
+                Kind::Leaf { start, end } => {
+                    let met = self.triangles[start..end].iter().filter_map(|t| Some((meet(&ray, t)?, t)));
+                    hits.extend(met.filter(|(k, _)| *k <= max).map(|(distance, t)| Hit {
+                        distance,
+                        triangle: t.index,
+                        point: origin + direction * distance,
+                        normal: t.normal(),
+                    }));
+                }
+                Kind::Inner { second } => stack.extend([second, i + 1]),
+            }
+        }
+        hits.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.triangle.cmp(&b.triangle)));
+        hits
+    }
+
     fn cast(&self, origin: DVec3, direction: DVec3, max: f64, any: bool) -> Option<Hit> {
         let direction = direction.try_normalize()?;
         if !origin.is_finite() || max.is_nan() {
@@ -410,7 +438,13 @@ mod tests {
             let origin = r.point() * 2.0;
             let direction = r.point() * 0.7 - origin;
             let unit = direction.normalize();
-            let want = all.iter().filter_map(|t| plain_ray(origin, unit, *t)).min_by(f64::total_cmp);
+            let mut every: Vec<f64> = all.iter().filter_map(|t| plain_ray(origin, unit, *t)).collect();
+            every.sort_by(f64::total_cmp);
+            let met: Vec<f64> =
+                bvh.crossings(origin, direction, f64::INFINITY).iter().map(|hit| hit.distance).collect();
+            assert_eq!(met.len(), every.len());
+            assert!(met.iter().zip(&every).all(|(a, b)| (a - b).abs() <= 1e-9 * (1.0 + b)), "{met:?} {every:?}");
+            let want = every.first().copied();
             let got = bvh.raycast(origin, direction, f64::INFINITY);
             assert_eq!(want.is_some(), got.is_some());
             assert_eq!(want.is_some(), bvh.any_hit(origin, direction, 100.0));

@@ -50,7 +50,7 @@ pub fn shell_material_name(surface: Surface) -> &'static str {
 ///
 /// Texture coordinates cover each whole face of the box: on walls u runs with [`Surface::point`]'s u and v = 0 is the
 /// top; on floor and ceiling u runs along x and v along z. Faces of blocks and niches have those of the place that lies
-/// before them on their surface. The reveals of a wall's openings belong to its group.
+/// before them on their surface. The reveals of a wall's openings belong to its group, thresholds on the floor to the floor's.
 pub fn room_shell(room: &Room, textures: &dyn Fn(Surface) -> Option<Arc<RgbaImage>>) -> Mesh {
     room_shell_with(room, textures, &ShellOptions::default())
 }
@@ -77,9 +77,16 @@ pub fn room_shell_with(
         for corners in room.shape.blocks.iter().filter_map(|b| behind_hung(room, b, surface)) {
             sheet.polygon(&corners, surface.normal());
         }
+        let depth =
+            |hole: &Opening| options.door_reveal.filter(|_| hole.kind == OpeningKind::Door).unwrap_or(options.reveal);
         for hole in all_holes(room, surface) {
-            let depth = options.door_reveal.filter(|_| hole.kind == OpeningKind::Door).unwrap_or(options.reveal);
-            sheet.reveals(WallPlane { wall: hole.wall, inset: hole.inset }, &hole, depth);
+            sheet.reveals(&hole, depth(&hole), |side| side == Side::Wall);
+        }
+        if surface == Surface::Floor {
+            let walls = Surface::ALL.into_iter().filter(|s| !options.omit.contains(s));
+            for hole in walls.flat_map(|wall| all_holes(room, wall)) {
+                sheet.reveals(&hole, depth(&hole), |side| side == Side::Threshold);
+            }
         }
         let triangles = sheet.triangles;
         mesh.groups.push(Group { material: mesh.materials.len(), triangles });
@@ -269,6 +276,18 @@ fn holes(room: &Room, face: &RoomFace) -> Vec<Opening> {
     all
 }
 
+/// What a side of a hole goes on with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Side {
+    /// The wall.
+    Wall,
+    /// The floor.
+    Threshold,
+}
+
+/// A hole whose lower edge is this near to the floor is a way, metres.
+const ON_FLOOR: f64 = 0.01;
+
 /// The faces of one surface while their triangles are made.
 struct Sheet<'a> {
     surface: Surface,
@@ -347,8 +366,9 @@ impl<'a> Sheet<'a> {
         }
     }
 
-    /// The sides of a hole, from the face outward, a door's threshold among them.
-    fn reveals(&mut self, plane: WallPlane, hole: &Opening, depth: f64) {
+    /// Those sides of a hole that are wanted, from the face outward.
+    fn reveals(&mut self, hole: &Opening, depth: f64, wanted: impl Fn(Side) -> bool) {
+        let plane = WallPlane { wall: hole.wall, inset: hole.inset };
         // NaN makes no reveals either.
         if depth.is_nan() || depth <= 0.0 {
             return;
@@ -356,7 +376,12 @@ impl<'a> Sheet<'a> {
         let outward = -plane.normal() * depth;
         let outline = hole.outline();
         let at = |p: DVec2| plane.point(self.extents, p.x, p.y);
+        let side_of = |i: usize| {
+            let next = outline[(i + 1) % outline.len()];
+            if outline[i].y.max(next.y) < ON_FLOOR { Side::Threshold } else { Side::Wall }
+        };
         let sides: Vec<([DVec3; 4], DVec3)> = (0..outline.len())
+            .filter(|i| wanted(side_of(*i)))
             .map(|i| {
                 let (a, b) = (at(outline[i]), at(outline[(i + 1) % outline.len()]));
                 // The outline runs round the hole with that on its left, seen with u to the right.
@@ -457,7 +482,8 @@ mod tests {
         mesh.check().unwrap();
         let names: Vec<&str> = mesh.materials.iter().map(|m| m.name.as_str()).collect();
         assert_eq!(names, ["floor", "ceiling", "wall_back", "wall_left", "wall_right", "wall_front"]);
-        let holes = [0.0, 0.0, 1.1 + 1.1, 1.8, 0.0, 0.0];
+        // The threshold of the door, 0.9 m wide, is the floor's.
+        let holes = [-0.9 * ShellOptions::default().reveal, 0.0, 1.1 + 1.1, 1.8, 0.0, 0.0];
         for ((surface, group), hole) in Surface::ALL.into_iter().zip(&mesh.groups).zip(holes) {
             let size = surface.size(&room.extents);
             let inward = |n: DVec3| n.normalize().dot(surface.normal()) > 0.999;

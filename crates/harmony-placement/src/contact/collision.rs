@@ -59,7 +59,7 @@ fn tolerance(scene: &PartialScene, a: usize, b: usize, settings: &PlacementSetti
     // What is thrown over something and reaches the floor has it inside.
     let over = |p: &Placed, q: &Placed| {
         let said = p.item.relations.on_top_of.as_ref();
-        p.item.traits.soft && p.support == Support::Floor && said == Some(&q.item.id)
+        p.item.traits.drapes && p.support == Support::Floor && said == Some(&q.item.id)
     };
     if over(p, q) || over(q, p) {
         return None;

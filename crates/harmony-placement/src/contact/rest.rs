@@ -299,7 +299,7 @@ mod tests {
         item.shape = Arc::new(shape);
         item.level = harmony_scene::Level::Decoration;
         item.relations.on_top_of = Some(ObjectId::new("sofa_01").unwrap());
-        item.traits.soft = true;
+        (item.traits.soft, item.traits.drapes) = (true, true);
         item
     }
 
@@ -337,7 +337,7 @@ mod tests {
         let mut item = crate::testing::boxed(&scene, size, at, 0.0);
         item.id = ObjectId::new("throw_01").unwrap();
         item.level = harmony_scene::Level::Decoration;
-        item.traits.soft = true;
+        (item.traits.soft, item.traits.drapes) = (true, true);
         item.relations.on_top_of = Some(ObjectId::new("basket_01").unwrap());
         // The pouf hides a part of it.
         let (whole, before) = (item.mask.clone(), scene.placed[1].item.mask.clone());
@@ -357,7 +357,7 @@ mod tests {
         let mut item = throw_on_a_seat(&mut scene, Vec3::new(2.1, 0.1, 2.2));
         let pose = Pose::new(Vec3::ZERO, 0.0, 2.0);
         assert!((sag_of(&item, &pose) - 0.7).abs() < 1e-6);
-        item.traits.soft = false;
+        item.traits.drapes = false;
         assert_eq!(sag_of(&item, &pose), 0.0);
         // A cushion: rings of an ellipsoid, each a box of its width there.
         let ring = |k: i32| {
@@ -366,7 +366,7 @@ mod tests {
             (Vec3::new(width, 0.1, width), Vec3::Y * height)
         };
         item.shape = Arc::new(of_boxes(&(0..10).map(ring).collect::<Vec<_>>()));
-        item.traits.soft = true;
+        (item.traits.soft, item.traits.drapes) = (true, true);
         assert_eq!(sag_of(&item, &pose), 0.0);
     }
 

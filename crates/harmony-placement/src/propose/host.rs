@@ -17,6 +17,9 @@ const DOUBTFUL_OVERLAP: f64 = 0.5;
 /// How far about a mask's lowest row its foot is looked for, share of its height.
 const FOOT: f64 = 0.1;
 
+/// How far below the floor what hangs may reach, metres: it gives way there.
+const THROUGH_FLOOR_M: f64 = 0.02;
+
 pub(crate) fn hypotheses<'a>(proposer: &Proposer<'a, '_>) -> Vec<Hypothesis<'a>> {
     let mut out = Vec::new();
     let given = given_host(proposer);
@@ -31,10 +34,10 @@ pub(crate) fn hypotheses<'a>(proposer: &Proposer<'a, '_>) -> Vec<Hypothesis<'a>>
     out
 }
 
-/// First poses of soft things that are thrown over what stands on the floor and reach down to it themselves: around it.
+/// First poses of cloth that is thrown over what stands on the floor and reaches down to it itself: around it.
 fn around_it<'a>(proposer: &Proposer<'a, '_>, host: usize) -> Vec<Hypothesis<'a>> {
     let (item, placed) = (proposer.item, &proposer.scene.placed[host]);
-    if !item.traits.soft || placed.support != Support::Floor {
+    if !item.traits.drapes || placed.support != Support::Floor {
         return Vec::new();
     }
     let (low, high) = reach(&placed.item, &placed.pose);
@@ -108,7 +111,10 @@ fn on_host<'a>(proposer: &Proposer<'a, '_>, host: usize, price: f64, out: &mut V
     let placed = &proposer.scene.placed[host];
     let pose = proposer.sized(Vec3::ZERO, placed.pose.yaw);
     let height = size_of(proposer.item, &pose).y;
-    let layers = support::main_layers(placed, height);
+    let mut layers = support::main_layers(placed, height);
+    // What hangs down farther than a surface is high would hang through the floor.
+    let sag = sag_of(proposer.item, &pose);
+    layers.retain(|layer| layer.height - sag > -THROUGH_FLOOR_M);
     for (level, position) in spots(proposer, placed, &layers) {
         for (yaw, turn_price) in
             yaws(proposer, placed, position).into_iter().flat_map(|rule| proposer.quarter_turns(rule))

@@ -114,9 +114,9 @@ pub(crate) fn size_of(item: &Item, pose: &Pose) -> Vec3 {
     item.shape.extent() * pose.scale * pose.stretch
 }
 
-/// How an object hangs over an edge, if it does: only what is soft can.
+/// How an object hangs over an edge, if it does: only cloth can.
 pub(crate) fn hang_of(item: &Item) -> Option<&Hang> {
-    if item.traits.soft { item.shape.hang() } else { None }
+    if item.traits.drapes { item.shape.hang() } else { None }
 }
 
 /// Height above its lowest points at which an object is carried in a pose, metres: 0 but for what hangs over an edge.

@@ -14,6 +14,8 @@ pub struct Traits {
     pub flat: bool,
     /// Cushion, blanket, toy: may press into what it touches.
     pub soft: bool,
+    /// Cloth: may be thrown over what carries it, hang down over its edge and reach the floor.
+    pub drapes: bool,
     /// A thin wall item (painting, mirror, window, door, clock).
     pub planar: bool,
     /// A window or door: it sits in its wall, not on it.

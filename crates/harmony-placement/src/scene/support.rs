@@ -56,43 +56,56 @@ pub(crate) struct Layer {
     pub(crate) share: f64,
 }
 
-/// Heights of the host's mesh along a vertical line, from `from` downwards, at most `limit` of them, and whether the
-/// surface looks up there.
-fn heights_below(host: &Placed, x: f64, z: f64, from: f64, limit: usize) -> Vec<(f64, bool)> {
+/// A ray down a vertical line through a host, in its mesh's frame: origin, direction, and units of it a metre.
+fn ray_down(host: &Placed, x: f64, z: f64, from: f64) -> Option<(Vec3, Vec3, f64)> {
     let inverse = host.pose.linear().inverse();
     let down = inverse * Vec3::NEG_Y;
     let unit = down.length();
-    let mut out = Vec::new();
-    if !(unit > 0.0 && unit.is_finite()) {
-        return out;
-    }
-    let bvh = host.item.shape.bvh();
-    let mut start = from;
-    for _ in 0..limit {
-        let origin = inverse * (Vec3::new(x, start, z) - host.pose.position);
-        let reach = (start - host.pose.position.y + 0.05).max(0.0) * unit;
-        let Some(hit) = bvh.raycast(origin, down / unit, reach) else { break };
-        let height = start - hit.distance / unit;
-        out.push((height, hit.normal.dot(down) < 0.0));
-        start = height - 1e-3;
-    }
-    out
+    let origin = inverse * (Vec3::new(x, from, z) - host.pose.position);
+    (unit > 0.0 && unit.is_finite()).then(|| (origin, down / unit, unit))
+}
+
+/// How far down a ray from a height goes, metres.
+fn to_foot(host: &Placed, from: f64) -> f64 {
+    (from - host.pose.position.y + 0.05).max(0.0)
+}
+
+/// The highest point of a host's mesh on a vertical line at or below `from`.
+fn height_below(host: &Placed, x: f64, z: f64, from: f64) -> Option<f64> {
+    let (origin, down, unit) = ray_down(host, x, z, from)?;
+    let hit = host.item.shape.bvh().raycast(origin, down, to_foot(host, from) * unit)?;
+    Some(from - hit.distance / unit)
 }
 
 /// Heights of a mesh that are looked at along a vertical line.
-const MOST_CROSSINGS: usize = 24;
+const MOST_CROSSINGS: usize = 128;
+
+/// Two crossings of one side this near to each other are one, met on the edge of two triangles, metres.
+const SAME_CROSSING: f64 = 1e-5;
 
 /// All heights of the host's mesh along a vertical line, from its top downwards, and whether the surface there carries
 /// something.
 fn column(host: &Placed, x: f64, z: f64, top: f64) -> Vec<(f64, bool)> {
-    let mut out = heights_below(host, x, z, top, MOST_CROSSINGS);
+    let Some((origin, down, unit)) = ray_down(host, x, z, top) else { return Vec::new() };
+    let hits = host.item.shape.bvh().crossings(origin, down, to_foot(host, top) * unit);
+    let mut out: Vec<(f64, bool)> =
+        hits.iter().map(|hit| (top - hit.distance / unit, hit.normal.dot(down) < 0.0)).collect();
+    out.truncate(MOST_CROSSINGS);
+    let Some(topmost) = out.first().map(|(_, up)| *up) else { return out };
+    // Where one solid stands on another it ends before that begins.
+    out.sort_by(|a, b| {
+        let rounded = |h: f64| (h / SAME_CROSSING).round();
+        rounded(b.0).total_cmp(&rounded(a.0)).then((a.1 == topmost).cmp(&(b.1 == topmost)))
+    });
+    out.dedup_by(|a, b| a.1 == b.1 && (a.0 - b.0).abs() < SAME_CROSSING);
     carrying(&mut out);
     out
 }
 
 /// Turns whether surfaces look up, from the topmost one downwards, into whether they carry. A surface carries that looks
 /// the way of the topmost one (an underside looks the other way, and some meshes come inside out) and lies in none of the
-/// mesh's other solids, as the base of a bed lies in its mattress where the two overlap.
+/// mesh's other solids, as the base of a bed lies in its mattress where the two overlap; nor right under one, as the box of
+/// a sideboard lies under its top.
 fn carrying(column: &mut [(f64, bool)]) {
     let Some((_, topmost)) = column.first().copied() else { return };
     for (_, up) in &mut *column {
@@ -112,6 +125,9 @@ fn carrying(column: &mut [(f64, bool)]) {
             *carries &= inside == 1;
         }
     }
+    for k in (1..column.len()).rev() {
+        column[k].1 &= column[k - 1].0 - column[k].0 > SAME_SURFACE;
+    }
 }
 
 /// What a host has at or below a point.
@@ -125,9 +141,9 @@ enum Below {
 }
 
 fn below(host: &Placed, x: f64, z: f64, from: f64) -> Below {
-    let Some((height, _)) = heights_below(host, x, z, from, 1).first().copied() else { return Below::Nothing };
+    let Some(height) = height_below(host, x, z, from) else { return Below::Nothing };
     let top = top_of(host);
-    let is_topmost = || heights_below(host, x, z, top, 1).first().is_some_and(|(h, _)| (h - height).abs() < 1e-6);
+    let is_topmost = || height_below(host, x, z, top).is_some_and(|h| (h - height).abs() < 1e-6);
     if is_topmost() {
         return Below::Carries(height);
     }
@@ -316,6 +332,27 @@ mod back_tests {
         assert!(under(2.3, 0.42).is_some_and(|h| (h - 0.42).abs() < 1e-6));
         assert_eq!(under(2.84, 0.42), None, "it stays at the height of the seat");
         assert!(under(2.84, 0.6).is_some_and(|h| (h - 0.62).abs() < 1e-6), "what is put on the arm is on it");
+    }
+
+    #[test]
+    fn the_box_under_a_top_is_no_shelf() {
+        let scene = empty_room();
+        // The top lies on the box without a gap, and reaches beyond it.
+        let parts = [(Vec3::new(1.6, 0.52, 0.4), Vec3::ZERO), (Vec3::new(1.7, 0.06, 0.45), Vec3::Y * 0.52)];
+        let mut item = boxed(&scene, Vec3::new(1.7, 0.58, 0.45), Vec3::new(2.0, 0.0, 2.0), 0.0);
+        item.shape = Arc::new(of_boxes(&parts));
+        let host = Placed {
+            item: Arc::new(item),
+            pose: Pose::new(Vec3::new(2.0, 0.0, 2.0), 0.0, 1.0),
+            support: harmony_scene::Support::Floor,
+            evidence: crate::Evidence::default(),
+        };
+        let heights: Vec<f64> = layers(&host, 0.05).iter().map(|layer| layer.height).collect();
+        assert!(heights.len() == 1 && (heights[0] - 0.58).abs() < 1e-6, "{heights:?}");
+        let tray = boxed(&scene, Vec3::new(0.35, 0.08, 0.26), Vec3::new(2.0, 0.5, 2.0), 0.0);
+        let query = SurfaceQuery { level: 0.5, object_height: 0.08, soft: false };
+        let surface = surface_under(&host, &tray, &Pose::new(Vec3::new(2.0, 0.5, 2.0), 0.0, 1.0), &query);
+        assert!(surface.is_some_and(|s| (s.height - 0.58).abs() < 1e-6), "{surface:?}");
     }
 
     #[test]
