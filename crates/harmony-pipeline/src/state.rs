@@ -198,6 +198,8 @@ pub struct SceneState {
     pub rejected: Vec<(String, Arc<Mask>)>,
     /// What was looked for and is not in the scene.
     pub left: Vec<Left>,
+    /// What reviews asked for in vain, one line each: the next level's review and the last look are told.
+    pub refused: Vec<String>,
     /// Sentences about the scene, one a level.
     pub summaries: Vec<String>,
     /// Light, after phase 6.

@@ -52,6 +52,7 @@ pub fn empty_room() -> SceneState {
         surfaces: BTreeMap::new(),
         even_surfaces: BTreeMap::new(),
         beyond: Vec::new(),
+        refused: Vec::new(),
         trims: harmony_mesh::Trims::default(),
         rejected: Vec::new(),
         left: Vec::new(),

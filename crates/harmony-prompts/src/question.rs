@@ -148,12 +148,15 @@ pub(crate) fn bare_lines<T: ToString>(items: &[T]) -> String {
     items.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
-/// What was tried in the round before and what came of it, as a paragraph of its own; nothing when there was none.
+/// What was tried before and what came of it, as a paragraph of its own; nothing when there was none.
 pub(crate) fn tried(lines: &[String]) -> String {
     if lines.is_empty() {
         return String::new();
     }
-    format!("\nTried in the round before, with what came of it:\n{}\n", bare_lines(lines))
+    format!(
+        "\nTried before, with what came of it (what was refused is refused again unless something else changes with it):\n{}\n",
+        bare_lines(lines)
+    )
 }
 
 /// Reads an answer into its type.

@@ -133,18 +133,26 @@ pub fn orbit_cameras(room: &Room, size: ImageSize, n: usize) -> Vec<RoomView> {
     (0..n).map(|i| room_view(room, size, TAU * i as f64 / n as f64, Vec3::ZERO, whole)).collect()
 }
 
+/// Elevation from which a mesh is shown, radians, and that for one that is lower than this share of its shorter side.
+const FROM_BESIDE: f64 = 0.26;
+const FROM_ABOVE: f64 = 1.0;
+const FLAT_SHARE: f64 = 0.12;
+
 /// View `yaw_index` (0 to 3 = A to D) of the four that show a canonical mesh turned by 0, 90, 180 and 270 degrees.
 ///
 /// The mesh turns about +Y and the camera looks along -Z from slightly above; here the camera is moved
 /// instead, so panel 0 shows the +Z side, panel 1 the -X side (which a turn by 90 degrees brings to +Z), and so on.
+/// What lies flat (a rug, a tray) is looked down upon: of its pattern nothing would be seen.
 pub fn mesh_view_camera(bounds: &Bounds, yaw_index: usize, size: ImageSize) -> Camera {
     let azimuth = -FRAC_PI_2 * (yaw_index % 4) as f64;
+    let extent = bounds.max - bounds.min;
+    let elevation = if extent.y < FLAT_SHARE * extent.x.min(extent.z) { FROM_ABOVE } else { FROM_BESIDE };
     // All four panels use the distance that the widest one needs, so that sizes can be compared.
     let corners = corners(bounds.min, bounds.max);
     let distance = (0..4)
-        .map(|i| distance_to_fit(&corners, bounds.centre(), size, -FRAC_PI_2 * f64::from(i), 0.26))
+        .map(|i| distance_to_fit(&corners, bounds.centre(), size, -FRAC_PI_2 * f64::from(i), elevation))
         .fold(0.0, f64::max);
-    camera_at(bounds.centre(), size, azimuth, 0.26, distance)
+    camera_at(bounds.centre(), size, azimuth, elevation, distance)
 }
 
 /// The view at an azimuth that shows the box from `low` to `high`.

@@ -123,6 +123,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         surfaces: BTreeMap::new(),
         even_surfaces: BTreeMap::new(),
         beyond: Vec::new(),
+        refused: Vec::new(),
         trims: harmony_mesh::Trims::default(),
         rejected: Vec::new(),
         left: Vec::new(),

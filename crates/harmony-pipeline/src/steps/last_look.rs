@@ -34,7 +34,7 @@ pub async fn until_settled(
     state: &mut SceneState,
     mut lit: Option<Lit>,
 ) -> Result<Option<Lit>, PhaseError> {
-    let mut tried = Vec::new();
+    let mut tried = state.refused.clone();
     for round in 1..=ctx.settings.lighting.last_looks {
         let name = format!("last_look_{round}");
         if !ctx.is_looked_at(&name) || state.partial.placed.is_empty() {

@@ -166,6 +166,7 @@ fn item(level: Level, state: &SceneState, object: &Object) -> Option<Item> {
         traits: Traits {
             flat: is(Trait::Flat),
             soft: is(Trait::Soft),
+            drapes: is(Trait::Drapes),
             // A generated mesh has its own proportions; a slab of ours may be given others.
             planar: is(Trait::Planar) && object.is_modelled(),
             opening: opening.is_some(),

@@ -35,7 +35,8 @@ const DEEP: f64 = 0.02;
 /// # Errors
 /// Fatal role errors and unwritable files only.
 pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> Result<(), PhaseError> {
-    let mut tried = Vec::new();
+    let earlier = state.refused.clone();
+    let mut tried = earlier.clone();
     for round in 1..=ctx.settings.rounds_of_review() {
         let name = format!("review_{round}");
         let empty = state.partial.placed.iter().all(|p| p.item.level != level);
@@ -50,6 +51,7 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
         try_all(ctx, state, &grouped(&answer.actions), &mut came).await?;
         let kept = came.kept;
         tried = came.told;
+        state.refused = earlier.iter().cloned().chain(came.in_vain).collect();
         ctx.write_json(
             &format!("{name}.json"),
             &json!({ "issues": answer.issues, "converged": answer.converged, "actions": came.records, "kept": kept }),
@@ -69,6 +71,8 @@ struct Came {
     kept: usize,
     /// For the next round's question.
     told: Vec<String>,
+    /// What was refused to the end, for the questions of later levels.
+    in_vain: Vec<String>,
     /// For `review_<n>.json`.
     records: Vec<Value>,
 }
@@ -84,33 +88,37 @@ async fn try_all(
     let mut waiting: Vec<usize> = (0..groups.len()).collect();
     for pass in 1..=PASSES {
         let before = came.kept;
-        let mut refused: Vec<(usize, String)> = Vec::new();
+        let mut refused: Vec<(usize, String, String)> = Vec::new();
         for k in waiting {
             let result = try_together(ctx, state, &groups[k]).await?;
-            refused.extend(result.refused.clone().map(|why| (k, why)));
+            refused.extend(result.refused.clone().map(|why| (k, why, result.told.clone())));
+            if !result.kept && result.refused.is_none() {
+                came.in_vain.push(result.told.clone());
+            }
             if pass == 1 || result.kept {
                 came.takes(result);
             }
         }
-        let which: Vec<usize> = refused.iter().map(|(k, _)| *k).collect();
+        let which: Vec<usize> = refused.iter().map(|(k, ..)| *k).collect();
         for (a, b) in beside_each_other(state, groups, &which) {
-            if [a, b].iter().any(|k| refused.iter().all(|(other, _)| other != k)) {
+            if [a, b].iter().any(|k| refused.iter().all(|(other, ..)| other != k)) {
                 continue;
             }
             let both: Vec<&ReviewActionAnswer> = groups[a].iter().chain(&groups[b]).copied().collect();
             let result = try_together(ctx, state, &both).await?;
             if result.kept {
                 came.takes(result);
-                refused.retain(|(k, _)| *k != a && *k != b);
+                refused.retain(|(k, ..)| *k != a && *k != b);
             }
         }
         if pass == PASSES || came.kept == before {
-            for (k, why) in refused {
+            for (k, why, told) in refused {
+                came.in_vain.push(told);
                 ctx.warn(WarningKind::ActionRefused, ObjectId::new(&groups[k][0].id).ok(), why);
             }
             break;
         }
-        waiting = refused.into_iter().map(|(k, _)| k).collect();
+        waiting = refused.into_iter().map(|(k, ..)| k).collect();
     }
     Ok(())
 }

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use harmony_catalogue::Trait;
-use harmony_mesh::Material;
-use harmony_render::{BakeOptions, SOLID, bake_texture, opacity};
-use harmony_scene::{Level, ObjectId, WarningKind};
+use harmony_mesh::{Material, Mesh};
+use harmony_render::{BakeOptions, Instance, RenderOptions, SOLID, bake_texture, opacity, render_depth_ids};
+use harmony_scene::{Level, Mask, ObjectId, WarningKind};
 
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Object, SceneState};
@@ -13,6 +13,9 @@ use crate::views;
 
 /// Linear brightness up to which glass is black.
 const BLACK: f32 = 0.06;
+
+/// A slot of which a smaller share of its pixels is surrounded by its own is seen as an edge.
+const THIN: f64 = 0.35;
 
 /// Textures the objects of one level that have none yet.
 ///
@@ -54,6 +57,18 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
     }
     let shown = views::ids(state);
     let mut jobs = Vec::new();
+    for id in &ids {
+        let thin = thin_slots(state, id, &shown);
+        if let Some(model) = state.objects.get_mut(id).and_then(|object| object.model.as_mut()) {
+            for slot in thin {
+                for slots in [&mut model.plain_slots, &mut model.said_slots] {
+                    if !slots.contains(&slot) {
+                        slots.push(slot.clone());
+                    }
+                }
+            }
+        }
+    }
     for id in ids {
         let object = state.objects.get(&id).filter(|object| object.is_modelled());
         let (Some(placed), Some(model), Some(visible)) =
@@ -107,6 +122,41 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
     Ok(())
 }
 
+/// Slots of a template or part model whose colour was said and of which the photo shows hardly more than edges, as of a picture's frame
+/// two pixels wide: its neighbours' colours are mixed into what is seen of it, and the said colour is nearer to the truth.
+fn thin_slots(state: &SceneState, id: &ObjectId, shown: &[u32]) -> Vec<String> {
+    let found = || {
+        let object = state.objects.get(id)?;
+        let model = object.model.as_ref().filter(|m| m.program.is_none())?;
+        let colors = object.said.params.as_ref().map_or(&[][..], |params| &params.colors);
+        let named = |name: &str| object.said.part_model.is_some() || colors.iter().any(|c| c.slot == name);
+        if !model.mesh.materials.iter().any(|m| named(&m.name)) {
+            return None;
+        }
+        let (placed, visible) = (state.partial.find(id)?, state.visible_mask(id, shown)?);
+        let parts: Vec<Mesh> =
+            model.mesh.groups.iter().map(|g| Mesh { groups: vec![g.clone()], ..(*model.mesh).clone() }).collect();
+        let instances: Vec<Instance<'_>> =
+            parts.iter().enumerate().map(|(k, part)| Instance::posed(part, &placed.pose, k as u32 + 1)).collect();
+        let frame = render_depth_ids(&state.partial.camera, &instances, &RenderOptions::default());
+        let width = state.partial.camera.size.width;
+        let seen_of = |material: usize| {
+            Mask::from_fn(state.partial.camera.size, |x, y| {
+                let part = frame.ids[(y * width + x) as usize] as usize;
+                let of_slot = part > 0 && model.mesh.groups.get(part - 1).is_some_and(|g| g.material == material);
+                of_slot && visible.get(i64::from(x), i64::from(y))
+            })
+        };
+        let materials = model.mesh.materials.iter().enumerate().filter(|(_, m)| named(&m.name));
+        let thin = materials.filter(|(k, _)| {
+            let seen = seen_of(*k);
+            (seen.dilated(-1).count() as f64) < THIN * seen.count() as f64
+        });
+        Some(thin.map(|(_, m)| m.name.clone()).collect())
+    };
+    found().unwrap_or_default()
+}
+
 /// Whether one sees through a material: black glass (a screen) lets nothing pass.
 fn is_clear(material: &Material) -> bool {
     let [r, g, b, _] = material.base_color;
@@ -115,7 +165,29 @@ fn is_clear(material: &Material) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+    use harmony_mesh::{SlotColor, TemplateParams};
+    use harmony_scene::Support;
+
     use super::*;
+    use crate::testing::{add, empty_room};
+
+    #[test]
+    fn a_slot_that_is_all_edge_keeps_its_said_colour() {
+        let thin_of = |size: DVec3| {
+            let mut state = empty_room();
+            let id = add(&mut state, "box_01", Level::Furniture, size, DVec3::new(2.0, 0.0, 1.0), Support::Floor);
+            let params = TemplateParams {
+                colors: vec![SlotColor { slot: "box".to_owned(), hex: "#403020".to_owned() }],
+                ..TemplateParams::default()
+            };
+            state.objects.get_mut(&id).unwrap().said.params = Some(params);
+            let shown = views::ids(&state);
+            thin_slots(&state, &id, &shown)
+        };
+        assert!(thin_of(DVec3::splat(0.8)).is_empty());
+        assert_eq!(thin_of(DVec3::new(0.01, 0.9, 0.01)), ["box"]);
+    }
 
     #[test]
     fn bottles_are_clear_and_screens_are_not() {

@@ -31,6 +31,12 @@ pub(crate) fn functions() -> Vec<Function> {
         Function::new("ngon(n, r, star=0)", |c| {
             let (n, r) = (c.need_count("n", 3..=200)?, c.need_number("r", LENGTH)?);
             let star = c.number("star", 0.0, LENGTH0)?;
+            if star >= r {
+                let why = format!(
+                    "star is the radius of the inner corners in metres, less than r: {star} is not less than {r}"
+                );
+                return Err(Complaint::new(&why).into());
+            }
             let points = if star > 0.0 { ring(2 * n, |i| if i % 2 == 0 { r } else { star }) } else { ring(n, |_| r) };
             // A corner on top.
             simple(c, points.into_iter().map(|[x, y]| [-y, x]).collect())

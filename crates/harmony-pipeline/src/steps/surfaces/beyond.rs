@@ -1,13 +1,14 @@
 //! What the photo shows through a passage: a pane where the reveal ends, with the photo's pixels on it.
 //!
 //! The room behind is not reconstructed; from the photo's place the pane shows what is there, from elsewhere it is a
-//! picture in a doorway. What stands before a passage is not on its pane: those pixels take their row's nearest ones.
+//! picture in a doorway. What stands before a passage is not on its pane: its place is filled with what is around it.
 
 use std::sync::Arc;
 
+use harmony_imaging::inpaint;
 use harmony_mesh::{Group, Material, Mesh};
-use harmony_scene::{Camera, Extents, Mask, Opening, Room, Vec2, Vec3, WallPlane};
-use image::{Rgba, RgbaImage};
+use harmony_scene::{Camera, Extents, ImageSize, Mask, Opening, Room, Vec2, Vec3, WallPlane};
+use image::{DynamicImage, Rgb, RgbImage, RgbaImage};
 
 use crate::state::SceneState;
 
@@ -17,6 +18,8 @@ const BEHIND: f64 = 0.1;
 const EDGE: f64 = 0.02;
 /// Around the photo's empty frame its pixels are mixed ones.
 const FRAME_MARGIN: i32 = 3;
+/// Texels around what stands before a passage that have its colours mixed in.
+const TORN_PX: i32 = 2;
 /// Texels a metre.
 const PX_PER_M: f64 = 220.0;
 /// Sides of a texture, texels.
@@ -80,34 +83,22 @@ fn seen_through(state: &SceneState, opening: &Opening) -> Option<RgbaImage> {
         let free = !hidden.iter().any(|m| m.get(pixel.x as i64, pixel.y as i64));
         free.then(|| state.photo.get_pixel(pixel.x as u32, pixel.y as u32).0)
     };
-    let mut picture = RgbaImage::new(w, h);
-    let mut last: Option<Vec<[u8; 3]>> = None;
-    let mut blank = Vec::new();
-    for j in 0..h {
-        let row: Vec<Option<[u8; 3]>> = (0..w).map(|i| sample(i, j)).collect();
-        let filled = along(&row).or_else(|| last.clone());
-        match &filled {
-            Some(row) => row.iter().enumerate().for_each(|(i, c)| put(&mut picture, i as u32, j, *c)),
-            None => blank.push(j),
+    let mut picture = RgbImage::new(w, h);
+    let mut unseen = Mask::empty(ImageSize::new(w, h));
+    for (i, j) in (0..h).flat_map(|j| (0..w).map(move |i| (i, j))) {
+        match sample(i, j) {
+            Some(color) => picture.put_pixel(i, j, Rgb(color)),
+            None => unseen.set(i, j, true),
         }
-        last = filled;
     }
-    // Rows above the first that shows anything take that one's colours.
-    let first = blank.iter().max().map_or(0, |j| j + 1);
-    if first >= h {
+    if unseen.count() == unseen.size().pixels() {
         return None;
     }
-    for j in blank {
-        for i in 0..w {
-            let Rgba([r, g, b, _]) = *picture.get_pixel(i, first);
-            put(&mut picture, i, j, [r, g, b]);
-        }
-    }
-    Some(picture)
-}
-
-fn put(picture: &mut RgbaImage, i: u32, j: u32, [r, g, b]: [u8; 3]) {
-    picture.put_pixel(i, j, Rgba([r, g, b, 255]));
+    // Torn edges of what stands before the passage are not copied.
+    let torn = unseen.dilated(TORN_PX);
+    let hole = if torn.count() < torn.size().pixels() { torn } else { unseen };
+    let filled = inpaint::fill(&picture, &hole, inpaint::Sources::Anywhere, &inpaint::FillSettings::default());
+    Some(DynamicImage::ImageRgb8(filled).into_rgba8())
 }
 
 /// The photo's pixel of a place on the pane, shares of its width and of its height from the top.
@@ -115,13 +106,6 @@ fn pixel_of(camera: &Camera, e: &Extents, opening: &Opening, across: f64, down: 
     let u = opening.u[0] + (opening.u[1] - opening.u[0]) * across;
     let y = opening.y[1] - (opening.y[1] - opening.y[0]) * down;
     camera.project(plane_of(opening).point(e, u, y)).filter(|p| camera.contains(*p))
-}
-
-/// A row with its gaps filled from the nearest texels on either side; `None` when it shows nothing.
-fn along(row: &[Option<[u8; 3]>]) -> Option<Vec<[u8; 3]>> {
-    let known: Vec<usize> = (0..row.len()).filter(|i| row[*i].is_some()).collect();
-    let nearest = |i: usize| known.iter().min_by_key(|k| k.abs_diff(i)).and_then(|k| row[*k]);
-    (0..row.len()).map(nearest).collect()
 }
 
 /// The panes as one mesh in the room, a material each, their fronts into the room.
@@ -148,11 +132,11 @@ pub fn panes(beyond: &[Beyond], e: &Extents) -> Mesh {
 
 #[cfg(test)]
 mod tests {
-    use harmony_scene::{OpeningKind, Wall};
+    use harmony_scene::{Level, OpeningKind, Support, Wall};
     use image::Rgb;
 
     use super::*;
-    use crate::testing::empty_room;
+    use crate::testing::{add, empty_room};
     use crate::views;
 
     /// A photo whose pixels say where they are.
@@ -204,9 +188,30 @@ mod tests {
     }
 
     #[test]
-    fn gaps_take_the_nearest_colours_of_their_row() {
-        let [r, g] = [[9, 0, 0], [0, 9, 0]];
-        assert_eq!(along(&[None, Some(r), None, None, Some(g), None]), Some(vec![r, r, r, g, g, g]));
-        assert_eq!(along(&[None, None]), None);
+    fn what_stands_before_a_passage_is_filled_with_what_is_around_it() {
+        let mut state = state(Wall::Back, [1.0, 2.4]);
+        // Light and dark squares behind it, and a red box before it.
+        let size = state.partial.camera.size;
+        let id =
+            add(&mut state, "box_01", Level::Furniture, Vec3::splat(0.5), Vec3::new(1.7, 0.0, 0.6), Support::Floor);
+        let mask = Arc::clone(&state.partial.find(&id).unwrap().item.mask);
+        let square = |x: u32, y: u32| if (x / 6 + y / 6).is_multiple_of(2) { 60 } else { 180 };
+        let photo = RgbImage::from_fn(size.width, size.height, |x, y| {
+            if mask.get(i64::from(x), i64::from(y)) { Rgb([250, 0, 0]) } else { Rgb([square(x, y); 3]) }
+        });
+        state.photo = Arc::new(photo);
+        let shown = beyond(&state).remove(0).picture;
+        assert!(shown.pixels().all(|p| p.0[0].abs_diff(p.0[1]) < 40), "nothing of the box");
+        // Where it stood the pattern goes on: no row of its place has one colour.
+        let (w, h) = shown.dimensions();
+        let varied = |j: u32| {
+            let row: Vec<u8> = (w / 3..2 * w / 3).map(|i| shown.get_pixel(i, j).0[0]).collect();
+            row.iter().max().unwrap() - row.iter().min().unwrap() > 60
+        };
+        let low: Vec<u32> = (h * 8 / 10..h * 19 / 20).collect();
+        assert!(low.iter().filter(|j| varied(**j)).count() * 2 > low.len(), "smeared");
+        // Of a passage that is hidden altogether nothing is known.
+        state.photo_frame = Arc::new(Mask::from_fn(size, |_, _| true));
+        assert!(beyond(&state).is_empty());
     }
 }
