@@ -335,10 +335,11 @@ impl LightField {
             let (x, y) = (k % grid[0] as usize, k / grid[0] as usize);
             let cell = ((x as f32 / side[0]) as usize).min(columns - 1)
                 + ((y as f32 / side[1]) as usize).min(rows - 1) * columns;
-            for c in 0..3 {
+            let logs = [0, 1, 2].map(|c| {
                 let ratio = (a.color[c] * gains[0][c]).max(0.01) / (b.color[c] * gains[1][c]).max(0.01);
-                sums[cell].0[c] += f64::from(ratio.clamp(1.0 / MOST_GAIN, MOST_GAIN).ln());
-            }
+                f64::from(ratio.clamp(1.0 / MOST_GAIN, MOST_GAIN).ln())
+            });
+            (0..3).for_each(|c| sums[cell].0[c] += logs[c]);
             sums[cell].1 += 1.0;
         }
         if common < COMMON_TEXELS {

@@ -21,9 +21,14 @@ pub struct Shape {
     bvh: OnceLock<Arc<Bvh>>,
     setback: OnceLock<f64>,
     hang: OnceLock<Option<Hang>>,
+    foot: OnceLock<Option<[Vec2; 2]>>,
     /// What is not see-through; `None` when all is like that, so that [`Shape::proxy`] holds.
     opaque: Option<Arc<Proxy>>,
 }
+
+/// Share of a thing's height up to which it is its foot, and the share of its sides below which that is small.
+const FOOT_SHARE: f64 = 0.06;
+const SMALL_FOOT: f64 = 0.5;
 
 /// How a thing hangs over an edge, as a throw over the arm of a sofa: it does not stand on its lowest points. Canonical
 /// units.
@@ -99,6 +104,7 @@ impl Shape {
             bvh: OnceLock::new(),
             setback: OnceLock::new(),
             hang: OnceLock::new(),
+            foot: OnceLock::new(),
             opaque,
         }
     }
@@ -184,6 +190,22 @@ impl Shape {
             hangs.then(|| Hang { sag, under: about(sag).map(|(_, at)| *at).collect() })
         });
         found.as_ref()
+    }
+
+    /// The rectangle of what it stands on, least and greatest (x, z), canonical, where that is small against the whole: the
+    /// pot of a plant, the base of a lamp, which need not be under its middle.
+    pub(crate) fn foot(&self) -> Option<[Vec2; 2]> {
+        *self.foot.get_or_init(|| {
+            let (min, size) = (self.bounds.min, self.extent());
+            let low = self.mesh.positions.iter().filter(|p| f64::from(p.y) <= min.y + FOOT_SHARE * size.y);
+            let (from, to) = low.fold((Vec2::MAX, Vec2::MIN), |(from, to), p| {
+                let p = Vec2::new(f64::from(p.x), f64::from(p.z));
+                (from.min(p), to.max(p))
+            });
+            let (foot, whole) = (to - from, Vec2::new(size.x, size.z));
+            let small = foot.cmpgt(Vec2::ZERO).all() && foot.cmplt(whole * SMALL_FOOT).all();
+            small.then_some([from, to])
+        })
     }
 
     /// How far a window's or a door's casing lies behind the foremost of it, a sill, a blind or a handle; canonical units.

@@ -164,16 +164,21 @@ fn top_of(host: &Placed) -> f64 {
     host.pose.position.y + reach(&host.item, &host.pose).1.y + 0.05
 }
 
-/// Points of an object's footprint that ask what is below them: a grid, or, of what hangs over an edge, those under the part
-/// that lies on something.
+/// Points of an object's footprint that ask what is below them: a grid under its foot or, where that is as wide as itself, under
+/// most of it; of what hangs over an edge, those under the part that lies on something.
 fn footprint(item: &Item, pose: &Pose) -> Vec<Vec3> {
     if let Some(hang) = hang_of(item) {
         return hang.under.iter().map(|p| pose.point(Vec3::new(p.x, 0.0, p.y))).collect();
     }
-    let linear = Pose { scale: 1.0, stretch: Vec3::ONE, ..*pose }.linear();
-    let half = size_of(item, pose) / 2.0 * FOOTPRINT_SHARE;
     let t = |k: usize| 2.0 * k as f64 / (FOOTPRINT_RAYS - 1) as f64 - 1.0;
     let grid = (0..FOOTPRINT_RAYS).flat_map(|i| (0..FOOTPRINT_RAYS).map(move |j| (i, j)));
+    if let Some([low, high]) = item.shape.foot() {
+        let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0 * FOOTPRINT_SHARE);
+        let at = |i: usize, j: usize| Vec3::new(middle.x + half.x * t(i), 0.0, middle.y + half.y * t(j));
+        return grid.map(|(i, j)| pose.point(at(i, j))).collect();
+    }
+    let linear = Pose { scale: 1.0, stretch: Vec3::ONE, ..*pose }.linear();
+    let half = size_of(item, pose) / 2.0 * FOOTPRINT_SHARE;
     grid.map(|(i, j)| pose.position + linear * Vec3::new(half.x * t(i), 0.0, half.z * t(j))).collect()
 }
 
@@ -332,6 +337,27 @@ mod back_tests {
         assert!(under(2.3, 0.42).is_some_and(|h| (h - 0.42).abs() < 1e-6));
         assert_eq!(under(2.84, 0.42), None, "it stays at the height of the seat");
         assert!(under(2.84, 0.6).is_some_and(|h| (h - 0.62).abs() < 1e-6), "what is put on the arm is on it");
+    }
+
+    #[test]
+    fn a_plant_stands_where_its_pot_is() {
+        let scene = empty_room();
+        // A pot at one end of a wide crown.
+        let parts = [(Vec3::new(0.16, 0.2, 0.16), Vec3::X * -0.2), (Vec3::new(0.6, 0.4, 0.6), Vec3::Y * 0.2)];
+        let mut item = boxed(&scene, Vec3::new(0.6, 0.6, 0.6), Vec3::new(2.0, 0.8, 2.0), 0.0);
+        item.shape = Arc::new(of_boxes(&parts));
+        let table = boxed(&scene, Vec3::new(1.0, 0.8, 0.6), Vec3::new(2.0, 0.0, 2.0), 0.0);
+        let host = Placed {
+            item: Arc::new(table),
+            pose: Pose::new(Vec3::new(2.0, 0.0, 2.0), 0.0, 1.0),
+            support: harmony_scene::Support::Floor,
+            evidence: crate::Evidence::default(),
+        };
+        let query = SurfaceQuery { level: 0.8, object_height: 0.6, soft: false };
+        let under = |x: f64| surface_under(&host, &item, &Pose::new(Vec3::new(x, 0.8, 2.0), 0.0, 1.0), &query);
+        // Its middle is beyond the table's end, its pot is on it, and the other way round.
+        assert!(under(2.6).is_some_and(|s| s.share > 0.99));
+        assert!(under(1.6).is_none_or(|s| s.share < 0.2));
     }
 
     #[test]
