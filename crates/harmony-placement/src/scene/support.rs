@@ -164,27 +164,36 @@ fn top_of(host: &Placed) -> f64 {
     host.pose.position.y + reach(&host.item, &host.pose).1.y + 0.05
 }
 
-/// Points of an object's footprint that ask what is below them: a grid under its foot or, where that is as wide as itself, under
-/// most of it; of what hangs over an edge, those under the part that lies on something.
+/// Points of an object's footprint that ask what is below them: a grid, or, of what hangs over an edge, those under the part
+/// that lies on something.
 fn footprint(item: &Item, pose: &Pose) -> Vec<Vec3> {
     if let Some(hang) = hang_of(item) {
         return hang.under.iter().map(|p| pose.point(Vec3::new(p.x, 0.0, p.y))).collect();
     }
-    let t = |k: usize| 2.0 * k as f64 / (FOOTPRINT_RAYS - 1) as f64 - 1.0;
-    let grid = (0..FOOTPRINT_RAYS).flat_map(|i| (0..FOOTPRINT_RAYS).map(move |j| (i, j)));
-    if let Some([low, high]) = item.shape.foot() {
-        let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0 * FOOTPRINT_SHARE);
-        let at = |i: usize, j: usize| Vec3::new(middle.x + half.x * t(i), 0.0, middle.y + half.y * t(j));
-        return grid.map(|(i, j)| pose.point(at(i, j))).collect();
-    }
     let linear = Pose { scale: 1.0, stretch: Vec3::ONE, ..*pose }.linear();
     let half = size_of(item, pose) / 2.0 * FOOTPRINT_SHARE;
-    grid.map(|(i, j)| pose.position + linear * Vec3::new(half.x * t(i), 0.0, half.z * t(j))).collect()
+    grid().map(|[s, t]| pose.position + linear * Vec3::new(half.x * s, 0.0, half.z * t)).collect()
+}
+
+/// Points under the foot of what stands on a small one.
+fn under_foot(item: &Item, pose: &Pose) -> Vec<Vec3> {
+    let Some([low, high]) = item.shape.foot().filter(|_| hang_of(item).is_none()) else { return Vec::new() };
+    let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0 * FOOTPRINT_SHARE);
+    grid().map(|[s, t]| pose.point(Vec3::new(middle.x + half.x * s, 0.0, middle.y + half.y * t))).collect()
+}
+
+/// Places of the rays under a footprint, shares of its half sides.
+fn grid() -> impl Iterator<Item = [f64; 2]> {
+    let t = |k: usize| 2.0 * k as f64 / (FOOTPRINT_RAYS - 1) as f64 - 1.0;
+    (0..FOOTPRINT_RAYS).flat_map(move |i| (0..FOOTPRINT_RAYS).map(move |j| [t(i), t(j)]))
 }
 
 /// The surface of a host under an object's footprint near a level.
 pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &SurfaceQuery) -> Option<Surface> {
-    let points = footprint(item, pose);
+    let mut points = footprint(item, pose);
+    // A plant stands where its pot does: whether it is carried is asked there, how high it comes everywhere under it.
+    let feet = under_foot(item, pose);
+    points.extend(&feet);
     // Start above the level but under the next board.
     let from = query.level + LEVEL_SLACK.min(0.5 * query.object_height + 0.04);
     let mut found = Vec::new();
@@ -211,7 +220,13 @@ pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &Sur
     }
     // Where a part is in the host (in a backrest) that says nothing about its surface; collisions have their say there.
     found.sort_by(f64::total_cmp);
-    let share = found.len() as f64 / (points.len() - inside) as f64;
+    let carries =
+        |at: &&Vec3| matches!(below(host, at.x, at.z, from), Below::Carries(h) if h >= query.level - LEVEL_SLACK);
+    let share = if feet.is_empty() {
+        found.len() as f64 / (points.len() - inside) as f64
+    } else {
+        feet.iter().filter(carries).count() as f64 / feet.len() as f64
+    };
     let rank = if query.soft { found.len() / 2 } else { (found.len() * 9 / 10).min(found.len() - 1) };
     Some(Surface { height: found[rank], share })
 }
@@ -357,7 +372,7 @@ mod back_tests {
         let under = |x: f64| surface_under(&host, &item, &Pose::new(Vec3::new(x, 0.8, 2.0), 0.0, 1.0), &query);
         // Its middle is beyond the table's end, its pot is on it, and the other way round.
         assert!(under(2.6).is_some_and(|s| s.share > 0.99));
-        assert!(under(1.6).is_none_or(|s| s.share < 0.2));
+        assert!(under(1.6).is_some_and(|s| s.share < 0.2));
     }
 
     #[test]
