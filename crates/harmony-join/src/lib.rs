@@ -212,10 +212,9 @@ pub fn join(
     let links = tree::links(&sources, noise);
     let (placings, order) = tree::spanned(sources.len(), &links, noise);
     let numbers: Vec<usize> = (0..sources.len()).filter(|run| placings[*run].is_some()).collect();
-    let strangers = (0..sources.len()).filter(|run| placings[*run].is_none());
-    let refusals: Vec<(usize, JoinError)> = strangers.map(|run| (run, refused(&sources, &links, run, noise))).collect();
     let mut left_out = Vec::new();
-    for (run, error) in refusals {
+    for run in (0..sources.len()).filter(|run| placings[*run].is_none()) {
+        let error = refused(&sources, &links, run, noise);
         if numbers.len() < 2 {
             return Err(error);
         }

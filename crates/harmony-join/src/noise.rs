@@ -18,8 +18,8 @@ pub struct JoinNoise {
     pub pairing: f64,
     /// Sigmas from which a place counts as somebody else's (Geman and McClure's scale).
     pub limit: f64,
-    /// Scale of a run, relative: where its photo shows floor and ceiling, and where not.
-    pub scale: [f64; 2],
+    /// Scale of a run, relative; whether its photo shows floor and ceiling makes no difference.
+    pub scale: f64,
     /// What a run's walls are askew.
     pub askew: f64,
     /// Distance of a camera to a wall that its photo shows: share of it, and metres.
@@ -63,7 +63,7 @@ impl Default for JoinNoise {
             hidden: 2.0,
             pairing: 1.8,
             limit: 5.0,
-            scale: [0.022, 0.022],
+            scale: 0.022,
             askew: 0.005,
             wall: [0.005, 0.02],
             wall_unseen: 0.5,

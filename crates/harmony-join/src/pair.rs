@@ -159,18 +159,13 @@ pub fn gain(
     (place + rise + size + color + kind).min(MOST_A_PAIR)
 }
 
-/// One sigma of a run's scale, relative.
-pub fn scale_sigma(source: &Source, noise: &JoinNoise) -> f64 {
-    noise.scale[usize::from(!source.saw_height())]
-}
-
 /// One sigma of the distance between what two runs say of one place, the same in all directions.
 fn joint_sigma(first: &Source, a: &SeenObject, second: &Source, b: &SeenObject, noise: &JoinNoise) -> f64 {
     let mean = |n: PlaceNoise| (0.5 * (n.across_m * n.across_m + n.along_m * n.along_m)).sqrt();
     let distance = a.place().distance(first.camera.centre()) + b.place().distance(second.camera.centre());
     let (p, q) = (mean(place_noise(first, a, noise)), mean(place_noise(second, b, noise)));
     // The scales are fitted, but only so well.
-    noise.pairing * p.hypot(q).hypot(0.5 * noise.scale[1] * distance)
+    noise.pairing * p.hypot(q).hypot(0.5 * noise.scale * distance)
 }
 
 /// The placing that pairs and walls want: turns and scales of few things say little, so that only the shift is free until
@@ -181,7 +176,7 @@ fn moved(first: &Source, second: &Source, placing: &Placing, pairs: &[(usize, us
     let sigmas: Vec<f64> =
         pairs.iter().map(|(i, j)| joint_sigma(first, &first.objects[*i], second, &second.objects[*j], noise)).collect();
     let walls = common_walls(first, second, placing.turn);
-    let scales = noise.pairing * scale_sigma(first, noise).hypot(scale_sigma(second, noise));
+    let scales = noise.pairing * noise.scale * std::f64::consts::SQRT_2;
     let residuals = |p: &[f64], out: &mut Vec<f64>| {
         let trial = with(p);
         out.push(p[0] / (2.0 * noise.askew));

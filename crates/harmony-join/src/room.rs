@@ -46,7 +46,8 @@ pub fn room(sources: &[Source], joint: &Joint, things: &[Thing]) -> (Room, Vec<B
     room.openings = things.iter().filter_map(|t| opening(sources, joint, t)).collect();
     let mut panes = Vec::new();
     let mut found: Vec<Passage> = (0..sources.len()).flat_map(|run| passages(sources, joint, run)).collect();
-    found.sort_by(|a, b| b.sight.total_cmp(&a.sight));
+    // What is seen through it counts before how large it is seen.
+    found.sort_by(|a, b| b.picture.is_some().cmp(&a.picture.is_some()).then(b.sight.total_cmp(&a.sight)));
     for Passage { opening, picture, .. } in found {
         if room.openings.iter().any(|other| in_one_place(other, &opening)) {
             continue;
@@ -438,7 +439,11 @@ pub fn trims(sources: &[Source], joint: &Joint) -> Trims {
 
 #[cfg(test)]
 mod tests {
+    use harmony_scene::{OpeningKind, QuarterTurn, Wall};
+
     use super::*;
+    use crate::placing::Placing;
+    use crate::testing::{ROOM, furnished, source};
 
     /// A face of which only columns before `until` are shown, all of one grey.
     fn face(grid: [u32; 2], shown: std::ops::Range<u32>, grey: f32) -> Vec<Option<Texel>> {
@@ -452,6 +457,35 @@ mod tests {
         assert_eq!(away[5 * 20 + 2], 0.0);
         assert_eq!(away[5 * 20 + 12], 10.0);
         assert!(to_seen(&face([20, 10], 0..0, 0.5), [20, 10]).iter().all(|d| *d > 30.0));
+    }
+
+    #[test]
+    fn a_passage_of_two_runs_is_there_once_with_what_is_seen_through_it_the_right_way_round() {
+        let picture = RgbaImage::from_fn(4, 4, |x, _| image::Rgba([if x < 2 { 90 } else { 200 }, 0, 0, 255]));
+        let passage =
+            |wall, u| Opening { kind: OpeningKind::Door, wall, u, y: [0.0, 2.0], inset: 0.0, rise: 0.0, object: None };
+        // One room, the second photo from the other side: the way in the front wall is in its back wall.
+        let things = furnished();
+        let mut first = source("a", ROOM, &things, QuarterTurn::ALL[0], 1.0, &[]);
+        let mut second = source("b", ROOM, &things, QuarterTurn::ALL[2], 1.0, &[]);
+        let (w, d) = (ROOM.width, ROOM.depth);
+        first.passages = vec![(passage(Wall::Front, [0.5, 1.4]), None)];
+        second.passages = vec![(passage(Wall::Back, [w - 1.4, w - 0.5]), Some(Arc::new(picture)))];
+        let turned = Placing { turn: QuarterTurn::ALL[2], yaw: 0.0, ln_scale: 0.0, x: w, z: d };
+        let joint = Joint {
+            placings: vec![Placing::FIRST, turned],
+            extents: ROOM,
+            places: vec![],
+            sigmas: vec![],
+            energy: 0.0,
+        };
+        let (room, panes) = room(&[first, second], &joint, &[]);
+        let [opening] = room.openings.as_slice() else { panic!("{:?}", room.openings) };
+        assert_eq!(opening.wall, Wall::Front);
+        assert!((opening.u[0] - 0.5).abs() < 1e-9 && (opening.u[1] - 1.4).abs() < 1e-9, "{opening:?}");
+        // The first photo shows nothing through it; the second's left is the first's right.
+        assert_eq!(panes.len(), 1);
+        assert_eq!([panes[0].picture.get_pixel(0, 0).0[0], panes[0].picture.get_pixel(3, 0).0[0]], [200, 90]);
     }
 
     #[test]

@@ -13,7 +13,7 @@ use harmony_scene::{Extents, Support, Wall};
 use serde::Serialize;
 
 use crate::noise::JoinNoise;
-use crate::pair::{place_noise, plane_of, scale_sigma};
+use crate::pair::{place_noise, plane_of};
 use crate::placing::{PlaceNoise, Placing, is_across};
 use crate::source::{Source, flat};
 use crate::tracks::Track;
@@ -145,7 +145,7 @@ pub fn solve(sources: &[Source], start: &[Placing], tracks: &[Track], noise: &Jo
 /// What a run says of its own scale, and of the room.
 fn of_run(source: &Source, placing: &Placing, u: &[f64], noise: &JoinNoise, out: &mut Vec<f64>) {
     let e = &source.scene.room.extents;
-    out.push(placing.ln_scale / scale_sigma(source, noise));
+    out.push(placing.ln_scale / noise.scale);
     out.push(placing.yaw / noise.askew);
     for wall in Wall::ALL {
         let off = placing.wall_offset(wall, e, source.camera.centre()) - plane_of(placing.turn.wall(wall), u[0], u[1]);
