@@ -80,12 +80,12 @@ pub fn room_shell_with(
         let depth =
             |hole: &Opening| options.door_reveal.filter(|_| hole.kind == OpeningKind::Door).unwrap_or(options.reveal);
         for hole in all_holes(room, surface) {
-            sheet.reveals(&hole, depth(&hole), |side| side == Side::Wall);
+            sheet.reveals(&hole, depth(&hole), Side::Wall);
         }
         if surface == Surface::Floor {
             let walls = Surface::ALL.into_iter().filter(|s| !options.omit.contains(s));
             for hole in walls.flat_map(|wall| all_holes(room, wall)) {
-                sheet.reveals(&hole, depth(&hole), |side| side == Side::Threshold);
+                sheet.reveals(&hole, depth(&hole), Side::Threshold);
             }
         }
         let triangles = sheet.triangles;
@@ -366,8 +366,8 @@ impl<'a> Sheet<'a> {
         }
     }
 
-    /// Those sides of a hole that are wanted, from the face outward.
-    fn reveals(&mut self, hole: &Opening, depth: f64, wanted: impl Fn(Side) -> bool) {
+    /// The sides of a hole that go on with the wall, or with the floor, from the face outward.
+    fn reveals(&mut self, hole: &Opening, depth: f64, wanted: Side) {
         let plane = WallPlane { wall: hole.wall, inset: hole.inset };
         // NaN makes no reveals either.
         if depth.is_nan() || depth <= 0.0 {
@@ -381,7 +381,7 @@ impl<'a> Sheet<'a> {
             if outline[i].y.max(next.y) < ON_FLOOR { Side::Threshold } else { Side::Wall }
         };
         let sides: Vec<([DVec3; 4], DVec3)> = (0..outline.len())
-            .filter(|i| wanted(side_of(*i)))
+            .filter(|i| side_of(*i) == wanted)
             .map(|i| {
                 let (a, b) = (at(outline[i]), at(outline[(i + 1) % outline.len()]));
                 // The outline runs round the hole with that on its left, seen with u to the right.

@@ -133,9 +133,11 @@ pub fn orbit_cameras(room: &Room, size: ImageSize, n: usize) -> Vec<RoomView> {
     (0..n).map(|i| room_view(room, size, TAU * i as f64 / n as f64, Vec3::ZERO, whole)).collect()
 }
 
-/// Elevation from which a mesh is shown, radians, and that for one that is lower than this share of its shorter side.
+/// Elevation from which a mesh is shown, radians.
 const FROM_BESIDE: f64 = 0.26;
+/// ... and one that lies flat.
 const FROM_ABOVE: f64 = 1.0;
+/// What is lower than this share of its shorter side lies flat.
 const FLAT_SHARE: f64 = 0.12;
 
 /// View `yaw_index` (0 to 3 = A to D) of the four that show a canonical mesh turned by 0, 90, 180 and 270 degrees.

@@ -190,18 +190,21 @@ fn grid() -> impl Iterator<Item = [f64; 2]> {
 
 /// The surface of a host under an object's footprint near a level.
 pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &SurfaceQuery) -> Option<Surface> {
-    let mut points = footprint(item, pose);
+    let whole = footprint(item, pose);
     // A plant stands where its pot does: whether it is carried is asked there, how high it comes everywhere under it.
     let feet = under_foot(item, pose);
-    points.extend(&feet);
+    let points = whole.len() + feet.len();
     // Start above the level but under the next board.
     let from = query.level + LEVEL_SLACK.min(0.5 * query.object_height + 0.04);
     let mut found = Vec::new();
     let mut above = Vec::new();
-    let mut inside = 0;
-    for at in &points {
+    let (mut inside, mut feet_carried) = (0, 0);
+    for (k, at) in whole.iter().chain(&feet).enumerate() {
         match below(host, at.x, at.z, from) {
-            Below::Carries(h) if h >= query.level - LEVEL_SLACK => found.push(h),
+            Below::Carries(h) if h >= query.level - LEVEL_SLACK => {
+                found.push(h);
+                feet_carried += usize::from(k >= whole.len());
+            }
             Below::Inside => {
                 inside += 1;
                 above.extend(top_above(host, at.x, at.z, from));
@@ -212,7 +215,7 @@ pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &Sur
     if found.is_empty() {
         // All of it is in the host: it lies on what is above it, as a pillow on the seat that it has sunk into; but one that
         // stands at the height of the seat leans into an arm or a backrest.
-        let share = above.len() as f64 / points.len() as f64;
+        let share = above.len() as f64 / points as f64;
         above.sort_by(f64::total_cmp);
         let on_a_level =
             || layers(host, query.object_height).iter().any(|layer| (layer.height - query.level).abs() < LEVEL_SLACK);
@@ -220,12 +223,10 @@ pub(crate) fn surface_under(host: &Placed, item: &Item, pose: &Pose, query: &Sur
     }
     // Where a part is in the host (in a backrest) that says nothing about its surface; collisions have their say there.
     found.sort_by(f64::total_cmp);
-    let carries =
-        |at: &&Vec3| matches!(below(host, at.x, at.z, from), Below::Carries(h) if h >= query.level - LEVEL_SLACK);
     let share = if feet.is_empty() {
-        found.len() as f64 / (points.len() - inside) as f64
+        found.len() as f64 / (points - inside) as f64
     } else {
-        feet.iter().filter(carries).count() as f64 / feet.len() as f64
+        f64::from(feet_carried as u32) / feet.len() as f64
     };
     let rank = if query.soft { found.len() / 2 } else { (found.len() * 9 / 10).min(found.len() - 1) };
     Some(Surface { height: found[rank], share })
@@ -310,17 +311,18 @@ mod back_tests {
     use crate::Shape;
     use crate::testing::{box_mesh, boxed, empty_room, of_boxes};
 
+    fn standing(item: Item, at: Vec3) -> Placed {
+        let pose = Pose::new(at, 0.0, 1.0);
+        let support = harmony_scene::Support::Floor;
+        Placed { item: Arc::new(item), pose, support, evidence: crate::Evidence::default() }
+    }
+
     #[test]
     fn the_gap_is_measured_to_the_backrest() {
         let scene = empty_room();
         // A backrest 0.2 deep and 0.9 high, its front at z = 1.1, of a host that looks along +z.
         let back = boxed(&scene, Vec3::new(2.0, 0.9, 0.2), Vec3::new(2.0, 0.0, 1.0), 0.0);
-        let host = Placed {
-            item: Arc::new(back),
-            pose: Pose::new(Vec3::new(2.0, 0.0, 1.0), 0.0, 1.0),
-            support: harmony_scene::Support::Floor,
-            evidence: crate::Evidence::default(),
-        };
+        let host = standing(back, Vec3::new(2.0, 0.0, 1.0));
         let cushion = boxed(&scene, Vec3::new(0.5, 0.4, 0.2), Vec3::new(2.0, 0.4, 1.5), 0.0);
         assert_eq!(cushion.shape.extent(), Shape::new(Arc::new(box_mesh(Vec3::new(0.5, 0.4, 0.2))), vec![]).extent());
         let gap = |z: f64| gap_to_back(&host, &cushion, &Pose::new(Vec3::new(2.0, 0.4, z), 0.0, 1.0));
@@ -338,12 +340,7 @@ mod back_tests {
         let arm = (Vec3::new(0.3, 0.62, 0.8), Vec3::X * 0.84);
         let mut item = boxed(&scene, Vec3::new(2.0, 0.62, 0.8), Vec3::new(2.0, 0.0, 2.0), 0.0);
         item.shape = Arc::new(of_boxes(&[seat, arm]));
-        let host = Placed {
-            item: Arc::new(item),
-            pose: Pose::new(Vec3::new(2.0, 0.0, 2.0), 0.0, 1.0),
-            support: harmony_scene::Support::Floor,
-            evidence: crate::Evidence::default(),
-        };
+        let host = standing(item, Vec3::new(2.0, 0.0, 2.0));
         let cushion = boxed(&scene, Vec3::new(0.2, 0.35, 0.3), Vec3::new(2.0, 0.42, 2.0), 0.0);
         let under = |x: f64, level: f64| {
             let query = SurfaceQuery { level, object_height: 0.35, soft: true };
@@ -362,12 +359,7 @@ mod back_tests {
         let mut item = boxed(&scene, Vec3::new(0.6, 0.6, 0.6), Vec3::new(2.0, 0.8, 2.0), 0.0);
         item.shape = Arc::new(of_boxes(&parts));
         let table = boxed(&scene, Vec3::new(1.0, 0.8, 0.6), Vec3::new(2.0, 0.0, 2.0), 0.0);
-        let host = Placed {
-            item: Arc::new(table),
-            pose: Pose::new(Vec3::new(2.0, 0.0, 2.0), 0.0, 1.0),
-            support: harmony_scene::Support::Floor,
-            evidence: crate::Evidence::default(),
-        };
+        let host = standing(table, Vec3::new(2.0, 0.0, 2.0));
         let query = SurfaceQuery { level: 0.8, object_height: 0.6, soft: false };
         let under = |x: f64| surface_under(&host, &item, &Pose::new(Vec3::new(x, 0.8, 2.0), 0.0, 1.0), &query);
         // Its middle is beyond the table's end, its pot is on it, and the other way round.
@@ -382,12 +374,7 @@ mod back_tests {
         let parts = [(Vec3::new(1.6, 0.52, 0.4), Vec3::ZERO), (Vec3::new(1.7, 0.06, 0.45), Vec3::Y * 0.52)];
         let mut item = boxed(&scene, Vec3::new(1.7, 0.58, 0.45), Vec3::new(2.0, 0.0, 2.0), 0.0);
         item.shape = Arc::new(of_boxes(&parts));
-        let host = Placed {
-            item: Arc::new(item),
-            pose: Pose::new(Vec3::new(2.0, 0.0, 2.0), 0.0, 1.0),
-            support: harmony_scene::Support::Floor,
-            evidence: crate::Evidence::default(),
-        };
+        let host = standing(item, Vec3::new(2.0, 0.0, 2.0));
         let heights: Vec<f64> = layers(&host, 0.05).iter().map(|layer| layer.height).collect();
         assert!(heights.len() == 1 && (heights[0] - 0.58).abs() < 1e-6, "{heights:?}");
         let tray = boxed(&scene, Vec3::new(0.35, 0.08, 0.26), Vec3::new(2.0, 0.5, 2.0), 0.0);
