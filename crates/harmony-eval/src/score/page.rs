@@ -130,8 +130,9 @@ fn scene(html: &mut String, e: &Evaluation, row: &SceneRow) {
 
 fn panels(html: &mut String, set: &str, score: &SceneScore) {
     let star = if score.starred { "*" } else { "" };
+    let things = score.objects.map_or_else(String::new, |n| format!(", {n} objects"));
     for (look, shot) in &score.shots {
-        let name = format!("{set}{star} {}", look.name());
+        let name = format!("{set}{star} {}{things}", look.name());
         let _ = write!(
             html,
             "<figure>{}<figcaption>{}<br>{}</figcaption></figure>",

@@ -130,6 +130,8 @@ pub struct RunEntry {
     pub generator: Option<String>,
     /// Whether the background was lent (`rival.json`): marked with a star.
     pub starred: bool,
+    /// How many things its scene has, where that is told (`scene.json`, or the parts of `rival.json`).
+    pub objects: Option<usize>,
 }
 
 /// Scenes by name.
@@ -318,6 +320,7 @@ fn entry(name: &str, path: &Path, photos: &BTreeMap<String, PathBuf>) -> Result<
             failure: None,
             generator: None,
             starred: false,
+            objects: None,
         });
     }
     let json = |file: &str| harmony_io::read_json::<Value>(&path.join(file)).ok();
@@ -330,6 +333,9 @@ fn entry(name: &str, path: &Path, photos: &BTreeMap<String, PathBuf>) -> Result<
     let about = [&scene, &rival];
     let generator = about.into_iter().flatten().find_map(|v| v["generator"].as_str().map(str::to_owned));
     let there = |file: &str| Some(path.join(file)).filter(|p| p.is_file());
+    let listed = scene.as_ref().and_then(|s| s["objects"].as_array()).map(Vec::len);
+    let parts = rival.as_ref().and_then(|r| r["parts"].as_array());
+    let parts = parts.map(|all| all.iter().filter(|part| part[1].as_str() == Some("object")).count());
     let flat = there("render_flat.png");
     let lit = there("render_lit.png");
     let failure = (flat.is_none() && lit.is_none()).then(|| why(path));
@@ -342,6 +348,7 @@ fn entry(name: &str, path: &Path, photos: &BTreeMap<String, PathBuf>) -> Result<
         failure,
         generator,
         starred: rival.is_some_and(|r| r["background_lent"].as_bool() == Some(true)),
+        objects: listed.or(parts),
     })
 }
 

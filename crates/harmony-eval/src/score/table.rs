@@ -61,6 +61,9 @@ pub struct SceneScore {
     pub run: Option<PathBuf>,
     /// Whether its background was lent.
     pub starred: bool,
+    /// How many things it has, where that is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub objects: Option<usize>,
     /// Why it has no render.
     pub failure: Option<String>,
     /// Renders.
@@ -199,6 +202,16 @@ pub fn evaluate(sets: &[RunSet], looks: &Looks, seed: u64, tell: &(dyn Fn(String
         if scenes.iter().any(|s| s.sets[i].starred) {
             notes.push(format!("{}*: the background is not its own but that of our run", set.name));
         }
+        let bare: Vec<&str> =
+            scenes.iter().filter(|s| s.sets[i].objects == Some(0)).map(|s| s.scene.as_str()).collect();
+        if !bare.is_empty() {
+            notes.push(format!(
+                "{}: {} scenes have no objects; a photo painted on bare walls has the best figures here: {}",
+                set.name,
+                bare.len(),
+                first(&bare)
+            ));
+        }
         if scenes.iter().all(|s| !s.sets[i].shots.contains_key(&Look::Lit)) {
             notes.push(format!("{}: no lit render", set.name));
         }
@@ -263,7 +276,7 @@ fn scene(name: &str, runs: &[Option<RunEntry>], looks: &Looks) -> SceneRow {
 fn score(run: Option<&RunEntry>, photo: Option<&RgbImage>, looks: &Looks) -> SceneScore {
     let Some(run) = run else {
         let failure = Some("not in this set".to_owned());
-        return SceneScore { run: None, starred: false, failure, shots: BTreeMap::new() };
+        return SceneScore { run: None, starred: false, objects: None, failure, shots: BTreeMap::new() };
     };
     let mut shots = BTreeMap::new();
     let mut failure = run.failure.clone();
@@ -276,7 +289,7 @@ fn score(run: Option<&RunEntry>, photo: Option<&RgbImage>, looks: &Looks) -> Sce
             Err(reason) => failure = Some(format!("{}: {reason}", file.display())),
         }
     }
-    SceneScore { run: Some(run.path.clone()), starred: run.starred, failure, shots }
+    SceneScore { run: Some(run.path.clone()), starred: run.starred, objects: run.objects, failure, shots }
 }
 
 fn shot(file: &Path, photo: &RgbImage, looks: &Looks) -> Result<Shot, picture::PictureError> {

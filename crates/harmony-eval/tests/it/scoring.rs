@@ -157,3 +157,18 @@ fn what_a_network_refuses_is_said_and_the_rest_is_measured() {
     let torn = &scene("torn").sets[0];
     assert!(torn.shots.is_empty() && torn.failure.as_ref().unwrap().contains("not a readable image"), "{torn:?}");
 }
+
+#[test]
+fn a_photo_painted_on_bare_walls_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let (ours, theirs) = (folder.path().join("ours"), folder.path().join("theirs"));
+    run(&ours, "a", 100, (32, 24), Some(151));
+    run(&theirs, "a", 100, (32, 24), Some(100));
+    let scene = |objects: &str| format!("{{\"version\": {}, \"objects\": {objects}}}", harmony_scene::SCENE_VERSION);
+    fs::write(ours.join("a/scene.json"), scene("[{}, {}]")).unwrap();
+    fs::write(theirs.join("a/scene.json"), scene("[]")).unwrap();
+    let e = evaluate(&[set("ours", &ours), set("theirs", &theirs)], &networks(), 7, &|_| {});
+    assert_eq!((e.scenes[0].sets[0].objects, e.scenes[0].sets[1].objects), (Some(2), Some(0)));
+    let bare: Vec<&String> = e.notes.iter().filter(|n| n.contains("no objects")).collect();
+    assert!(bare.len() == 1 && bare[0].starts_with("theirs: 1 scenes"), "{bare:?}");
+}
