@@ -93,6 +93,8 @@ fn where_a_thing_is_does_not_say_what_it_is() {
         ("table lamp on the nightstand", "table_lamp"),
         ("nightstand next to bed", "nightstand"),
         ("chair at the dining table", "chair"),
+        ("chair rail", "moulding"),
+        ("white chair rail moulding", "moulding"),
         ("cushion for a sofa", "cushion"),
         ("plant in front of the window", "plant"),
         ("rug beneath the coffee table", "rug"),

@@ -79,7 +79,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let step = |field: &_, render: &_| {
         let seen = Comparison { photo: &fit.photo, render, ids: &measured.ids, weights: &weights };
-        updated_field(field, &nodes, &seen)
+        updated_field(field, &nodes, &seen, [1.0; 3])
     };
     let mut field = step(&neutral_field(&camera), &fit.predicted(&measured));
     job.lighting = lighting.clone();

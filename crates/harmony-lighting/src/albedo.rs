@@ -47,6 +47,10 @@ const DARK: f32 = 0.004;
 /// mask leaves most of it out, what is left is the edge of something else.
 const LEAST_PIXELS: usize = 12;
 const LEAST_SHARE: f64 = 0.3;
+/// Mean change of the reflectances, stops, from which a render tells how the room's light goes with them; and the largest
+/// such response that is believed.
+const TELLING_CHANGE: f32 = 0.1;
+const MOST_RESPONSE: f32 = 3.0;
 /// How far an unseen material's level may be from what is usual, stops.
 const UNSEEN_STOPS: f32 = 0.7;
 
@@ -111,8 +115,50 @@ fn rounded(log: [f32; 3]) -> [f32; 3] {
     log.map(|v| (v.clamp(-MOST_STOPS, MOST_STOPS).exp2() * 1000.0).round() / 1000.0)
 }
 
-/// The field under which the scene would show the photo's light, from a render under `field`.
-pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison<'_>) -> AlbedoField {
+/// By how much more than its reflectances a closed room changes, channel by channel: what is brighter lights the rest.
+///
+/// From the renders under two fields, in logarithms; `before` where the fields hardly differ in a channel.
+pub fn bounce_response(
+    before: [f32; 3],
+    fields: [&AlbedoField; 2],
+    renders: [&LinearImage; 2],
+    nodes: &[FieldNode],
+    (ids, weights): (&[u32], &[f32]),
+) -> [f32; 3] {
+    let mean_of = |field: &AlbedoField, node: &FieldNode| field.nodes.get(&node.name).map_or(field.other, |n| n.mean);
+    let changes: Vec<[f32; 3]> = nodes
+        .iter()
+        .map(|node| {
+            let [old, new] = fields.map(|field| mean_of(field, node));
+            [0, 1, 2].map(|c| (new[c] / old[c]).log2())
+        })
+        .collect();
+    let (mut asked, mut got) = ([0.0f32; 3], [0.0f32; 3]);
+    let mut total = 0.0;
+    for (i, id) in ids.iter().enumerate() {
+        let Some(change) = (*id as usize).checked_sub(1).and_then(|node| changes.get(node)) else { continue };
+        let weight = weights.get(i).copied().unwrap_or(1.0);
+        total += weight;
+        for c in 0..3 {
+            let [old, new] = renders.map(|render| render.rgb[i][c] + DARK);
+            asked[c] += weight * change[c];
+            got[c] += weight * (new / old).log2().clamp(-4.0, 4.0);
+        }
+    }
+    [0, 1, 2].map(|c| {
+        let told = asked[c].abs() >= TELLING_CHANGE * total && total > 0.0;
+        if told { (got[c] / asked[c]).clamp(1.0, MOST_RESPONSE) } else { before[c] }
+    })
+}
+
+/// The field under which the scene would show the photo's light, from a render under `field`. What all surfaces want alike
+/// is asked for by less, for the room's light changes with them: see [`bounce_response`], 1 where it is not known.
+pub fn updated_field(
+    field: &AlbedoField,
+    nodes: &[FieldNode],
+    seen: &Comparison<'_>,
+    response: [f32; 3],
+) -> AlbedoField {
     let size = seen.photo.size;
     let inside = interior(seen.ids, size);
     let ratio: Vec<[f32; 3]> = seen
@@ -125,6 +171,7 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
     let mut next = AlbedoField { nodes: BTreeMap::new(), ..field.clone() };
     let mut found: Vec<Found<'_>> = Vec::new();
     let mut unseen = Vec::new();
+    let mut wanted: Vec<Wanted<'_>> = Vec::new();
     for (index, node) in nodes.iter().enumerate() {
         let id = index as u32 + 1;
         let weights: Vec<f32> = (0..ratio.len())
@@ -141,11 +188,17 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
                 ratio.iter().zip(&weights).filter(|(_, w)| **w > 0.0).map(|(r, _)| f64::from(r[c])).collect();
             median(&mut all) as f32
         });
+        wanted.push(Wanted { node, weights, counted, middle });
+    }
+    let all: f32 = wanted.iter().map(|w| w.counted as f32).sum();
+    let common = [0, 1, 2].map(|c| wanted.iter().map(|w| w.counted as f32 * w.middle[c]).sum::<f32>() / all.max(1.0));
+    for Wanted { node, weights, counted, middle: off } in wanted {
+        let asked = [0, 1, 2].map(|c| off[c] - common[c] + common[c] / response[c]);
         let how = if node.is_even { (EVEN_SIGMAS, MOST_STEP[1]) } else { (SIGMAS, MOST_STEP[0]) };
-        let step = local_step(&ratio, &weights, middle, size, how);
+        let step = local_step(&ratio, &weights, off, size, how);
         let before = field.nodes.get(&node.name);
         let old_mean = before.map_or(field.other, |b| b.mean).map(f32::log2);
-        let mean = within_veil([0, 1, 2].map(|c| old_mean[c] + middle[c]), middle_light(seen.photo, &weights));
+        let mean = within_veil([0, 1, 2].map(|c| old_mean[c] + asked[c]), middle_light(seen.photo, &weights));
         let is_said = node.is_even && node.kind == "object";
         let mean = if is_said { near_grey(mean, MOST_SAID_HUE) } else { mean };
         let factors = (0..field.rows * field.columns)
@@ -155,7 +208,7 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
                 let px = ((f64::from(x) + 0.5) / f64::from(field.columns) * f64::from(size.width)) as usize;
                 let py = ((f64::from(y) + 0.5) / f64::from(field.rows) * f64::from(size.height)) as usize;
                 let s = step[py.min(size.height as usize - 1) * size.width as usize + px.min(size.width as usize - 1)];
-                rounded(with_hue_of(mean, [0, 1, 2].map(|c| old[c] + middle[c] + s[c])))
+                rounded(with_hue_of(mean, [0, 1, 2].map(|c| old[c] + asked[c] + s[c])))
             })
             .collect();
         // What a blue wall needs by channel is no hint for a beige one: the others learn the level alone.
@@ -176,6 +229,14 @@ pub fn updated_field(field: &AlbedoField, nodes: &[FieldNode], seen: &Comparison
         next.nodes.insert(node.name.clone(), AlbedoCells { mean: level, factors: Vec::new(), gloss });
     }
     next
+}
+
+/// A node that was seen: what counts of it, and what the photo has more than the render, log2.
+struct Wanted<'a> {
+    node: &'a FieldNode,
+    weights: Vec<f32>,
+    counted: usize,
+    middle: [f32; 3],
 }
 
 /// A node that was seen, its level and its channels against that, log2.
@@ -299,6 +360,45 @@ mod tests {
         LinearImage { size: SIZE, rgb }
     }
 
+    /// A closed room whose light comes back: what is seen is its reflectance by one over what is not reflected.
+    #[test]
+    fn a_room_whose_walls_light_each_other_is_met_by_the_second_step_and_not_passed() {
+        let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| if i / 96 < 40 { 1 } else { 2 }).collect();
+        let weights = vec![1.0; SIZE.pixels()];
+        let nodes = &nodes()[..2];
+        let base = [[0.65f32, 0.46, 0.3], [0.5, 0.35, 0.24]];
+        let shown = |field: &AlbedoField| {
+            let factor = |node: usize| field.nodes.get(&nodes[node].name).map_or(field.other, |n| n.mean);
+            let of = |node: usize, c: usize| base[node][c] * factor(node)[c];
+            let mean = |c: usize| 0.45 * of(0, c) + 0.55 * of(1, c);
+            let rgb = ids.iter().map(|id| [0, 1, 2].map(|c| of(*id as usize - 1, c) * 0.5 / (1.0 - mean(c)))).collect();
+            LinearImage { size: SIZE, rgb }
+        };
+        let photo =
+            LinearImage { size: SIZE, rgb: ids.iter().map(|id| base[*id as usize - 1].map(|v| 0.6 * v)).collect() };
+        let off = |render: &LinearImage| {
+            let ratio = |i: usize, c: usize| (render.rgb[i][c] / photo.rgb[i][c]).log2().abs();
+            (0..SIZE.pixels()).flat_map(|i| (0..3).map(move |c| (i, c))).map(|(i, c)| ratio(i, c)).fold(0.0, f32::max)
+        };
+        let step = |field: &AlbedoField, response: [f32; 3]| {
+            let render = shown(field);
+            let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
+            (updated_field(field, nodes, &seen, response), render)
+        };
+        let neutral = neutral_field(&camera());
+        let (first, as_it_was) = step(&neutral, [1.0; 3]);
+        let render = shown(&first);
+        let response = bounce_response([1.0; 3], [&neutral, &first], [&as_it_was, &render], nodes, (&ids, &weights));
+        assert!(response[0] > response[2] && response[0] > 1.4, "{response:?}");
+        let (met, _) = step(&first, response);
+        let (passed, _) = step(&first, [1.0; 3]);
+        assert!(off(&shown(&first)) > 0.3, "{}", off(&shown(&first)));
+        assert!(off(&shown(&met)) < 0.3 * off(&shown(&passed)), "{} {}", off(&shown(&met)), off(&shown(&passed)));
+        // Where nothing was changed nothing is learned.
+        let same = bounce_response([1.5; 3], [&neutral, &neutral], [&render, &render], nodes, (&ids, &weights));
+        assert_eq!(same, [1.5; 3]);
+    }
+
     #[test]
     fn a_saturated_dark_cloth_loses_its_gloss_and_nothing_else_does() {
         let photo = image(|_, y| if y < 0.4 { [0.11, 0.001, 0.03] } else { [0.4; 3] });
@@ -306,8 +406,8 @@ mod tests {
         let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| if i / 96 < 29 { 1 } else { 2 }).collect();
         let weights = vec![1.0; SIZE.pixels()];
         let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
-        let once = updated_field(&neutral_field(&camera()), &nodes()[..2], &seen);
-        let twice = updated_field(&once, &nodes()[..2], &seen);
+        let once = updated_field(&neutral_field(&camera()), &nodes()[..2], &seen, [1.0; 3]);
+        let twice = updated_field(&once, &nodes()[..2], &seen, [1.0; 3]);
         let gloss = |field: &AlbedoField, name: &str| field.nodes[name].gloss;
         assert!(gloss(&once, "back") < 0.5 && gloss(&twice, "back") < gloss(&once, "back"));
         assert!((gloss(&twice, "floor") - 1.0).abs() < 1e-6);
@@ -325,7 +425,7 @@ mod tests {
             FieldNode::new("floor", "floor"),
             FieldNode::part("stove", "knob", "object"),
         ];
-        let field = updated_field(&neutral_field(&camera()), &parts, &seen);
+        let field = updated_field(&neutral_field(&camera()), &parts, &seen, [1.0; 3]);
         // (0.006 + 0.004) / (0.016 + 0.004)
         for part in ["stove/iron", "stove/knob"] {
             let cells = &field.nodes[part];
@@ -348,7 +448,7 @@ mod tests {
         let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
         let mut field = neutral_field(&camera());
         for _ in 0..3 {
-            field = updated_field(&field, &nodes()[..1], &seen);
+            field = updated_field(&field, &nodes()[..1], &seen, [1.0; 3]);
         }
         for [r, g, b] in &field.nodes["back"].factors {
             let most = r.max(*g).max(*b) / r.min(*g).min(*b);
@@ -366,11 +466,11 @@ mod tests {
         let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
         let mut field = neutral_field(&camera());
         for _ in 0..3 {
-            field = updated_field(&field, &nodes()[..2], &seen);
+            field = updated_field(&field, &nodes()[..2], &seen, [1.0; 3]);
         }
         let [r, g, b] = field.nodes["back"].mean;
         assert!(b * 0.012 < r * 0.045, "still more red than blue: {r} {g} {b}");
-        let wall = updated_field(&neutral_field(&camera()), &nodes()[..2], &seen).nodes["floor"].mean;
+        let wall = updated_field(&neutral_field(&camera()), &nodes()[..2], &seen, [1.0; 3]).nodes["floor"].mean;
         assert!((wall[0] - 0.5).abs() < 0.02 && (wall[2] - 3.0).abs() < 0.1, "{wall:?}");
     }
 
@@ -385,7 +485,7 @@ mod tests {
         let weights = vec![1.0; SIZE.pixels()];
         let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
         let nodes = [parts[0].clone(), parts[1].clone(), parts[2].clone(), lamp];
-        let field = updated_field(&neutral_field(&camera()), &nodes, &seen);
+        let field = updated_field(&neutral_field(&camera()), &nodes, &seen, [1.0; 3]);
         assert!((field.nodes["bed_01/wood"].mean[0] - 1.0).abs() < 0.1, "{:?}", field.nodes["bed_01/wood"].mean);
         assert!((field.nodes["bed_01/cover"].mean[0] - 0.25).abs() < 0.02, "{:?}", field.nodes["bed_01/cover"].mean);
         let [wood, cover, feet] = ["wood", "cover", "feet"].map(|m| field.nodes[&format!("bed_01/{m}")].mean[1]);
@@ -409,7 +509,7 @@ mod tests {
         let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| row((i / 96) as f32 / 72.0) as u32 + 1).collect();
         let weights = vec![1.0; SIZE.pixels()];
         let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
-        let field = updated_field(&neutral_field(&camera()), &nodes, &seen);
+        let field = updated_field(&neutral_field(&camera()), &nodes, &seen, [1.0; 3]);
         let level = |name: &str| field.nodes[name].mean[1];
         assert!(level("stool_01/fur") > 3.5, "{}", level("stool_01/fur"));
         assert!((level("stool_01/legs") - 1.0).abs() < 0.05, "{}", level("stool_01/legs"));
@@ -433,7 +533,7 @@ mod tests {
         let render = of(&[[0.4; 3]; 3]);
         let weights = vec![1.0; ids.len()];
         let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
-        let field = updated_field(&neutral_field(&camera()), &nodes, &seen);
+        let field = updated_field(&neutral_field(&camera()), &nodes, &seen, [1.0; 3]);
         let mean = |name: &str| field.nodes[name].mean;
         let (a, b, table) = (mean("chair_01/leather"), mean("chair_02/leather"), mean("table_01"));
         let red = |m: [f32; 3]| m[0] / m[1];
@@ -460,7 +560,7 @@ mod tests {
         let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| if i / 96 < 60 { 1 } else { 2 }).collect();
         let weights = vec![1.0; SIZE.pixels()];
         let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
-        let field = updated_field(&neutral_field(&camera()), &nodes(), &seen);
+        let field = updated_field(&neutral_field(&camera()), &nodes(), &seen, [1.0; 3]);
         let cells = &field.nodes["back"];
         for y in 2..(field.rows * 60 / 72 - 3) {
             for x in 2..field.columns - 2 {
@@ -483,13 +583,13 @@ mod tests {
         let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| if i / 96 < 36 { 1 } else { 2 }).collect();
         let weights = vec![1.0; SIZE.pixels()];
         let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
-        let field = updated_field(&neutral_field(&camera()), &nodes(), &seen);
+        let field = updated_field(&neutral_field(&camera()), &nodes(), &seen, [1.0; 3]);
         assert!((field.nodes["left"].mean[0] - 0.5).abs() <= 0.02, "{:?}", field.nodes["left"]);
         assert!((field.nodes["floor"].mean[0] - 2.0).abs() <= 0.08);
         assert!((field.nodes["chair_01"].mean[0] - 1.0).abs() <= 0.1, "half and half of one stop either way");
         assert!(field.nodes["left"].factors.is_empty());
         let blue = image(|_, _| [0.1, 0.2, 0.6]);
-        let field = updated_field(&field, &nodes(), &Comparison { photo: &blue, ..seen });
+        let field = updated_field(&field, &nodes(), &Comparison { photo: &blue, ..seen }, [1.0; 3]);
         let [r, g, b] = field.nodes["left"].mean;
         assert!(r == g && g == b, "a blue wall tints no other");
     }
@@ -502,12 +602,13 @@ mod tests {
         let weights: Vec<f32> = (0..SIZE.pixels()).map(|i| if i % 96 < 46 { 1.0 } else { 0.0 }).collect();
         let few: Vec<f32> = (0..SIZE.pixels()).map(|i| if i % 96 > 70 { 1.0 } else { 0.0 }).collect();
         let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
-        let field = updated_field(&neutral_field(&camera()), &nodes(), &seen);
+        let field = updated_field(&neutral_field(&camera()), &nodes(), &seen, [1.0; 3]);
         assert!(field.nodes["back"].factors.iter().flatten().all(|f| (f - 1.0).abs() <= 0.01));
-        let mostly_hidden = updated_field(&neutral_field(&camera()), &nodes(), &Comparison { weights: &few, ..seen });
+        let mostly_hidden =
+            updated_field(&neutral_field(&camera()), &nodes(), &Comparison { weights: &few, ..seen }, [1.0; 3]);
         assert!(mostly_hidden.nodes["back"].factors.is_empty(), "a quarter of it, at its edge, says nothing");
         let all = vec![1.0; SIZE.pixels()];
-        let field = updated_field(&neutral_field(&camera()), &nodes(), &Comparison { weights: &all, ..seen });
+        let field = updated_field(&neutral_field(&camera()), &nodes(), &Comparison { weights: &all, ..seen }, [1.0; 3]);
         assert!(field.nodes["back"].factors.iter().flatten().all(|f| (0.17..=5.7).contains(f)));
     }
 }

@@ -27,7 +27,7 @@ pub mod spec;
 pub mod sun;
 pub mod view;
 
-pub use albedo::{Comparison, FieldNode, neutral_field, updated_field};
+pub use albedo::{Comparison, FieldNode, bounce_response, neutral_field, updated_field};
 pub use assess::{Assessment, Brightness, Judgement, Tone, assess, judge, propose};
 pub use cycles::{
     BPY_PYTHON, BPY_VERSION, BlenderKind, CyclesJob, CyclesOutput, CyclesRenderer, CyclesTimings, Delight, LightPass,
@@ -39,7 +39,9 @@ pub use linear::{GreyResponse, LinearImage};
 pub use material::{MaterialAnswer, PhysicsSidecar, material_for};
 pub use scene_fit::{Measured, SceneFit, fit_scene};
 pub use schema::strict_schema;
-pub use sources::{Emitter, emitter_bounds, is_cove, is_shade, is_unseen_window, lights_from_scene, unseen_windows};
+pub use sources::{
+    Emitter, emitter_bounds, is_cove, is_passage_light, is_shade, is_unseen_window, lights_from_scene, unseen_windows,
+};
 pub use spec::{AmbientSpec, DirectionalSpec, LightingSpec, PointLightSpec, WindowSpec};
 pub use sun::{FoundSun, Place, Places, find_sun, is_found_sun};
 pub use view::{PictureError, ViewTable, display_linear, picture_error};

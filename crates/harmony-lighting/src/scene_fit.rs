@@ -8,6 +8,8 @@
 //! The photo's light depends on the view transform that the photo is read through. Every candidate gets its own fit, and
 //! the one whose picture is nearest to the photo wins; plain sRGB wins ties, for it keeps blacks and colours.
 
+use std::collections::BTreeMap;
+
 use harmony_scene::{Lighting, ViewTransform};
 use image::RgbImage;
 use serde::Serialize;
@@ -56,6 +58,28 @@ impl Measured {
     pub fn without(&self, left_out: impl Fn(&str) -> bool) -> Self {
         let stays = |pass: &&LightPass| !pass.light.as_deref().is_some_and(&left_out);
         Self { lights: self.lights.iter().filter(stays).cloned().collect(), ..self.clone() }
+    }
+
+    /// The same with one light for each group of equal ones (`group` names it), whose gains are then theirs: of two lamps
+    /// of one kind the nearer to a window came out blue.
+    #[must_use]
+    pub fn grouped(&self, group: impl Fn(&str) -> Option<String>) -> Self {
+        let mut first: BTreeMap<String, usize> = BTreeMap::new();
+        let mut lights: Vec<LightPass> = Vec::new();
+        for pass in &self.lights {
+            let Some(name) = pass.light.as_deref().and_then(&group) else {
+                lights.push(pass.clone());
+                continue;
+            };
+            if let Some(at) = first.get(&name) {
+                let sum = &mut lights[*at].image.rgb;
+                sum.iter_mut().zip(&pass.image.rgb).for_each(|(s, p)| (0..3).for_each(|c| s[c] += p[c]));
+            } else {
+                first.insert(name, lights.len());
+                lights.push(pass.clone());
+            }
+        }
+        Self { lights, ..self.clone() }
     }
 }
 
@@ -273,6 +297,21 @@ fn middle(values: &[[f32; 3]], weights: &[f32]) -> [f32; 3] {
 }
 
 impl SceneFit {
+    /// Gives every light of a group (see [`Measured::grouped`]) the gains of the one that was fitted.
+    pub fn ungroup(&mut self, all: &[String], group: impl Fn(&str) -> Option<String>) {
+        for light in all {
+            if self.fit.lights.iter().any(|id| id.as_ref() == Some(light)) {
+                continue;
+            }
+            let name = group(light);
+            let twin = self.fit.lights.iter().position(|id| name.is_some() && id.as_deref().and_then(&group) == name);
+            if let Some(twin) = twin {
+                self.fit.lights.push(Some(light.clone()));
+                self.fit.gains.push(self.fit.gains[twin]);
+            }
+        }
+    }
+
     /// Writes light, exposure and view into the lighting that was measured.
     ///
     /// The common gain becomes exposure, so that the powers stay those of real lamps; a light that shines by the model's
@@ -395,6 +434,25 @@ mod tests {
         // With the light in the textures taken for reflectance the ambient light would do it all.
         let (lamp, ambient) = (0.3 * level(0), 0.2 * level(2));
         assert!(ambient < lamp, "means of what they give: {ambient} and {lamp}, 0.02 and 0.18 in truth");
+    }
+
+    #[test]
+    fn lamps_of_one_group_have_one_gain_and_give_their_light_together() {
+        let (mut measured, photo) = measured(&[[0.8, 0.6, 0.4], [0.3; 3], [0.1; 3]], &ViewTable::standard());
+        // The lamp once more, as two that give half each.
+        let half = measured.lights[0].image.rgb.iter().map(|p| p.map(|v| v / 2.0)).collect();
+        let one = LightPass { image: LinearImage { size: SIZE, rgb: half }, ..measured.lights[0].clone() };
+        measured.lights.splice(0..1, [one.clone(), LightPass { light: Some("lamp_02".to_owned()), ..one }]);
+        let group = |id: &str| id.starts_with("lamp").then(|| "lamp".to_owned());
+        let together = measured.grouped(group);
+        let ids: Vec<Option<&str>> = together.lights.iter().map(|pass| pass.light.as_deref()).collect();
+        assert_eq!(ids, [Some("lamp_01"), Some("window_01"), None]);
+        let mut found = fit_scene(&together, &photo, &[], &FitOptions::default()).unwrap();
+        let all: Vec<String> = measured.lights.iter().filter_map(|pass| pass.light.clone()).collect();
+        found.ungroup(&all, group);
+        assert_eq!(found.fit.lights.last().unwrap().as_deref(), Some("lamp_02"));
+        assert_eq!(found.fit.gains.last(), found.fit.gains.first());
+        assert!((found.level("lamp_01") - found.level("lamp_02")).abs() < 1e-12 && found.level("lamp_01") > 0.1);
     }
 
     #[test]

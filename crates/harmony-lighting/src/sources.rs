@@ -53,6 +53,10 @@ const UNSEEN_SIZE: [(f64, f64); 2] = [(0.6, 2.4), (0.5, 1.4)];
 /// Ids of their lights begin with it.
 const UNSEEN: &str = "daylight_";
 
+/// Ids of the light that comes through passages begin with it; what it is of daylight through a window of that size.
+const PASSAGE: &str = "passage_";
+const PASSAGE_SHARE: f64 = 0.5;
+
 /// Slots of part models, and material names, that shine.
 const EMITTER_WORDS: [&str; 8] = ["shade", "bulb", "globe", "diffuser", "lampshade", "emit", "glow", "flame"];
 
@@ -101,7 +105,7 @@ pub struct Emitter<'m> {
 
 /// The lights of a room before anybody has looked at the photo: all windows and lamps on, at typical powers.
 ///
-/// Without a mesh or a bulb that was said the label decides where in the object's box the bulb is. Openings without an object shine too; of doors those of glass. Screens shine from their front; a
+/// Without a mesh or a bulb that was said the label decides where in the object's box the bulb is. Passages let light in. Openings without an object shine too; of doors those of glass. Screens shine from their front; a
 /// fireplace is listed unlit. Ids are the objects', or `window_<n>` for openings without one.
 pub fn lights_from_scene<'m>(
     room: &Room,
@@ -111,6 +115,11 @@ pub fn lights_from_scene<'m>(
     let mesh_of = |id: &ObjectId| emitter(id).mesh;
     let mut lights = Vec::new();
     for (i, opening) in room.openings.iter().enumerate() {
+        if opening.is_passage() {
+            let light = window_light(room, opening, None, None, format!("{PASSAGE}{:02}", i + 1));
+            lights.extend(light.map(|light| Light { intensity: PASSAGE_SHARE * light.intensity, ..light }));
+            continue;
+        }
         let object = opening.object.as_ref().and_then(|id| objects.iter().find(|o| o.id == *id));
         if opening.kind != OpeningKind::Window && !object.is_some_and(|o| harmony_catalogue::lets_daylight_in(&o.label))
         {
@@ -228,6 +237,12 @@ pub fn unseen_windows(room: &Room, camera: &Camera) -> Vec<Light> {
             })
         })
         .collect()
+}
+
+/// Whether a light is what comes through a passage, from another room or from outside; how much that is, if anything, is
+/// for the fit to say.
+pub fn is_passage_light(light: &Light) -> bool {
+    light.object.is_none() && light.id.starts_with(PASSAGE)
 }
 
 /// Whether a light is one of [`unseen_windows`].

@@ -11,14 +11,16 @@ use std::sync::Arc;
 
 use harmony_lighting::{
     Assessment, Comparison, FieldNode, FitOptions, Judgement, LightPass, LightingDelta, LinearImage, Measured,
-    PictureError, SceneFit, ViewTable, assess, display_linear, fit_scene, is_found_sun, is_unseen_window, judge,
-    neutral_field, picture_error, propose, unseen_windows, updated_field,
+    PictureError, SceneFit, ViewTable, assess, bounce_response, display_linear, fit_scene, is_found_sun,
+    is_passage_light, is_unseen_window, judge, neutral_field, picture_error, propose, unseen_windows, updated_field,
 };
 use harmony_mesh::Mesh;
 use harmony_prompts::LightingReviewQuestion;
 use harmony_render::OUTSIDE;
 use harmony_roles::{LightMeasurement, LitImage, LitKind, LitRequest, Picture, RoleError};
-use harmony_scene::{AlbedoField, Camera, ImageSize, Light, Lighting, Mask, ObjectId, ViewTransform, WarningKind};
+use harmony_scene::{
+    AlbedoField, Camera, ImageSize, Light, LightKind, Lighting, Mask, ObjectId, ViewTransform, WarningKind,
+};
 use image::RgbImage;
 use image::imageops::{FilterType, resize};
 use serde_json::{Value, json};
@@ -29,8 +31,9 @@ use crate::settings::LightingSettings;
 use crate::state::SceneState;
 use crate::views;
 
-/// Median luminance difference at which previews stop measuring, stops.
+/// Median differences of luminance (stops) and colour at which previews stop measuring.
 const GOOD_STOPS: f64 = 0.1;
+const GOOD_CHROMA: f64 = 0.02;
 /// Windows that the photo does not show are believed when the light with them is this much nearer to it, as a ratio ...
 const UNSEEN_GAIN: f64 = 0.95;
 /// ... each with at least this share of its assumed power.
@@ -228,6 +231,9 @@ struct Look {
     /// The same for the reflectances, black things with them.
     of_field: Vec<f32>,
     field: Arc<AlbedoField>,
+    /// The field before and the render under it; by how much more than the reflectances the room's light changes.
+    last: Option<(Arc<AlbedoField>, LinearImage)>,
+    response: [f32; 3],
     rounds: Vec<Value>,
 }
 
@@ -239,10 +245,15 @@ impl Look {
         picture_error(&display_linear(&self.photo), &display_linear(&small), &self.weights)
     }
 
-    /// The field that a render under the present one asks for.
-    fn next_field(&self, nodes: &[FieldNode], render: &LinearImage) -> AlbedoField {
-        let seen = Comparison { photo: &self.light, render, ids: &self.ids, weights: &self.of_field };
-        updated_field(&self.field, nodes, &seen)
+    /// Takes the field that a render under the present one asks for, and remembers both.
+    fn update_field(&mut self, nodes: &[FieldNode], render: LinearImage) {
+        if let Some((field, before)) = &self.last {
+            let counted = (&self.ids[..], &self.of_field[..]);
+            self.response = bounce_response(self.response, [field, &self.field], [before, &render], nodes, counted);
+        }
+        let seen = Comparison { photo: &self.light, render: &render, ids: &self.ids, weights: &self.of_field };
+        let next = Arc::new(updated_field(&self.field, nodes, &seen, self.response));
+        self.last = Some((std::mem::replace(&mut self.field, next), render));
     }
 }
 
@@ -299,14 +310,23 @@ impl<'a, 'c> Stage<'a, 'c> {
         let weights: Vec<f32> = of_field.iter().zip(&found.albedo).map(telling).collect();
         let measured = measured_from(&found, |id| {
             let light = lighting.lights.iter().find(|light| light.id == id);
-            light.is_some_and(|light| is_unseen_window(light) || self.is_opening(light.object.as_ref()))
+            let comes_in = |light: &Light| is_unseen_window(light) || is_passage_light(light);
+            light.is_some_and(|light| comes_in(light) || self.is_opening(light.object.as_ref()))
         });
         let unseen: Vec<String> =
             lighting.lights.iter().filter(|light| is_unseen_window(light)).map(|light| light.id.clone()).collect();
+        let twins = twins_of(lighting);
+        let of_twins = twins.clone();
         let (fitted, measured, weights, photo, errors) = self
             .ctx
             .computed(move || {
-                let fit = |measured: &Measured| fit_scene(measured, &photo, &weights, &FitOptions::default());
+                let twins = of_twins;
+                let fit = |measured: &Measured| {
+                    let mut fitted = fit_scene(&measured.grouped(&twins), &photo, &weights, &FitOptions::default())?;
+                    let all: Vec<String> = measured.lights.iter().filter_map(|pass| pass.light.clone()).collect();
+                    fitted.ungroup(&all, &twins);
+                    Ok::<_, harmony_lighting::fit::FitError>(fitted)
+                };
                 let shown = measured.without(|id| unseen.iter().any(|unseen| unseen == id));
                 let (without, with) = (fit(&shown), fit(&measured));
                 let believed = with.as_ref().is_ok_and(|with| {
@@ -321,7 +341,7 @@ impl<'a, 'c> Stage<'a, 'c> {
         // One that is not in the fit has level 0.
         let level = |id: &str| fitted.as_ref().map_or(0.0, |fitted| fitted.level(id));
         lighting.lights.retain(|light| {
-            let assumed = is_unseen_window(light) || is_found_sun(light);
+            let assumed = is_unseen_window(light) || is_found_sun(light) || is_passage_light(light);
             !assumed || level(&light.id) >= UNSEEN_LEAST
         });
         for light in lighting.lights.iter().filter(|light| is_unseen_window(light)) {
@@ -345,12 +365,14 @@ impl<'a, 'c> Stage<'a, 'c> {
                 weights,
                 of_field,
                 field: Arc::new(neutral),
+                last: None,
+                response: [1.0; 3],
                 rounds: Vec::new(),
             });
         };
         let notes = fitted.apply(lighting);
         self.ctx.write_json("fit.json", &fit_json(&fitted, lighting, &notes, errors))?;
-        let predicted = fitted.predicted(&measured);
+        let predicted = fitted.predicted(&measured.grouped(&twins));
         let mut look = Look {
             view: fitted.view.clone(),
             photo,
@@ -359,9 +381,11 @@ impl<'a, 'c> Stage<'a, 'c> {
             weights,
             of_field,
             field: Arc::new(neutral),
+            last: None,
+            response: [1.0; 3],
             rounds: vec![json!({ "step": "fit", "view": fitted.view.view, "error": fitted.error })],
         };
-        look.field = Arc::new(look.next_field(&self.nodes, &predicted));
+        look.update_field(&self.nodes, predicted);
         Ok(look)
     }
 
@@ -423,26 +447,25 @@ impl<'a, 'c> Stage<'a, 'c> {
         let Some(mut preview) = self.sample("preview_0", look, lighting).await? else { return Ok(None) };
         let mut error = look.error(&preview);
         look.rounds.push(json!({ "step": "preview_0", "error": error }));
+        let mut best = (Arc::clone(&look.field), preview.clone(), error);
         for round in 1..=self.s.measured_rounds {
-            if error.stops <= GOOD_STOPS {
+            if error.stops <= GOOD_STOPS && error.chroma <= GOOD_CHROMA {
                 break;
             }
             let (w, h) = look.photo.dimensions();
-            let small = look.view.to_linear(&resize(&preview, w, h, FilterType::Triangle));
-            let before = Arc::clone(&look.field);
-            look.field = Arc::new(look.next_field(&self.nodes, &small));
+            look.update_field(&self.nodes, look.view.to_linear(&resize(&preview, w, h, FilterType::Triangle)));
             let step = format!("preview_{round}");
             let Some(image) = self.sample(&step, look, lighting).await? else { break };
-            let after = look.error(&image);
-            let kept = after.total() < error.total();
-            look.rounds.push(json!({ "step": step, "error": after, "kept": kept }));
-            if !kept {
-                look.field = before;
-                break;
+            (error, preview) = (look.error(&image), image);
+            // A step too far tells how far the next one may be.
+            let kept = error.total() < best.2.total();
+            look.rounds.push(json!({ "step": step, "error": error, "kept": kept, "response": look.response }));
+            if kept {
+                best = (Arc::clone(&look.field), preview.clone(), error);
             }
-            (preview, error) = (image, after);
         }
-        Ok(Some(preview))
+        look.field = best.0;
+        Ok(Some(best.1))
     }
 
     /// The paper's reflective loop: the model confirms, or changes what measurement does not decide.
@@ -527,6 +550,20 @@ impl<'a, 'c> Stage<'a, 'c> {
         request.background = Some([0, 1, 2].map(|c| f64::from(OUTSIDE[c]) / 255.0));
         Ok(render(self.ctx, &request).await?.map(|lit| lit.image))
     }
+}
+
+/// What a lamp shares with others of its label, for lamps that shine: their gains are one.
+fn twins_of(lighting: &Lighting) -> impl Fn(&str) -> Option<String> + Clone + Send + 'static {
+    let lamps: BTreeMap<String, String> = lighting
+        .lights
+        .iter()
+        .filter(|light| light.on && matches!(light.kind, LightKind::Point { .. }))
+        .filter_map(|light| {
+            let object = light.object.as_ref()?.as_str();
+            Some((light.id.clone(), object.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_').to_owned()))
+        })
+        .collect();
+    move |light| lamps.get(light).cloned()
 }
 
 fn measured_from(found: &LightMeasurement, is_daylight: impl Fn(&str) -> bool) -> Measured {

@@ -201,7 +201,9 @@ impl Finished {
             let Some(was) = energy(scene) else { continue };
             let mut tried = scene.clone();
             take_along(&mut tried, i, back);
-            let better = energy(&tried).is_some_and(|is| accepts(was, is, -by));
+            // A reviewer's word was worth this much when the correction was kept; it still is.
+            let word = if item.traits.corrected { odds(noise.wrong_review) } else { 0.0 };
+            let better = energy(&tried).is_some_and(|is| accepts(was, is, word - by));
             if better && depth(&tried) <= depth(scene) {
                 tracing::debug!(object = %id, "held where it was");
                 *scene = tried;
@@ -526,6 +528,19 @@ mod tests {
         };
         elsewhere.hold(&mut scene, 1.0, 0.0, &settings);
         assert!(scene.placed[0].pose.position.distance(at) < 1e-6);
+        // What a reviewer has put a little beside its mask goes back there as long as that is worth the reviewer's word.
+        let beside = Finished {
+            camera: scene.camera,
+            poses: vec![(scene.placed[0].item.id.clone(), Pose::new(at + Vec3::X * 0.015, 0.0, 1.0))],
+        };
+        beside.hold(&mut scene, 1.0, 0.0, &settings);
+        assert!(scene.placed[0].pose.position.distance(at) < 1e-6, "nobody said so");
+        let mut told = scene.clone();
+        Arc::make_mut(&mut told.placed[0].item).traits.corrected = true;
+        beside.hold(&mut told, 1.0, 0.0, &settings);
+        assert!((told.placed[0].pose.position.x - at.x - 0.015).abs() < 1e-6, "{:?}", told.placed[0].pose);
+        elsewhere.hold(&mut told, 1.0, 0.0, &settings);
+        assert!((told.placed[0].pose.position.x - at.x - 0.015).abs() < 1e-6, "a word is not worth everything");
         // A camera that turned takes the scene with it.
         let turn = harmony_scene::Mat3::from_rotation_y(0.3);
         assert!((turn_about_vertical(&turn) - 0.3).abs() < 1e-9);

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::InspectedSize;
 use crate::question::{Ask, bare_lines, fill, in_range};
+use crate::subjects::sides;
 
 /// Asks again for some sizes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -35,16 +36,15 @@ pub struct DoubtedSize {
 
 impl Display for DoubtedSize {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        let size = |s: &Size| format!("{:.2} x {:.2} x {:.2}", s.width, s.height, s.depth);
         let [low, high] = &self.usual;
         write!(
             f,
             "- {}: {}, answered {} m, usual {} to {} m",
             self.id,
             self.kind,
-            size(&self.answered),
-            size(low),
-            size(high)
+            sides(&self.answered),
+            sides(low),
+            sides(high)
         )?;
         self.apparent.map_or(Ok(()), |a| write!(f, ", looks about {:.2} wide and {:.2} high", a.width, a.height))
     }

@@ -75,13 +75,22 @@ pub struct PlacedObject {
     pub outline_agreement: Option<f64>,
 }
 
+/// `1.20 x 0.75 x 0.60`; a thin side in millimetres: `0.44 x 0.44 x 0.006`.
+pub(crate) fn sides(size: &Size) -> String {
+    let side = |v: f64| if v < 0.095 { format!("{v:.3}") } else { format!("{v:.2}") };
+    format!("{} x {} x {}", side(size.width), side(size.height), side(size.depth))
+}
+
 impl Display for PlacedObject {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let ([x, y, z], size) = (self.position, self.size);
         write!(
             f,
-            "- {}: {}, at ({x:.2}, {y:.2}, {z:.2}), yaw {:.0} deg, size {:.2} x {:.2} x {:.2} m, ",
-            self.id, self.label, self.yaw_deg, size.width, size.height, size.depth
+            "- {}: {}, at ({x:.2}, {y:.2}, {z:.2}), yaw {:.0} deg, size {} m, ",
+            self.id,
+            self.label,
+            self.yaw_deg,
+            sides(&size)
         )?;
         match &self.support {
             Support::Floor => write!(f, "on the floor")?,
@@ -116,13 +125,11 @@ impl Display for FoundObject {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         write!(
             f,
-            "- {}: {}, seen at box {}, about {:.2} x {:.2} x {:.2} m; its place is not known yet",
+            "- {}: {}, seen at box {}, about {} m; its place is not known yet",
             self.id,
             self.label,
             thousandths(&self.bounds, self.image),
-            self.size.width,
-            self.size.height,
-            self.size.depth
+            sides(&self.size)
         )
     }
 }

@@ -103,10 +103,11 @@ fn a_window_shines_into_the_room_from_just_inside_its_pane() {
             rise: 0.0,
             object: None,
         };
-        let door = Opening { kind: OpeningKind::Door, ..opening.clone() };
+        let leaf = ObjectId::new("door_01").unwrap();
+        let door = Opening { kind: OpeningKind::Door, object: Some(leaf), ..opening.clone() };
         let room = room(vec![door, opening]);
         let lighting = lights_from_scene(&room, &[], |_| Emitter::default());
-        assert_eq!(lighting.lights.len(), 1, "doors give no light");
+        assert_eq!(lighting.lights.len(), 1, "doors with a leaf give no light");
         let light = &lighting.lights[0];
         assert_eq!(light.id, "window_02");
         let LightKind::Area { direction, size_m } = light.kind else { panic!("{light:?}") };
@@ -302,4 +303,22 @@ fn windows_are_assumed_where_the_photo_does_not_look() {
     let camera = Camera::looking(size, wide, DVec3::new(2.0, 1.5, 5.0), DVec3::NEG_Z);
     let ids: Vec<String> = unseen_windows(&room, &camera).into_iter().map(|l| l.id).collect();
     assert_eq!(ids, ["daylight_front"]);
+}
+
+#[test]
+fn a_passage_lets_in_light_as_a_window_of_its_size_does_but_less() {
+    let opening = |kind: OpeningKind| Opening {
+        kind,
+        wall: Wall::Back,
+        u: [1.0, 2.0],
+        y: [0.0, 2.1],
+        inset: 0.0,
+        rise: 0.0,
+        object: None,
+    };
+    let lights = |kind| lights_from_scene(&room(vec![opening(kind)]), &[], |_| Emitter::default()).lights;
+    let (passage, window) = (lights(OpeningKind::Door), lights(OpeningKind::Window));
+    assert!(passage.len() == 1 && is_passage_light(&passage[0]) && !is_passage_light(&window[0]), "{passage:?}");
+    assert!(passage[0].on && (passage[0].intensity - PASSAGE_SHARE * window[0].intensity).abs() < 1e-9);
+    assert_eq!(passage[0].position, window[0].position);
 }

@@ -1,6 +1,6 @@
 //! First poses on furniture: the ray of the mask's base against the host's surfaces. Paper App. C "Decoration Placement". Key `deco.host`.
 
-use harmony_scene::{DepthPosition, Level, PixelBox, PlacementType, Support, SurfacePosition, Vec2, Vec3};
+use harmony_scene::{DepthPosition, Level, PixelBox, PlacementType, Pose, Support, SurfacePosition, Vec2, Vec3};
 
 use super::{Hypothesis, Proposer};
 use crate::noise::surprise;
@@ -16,6 +16,18 @@ const DOUBTFUL_OVERLAP: f64 = 0.5;
 
 /// How far about a mask's lowest row its foot is looked for, share of its height.
 const FOOT: f64 = 0.1;
+
+/// Heights of a host tried for one object, at most; places as far beside the host are alike, and those as far are as good
+/// as none, metres.
+const MOST_LAYERS: usize = 6;
+const BESIDE_STEP_M: f64 = 0.1;
+const MOST_BESIDE_M: f64 = 3.0;
+
+/// Share of a footprint that is carried where something stands; how far before a place that carries nothing one is looked
+/// for that does, and by which steps, metres.
+const CARRIED: f64 = 0.7;
+const MOST_BEFORE_M: f64 = 0.5;
+const BEFORE_STEP_M: f64 = 0.02;
 
 /// How far below the floor what hangs may reach, metres: it gives way there.
 const THROUGH_FLOOR_M: f64 = 0.02;
@@ -111,11 +123,11 @@ fn on_host<'a>(proposer: &Proposer<'a, '_>, host: usize, price: f64, out: &mut V
     let placed = &proposer.scene.placed[host];
     let pose = proposer.sized(Vec3::ZERO, placed.pose.yaw);
     let height = size_of(proposer.item, &pose).y;
-    let mut layers = support::main_layers(placed, height);
-    // What hangs down farther than a surface is high would hang through the floor.
-    let sag = sag_of(proposer.item, &pose);
-    layers.retain(|layer| layer.height - sag > -THROUGH_FLOOR_M);
-    for (level, position) in spots(proposer, placed, &layers) {
+    let layers = likely_layers(proposer, placed, height, sag_of(proposer.item, &pose));
+    let mut places = spots(proposer, placed, &layers);
+    let free = places.iter().filter_map(|place| before_it(proposer, host, &pose, *place)).collect::<Vec<_>>();
+    places.extend(free);
+    for (level, position) in places {
         for (yaw, turn_price) in
             yaws(proposer, placed, position).into_iter().flat_map(|rule| proposer.quarter_turns(rule))
         {
@@ -123,6 +135,32 @@ fn on_host<'a>(proposer: &Proposer<'a, '_>, host: usize, price: f64, out: &mut V
             out.push(proposer.settled(constraint, position, price + turn_price));
         }
     }
+}
+
+/// The heights of a host that are tried, at most [`MOST_LAYERS`]: those above which the mask's foot or its middle lies over
+/// the host, then large ones (the tray's rim is not the table). A case has more shelves than are tried.
+fn likely_layers(proposer: &Proposer, host: &Placed, height: f64, sag: f64) -> Vec<Layer> {
+    let mut layers = support::layers(host, height);
+    // What hangs down farther than a surface is high would hang through the floor.
+    layers.retain(|layer| layer.height - sag > -THROUGH_FLOOR_M);
+    let (low, high) = reach(&host.item, &host.pose);
+    let (low, high) = (low + host.pose.position, high + host.pose.position);
+    let b = &proposer.window.mask_box;
+    let rays = [(Vec2::new(b.centre().x, b.y1), -sag), (b.centre(), height / 2.0 - sag)]
+        .map(|(pixel, above)| (proposer.scene.camera.ray(pixel), above));
+    let miss = |layer: &Layer| {
+        let beside = rays.iter().filter_map(|(ray, above)| {
+            let k = (layer.height + above - ray.origin.y) / ray.direction.y;
+            let p = (k.is_finite() && k > 0.0).then(|| ray.at(k))?;
+            Some((low - p).max(p - high).max(Vec3::ZERO).with_y(0.0).length())
+        });
+        (beside.fold(MOST_BESIDE_M, f64::min) / BESIDE_STEP_M).floor()
+    };
+    let mut ranked: Vec<(f64, Layer)> = layers.into_iter().map(|layer| (miss(&layer), layer)).collect();
+    ranked
+        .sort_by(|(a, p), (b, q)| a.total_cmp(b).then(q.share.total_cmp(&p.share)).then(q.height.total_cmp(&p.height)));
+    ranked.truncate(MOST_LAYERS);
+    ranked.into_iter().map(|(_, layer)| layer).collect()
 }
 
 fn yaws(proposer: &Proposer, host: &Placed, position: Vec3) -> Vec<YawRule> {
@@ -135,6 +173,20 @@ fn yaws(proposer: &Proposer, host: &Placed, position: Vec3) -> Vec<YawRule> {
         return vec![YawRule::About { yaw: host.pose.yaw, sigma: proposer.settings.noise.yaw_along }];
     }
     proposer.yaws(position, host.pose.yaw)
+}
+
+/// The nearest place towards the camera where a surface carries an object that would be in its host: before the books of a
+/// shelf. `None` where it is carried, or nowhere.
+fn before_it(proposer: &Proposer, host: usize, pose: &Pose, (level, at): (f64, Vec3)) -> Option<(f64, Vec3)> {
+    let constraint =
+        proposer.constraint(Attachment::OnHost { host, level }, YawRule::Fixed(proposer.scene.placed[host].pose.yaw));
+    let carried = |at: Vec3| constraint.supported_share(&Pose { position: at.with_y(level), ..*pose }) >= CARRIED;
+    if carried(at) {
+        return None;
+    }
+    let towards = (proposer.scene.camera.centre() - at).with_y(0.0).try_normalize()?;
+    let steps = (MOST_BEFORE_M / BEFORE_STEP_M) as usize;
+    (1..=steps).map(|k| at + towards * (BEFORE_STEP_M * k as f64)).find(|at| carried(*at)).map(|at| (level, at))
 }
 
 /// Places (surface height, base centre) on a host that fit the mask.
@@ -226,5 +278,60 @@ mod steps {
         let ray = proposer.scene.camera.ray(proposer.window.mask_box.centre());
         let k = (level + height / 2.0 - ray.origin.y) / ray.direction.y;
         (k.is_finite() && k > 0.1 && k < 20.0).then(|| ray.at(k))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use harmony_scene::{Mask, ObjectId, Support};
+
+    use super::*;
+    use crate::testing::{add, boxed, empty_room, of_boxes, seen};
+    use crate::{PlacementSettings, place_level};
+
+    /// A case of nine boards, before each row of books a free stripe behind a lip, which hides what stands there at its foot.
+    #[test]
+    fn every_shelf_of_a_full_case_is_found_by_what_stands_on_it() {
+        let boards = (0..9).map(|i| 0.1 + 0.26 * f64::from(i));
+        let mut parts = vec![
+            (Vec3::new(0.04, 2.3, 0.3), Vec3::new(-0.5, 0.0, 0.0)),
+            (Vec3::new(0.04, 2.3, 0.3), Vec3::new(0.5, 0.0, 0.0)),
+        ];
+        for y in boards.clone() {
+            parts.push((Vec3::new(0.96, 0.03, 0.3), Vec3::new(0.0, y - 0.03, 0.0)));
+            parts.push((Vec3::new(0.9, 0.19, 0.16), Vec3::new(0.0, y, -0.06)));
+            parts.push((Vec3::new(0.96, 0.05, 0.01), Vec3::new(0.0, y, 0.145)));
+        }
+        let case = Arc::new(of_boxes(&parts));
+        let mut wrong = Vec::new();
+        for (k, y) in boards.enumerate().take(8) {
+            let mut scene = empty_room();
+            add(&mut scene, "case_01", Vec3::new(1.04, 2.3, 0.3), Vec3::new(2.6, 0.0, 0.16), |p| {
+                let item = Arc::make_mut(&mut p.item);
+                item.mask = seen(&empty_room(), &case, &p.pose).into();
+                item.shape = Arc::clone(&case);
+            });
+            let host = ObjectId::new("case_01").unwrap();
+            let at = Vec3::new(2.4, y, 0.25);
+            let mut item = boxed(&scene, Vec3::new(0.08, 0.14, 0.07), at, 0.0);
+            item.id = ObjectId::new("figure_01").unwrap();
+            item.level = Level::Decoration;
+            item.relations.on_top_of = Some(host.clone());
+            let front = scene.camera.project(Vec3::new(2.4, y + 0.05, 0.31)).unwrap().y;
+            item.mask =
+                Mask::from_fn(item.mask.size(), |x, row| f64::from(row) < front && item.mask.get(x.into(), row.into()))
+                    .into();
+            place_level(&mut scene, vec![item], None, &PlacementSettings::default());
+            let placed = scene.find(&ObjectId::new("figure_01").unwrap()).unwrap();
+            let off = placed.pose.position - at;
+            // How deep on its shelf something stands is not told by a mask that the lip cuts.
+            if off.y.abs() > 0.06 || off.with_y(0.0).length() > 0.12 || placed.support != (Support::Object { id: host })
+            {
+                wrong.push((k, off, placed.support.clone()));
+            }
+        }
+        assert!(wrong.is_empty(), "{wrong:?}");
     }
 }

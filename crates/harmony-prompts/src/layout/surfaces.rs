@@ -103,7 +103,7 @@ pub enum LayoutPartKind {
     Splashback,
     /// Boards or panels.
     Panelling,
-    /// The lower part of a wall, usually all round the room.
+    /// The lower part of a wall; walls that are not listed have it too.
     Wainscot,
 }
 

@@ -159,7 +159,8 @@ fn painted(
         }
     });
     let sides = niche_sides(source, &camera, &state.partial.room, &visible.bare);
-    (paint::paint(&faces, &answer.surfaces, &state.partial.room, is_seen, is_lit), trims, faces, sides)
+    let surfaces = trim::with_frieze(&answer.surfaces, &answer.trims, &extents);
+    (paint::paint(&faces, &surfaces, &state.partial.room, is_seen, is_lit), trims, faces, sides)
 }
 
 /// Linear colour of each niche's sides, sill and lintel: the middle of the bare pixels that show them.

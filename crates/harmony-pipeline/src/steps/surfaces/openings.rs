@@ -48,23 +48,31 @@ fn openings(state: &SceneState) -> Vec<Opening> {
     let (passages, _) = crate::phases::layout::passages(&state.layout.answer, camera, room);
     let filled = out.clone();
     for passage in passages {
-        let width = passage.u[1] - passage.u[0];
+        let whole = area(passage.u, passage.y);
         let left = filled.iter().fold(passage, beside);
-        if left.u[1] - left.u[0] > LEFT * width && !out[filled.len()..].iter().any(|o| meet(o, &left)) {
+        if area(left.u, left.y) > LEFT * whole && !out[filled.len()..].iter().any(|o| meet(o, &left)) {
             out.push(left);
         }
     }
     out
 }
 
-/// What a window or a door leaves of a passage: the larger part beside it.
+/// What a window or a door leaves of a passage: the largest part beside it, or the one below it (a fanlight over an open door).
 fn beside(passage: Opening, filled: &Opening) -> Opening {
     if !meet(filled, &passage) {
         return passage;
     }
-    let parts = [[passage.u[0], filled.u[0]], [filled.u[1], passage.u[1]]];
-    let [left, right] = parts.map(|[from, to]| to - from);
-    Opening { u: parts[usize::from(right > left)], ..passage }
+    let (u, y) = (passage.u, passage.y);
+    let below = Opening { y: [y[0], filled.y[0]], rise: 0.0, ..passage.clone() };
+    let right = Opening { u: [filled.u[1], u[1]], ..passage.clone() };
+    let left = Opening { u: [u[0], filled.u[0]], ..passage };
+    let larger = |a: Opening, b: Opening| if area(b.u, b.y) > area(a.u, a.y) { b } else { a };
+    larger(larger(left, right), below)
+}
+
+/// Of a rectangle; 0 where an end lies before its beginning.
+fn area(u: [f64; 2], y: [f64; 2]) -> f64 {
+    (u[1] - u[0]).max(0.0) * (y[1] - y[0]).max(0.0)
 }
 
 /// Whether two openings share more than a frame's width.
@@ -268,6 +276,9 @@ mod tests {
         assert_eq!(left([0.2, 2.25]), [2.25, 4.5]);
         assert_eq!(left([4.0, 5.0]), [2.0, 4.0]);
         assert_eq!(left([5.0, 6.0]), [2.0, 4.5]);
+        let fanlight = Opening { y: [1.7, 2.2], ..opening([2.05, 4.45], true) };
+        let below = beside(Opening { rise: 0.3, ..passage.clone() }, &fanlight);
+        assert_eq!((below.u, below.y, below.rise), ([2.0, 4.5], [0.0, 1.7], 0.0));
         let other = Opening { wall: Wall::Back, ..opening([2.0, 4.0], true) };
         assert_eq!(beside(passage.clone(), &other), passage);
     }

@@ -108,7 +108,8 @@ fn whole(
     faces.iter().filter_map(face).collect()
 }
 
-/// The strips of every face. A wainscot goes round the room, whichever wall it was named on.
+/// The strips of every face. A wainscot goes round the room, whichever wall it was named on, but for walls that were
+/// described without it.
 fn all_strips(answer: &[LayoutSurface], extents: &Extents) -> BTreeMap<Surface, Vec<Strip>> {
     let goes_round: Vec<&LayoutPart> =
         answer.iter().flat_map(|s| &s.parts).filter(|p| p.kind == LayoutPartKind::Wainscot).take(1).collect();
@@ -119,8 +120,7 @@ fn all_strips(answer: &[LayoutSurface], extents: &Extents) -> BTreeMap<Surface, 
         }
         let named = answer.iter().find(|s| s.surface.surface() == surface);
         let own = named.map_or(&[][..], |s| &s.parts);
-        let has_own = own.iter().any(|p| p.kind == LayoutPartKind::Wainscot);
-        for part in own.iter().chain(goes_round.iter().copied().filter(|_| !has_own)) {
+        for part in own.iter().chain(goes_round.iter().copied().filter(|_| named.is_none())) {
             whole = cut(&whole, part);
         }
         whole
@@ -575,8 +575,16 @@ mod tests {
     fn a_wainscot_goes_round_the_room_at_its_height() {
         let part =
             LayoutPart { kind: LayoutPartKind::Wainscot, from_m: 0.0, to_m: 1.0, color_hex: None, pattern: None };
-        let answer =
-            [LayoutSurface { surface: SurfaceName::WallBack, color_hex: None, pattern: None, parts: vec![part] }];
+        let of = |surface: SurfaceName, parts: Vec<LayoutPart>| LayoutSurface {
+            surface,
+            color_hex: None,
+            pattern: None,
+            parts,
+        };
+        let answer = [of(SurfaceName::WallBack, vec![part]), of(SurfaceName::WallLeft, Vec::new())];
+        let strips = all_strips(&answer, &room(&[]).extents);
+        let counts = [Surface::Back, Surface::Right, Surface::Front, Surface::Left].map(|s| strips[&s].len());
+        assert_eq!(counts, [2, 2, 2, 1], "a wall that was described without it has none");
         let mut all = faces([None, None, Some([200, 198, 196]), None, None, None]);
         for (_, y, p) in all[2].texture.enumerate_pixels_mut().filter(|(_, _, p)| p.0[3] > 0) {
             if y >= 75 {

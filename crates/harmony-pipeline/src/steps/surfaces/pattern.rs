@@ -100,8 +100,15 @@ fn pattern(named: &LayoutPattern) -> Pattern {
     let size = |metres: f64| if repeat && metres > 0.0 { metres + named.joint_m } else { metres };
     let mut pattern = Pattern::new(kind);
     variant.clone_into(&mut pattern.variant);
-    pattern.width = size(named.width_m);
-    pattern.length = size(named.length_m);
+    let length = if named.length_m > 0.0 { named.length_m } else { named.width_m };
+    // Planks run along u by their length. Tiles and bricks are as wide along u as the answer has them long; bricks lie.
+    let (along, across) = match kind {
+        PatternKind::Tiles => (length, named.width_m),
+        PatternKind::Brick => (length.max(named.width_m), length.min(named.width_m)),
+        _ => (named.width_m, named.length_m),
+    };
+    pattern.width = size(along);
+    pattern.length = size(across);
     pattern.joint = named.joint_m;
     // Counter-clockwise to whoever looks at the face, whose v runs down; our patterns turn u towards v.
     pattern.turn_deg = -named.turn_deg;
@@ -128,6 +135,30 @@ mod tests {
         });
         let fit = fitted(&hint, &seen, 100.0);
         assert!(fit.turn_deg.rem_euclid(180.0).abs() < 1.0, "{}", fit.turn_deg);
+    }
+
+    #[test]
+    fn the_length_of_tiles_runs_as_that_of_planks() {
+        let named = |kind: Named, width_m: f64, length_m: f64| LayoutPattern {
+            kind,
+            width_m,
+            length_m,
+            joint_m: 0.01,
+            turn_deg: 0.0,
+            colors: Vec::new(),
+        };
+        let along = |named: &LayoutPattern| {
+            let p = pattern(named);
+            [p.width, p.length].map(|v| (v * 1000.0).round())
+        };
+        assert_eq!(along(&named(Named::Tiles, 0.3, 0.44)), [450.0, 310.0]);
+        assert_eq!(along(&named(Named::Tiles, 0.3, 0.0)), [310.0, 310.0]);
+        assert_eq!(
+            along(&named(Named::Brick, 0.24, 0.07)),
+            [250.0, 80.0],
+            "bricks lie, whichever side was called length"
+        );
+        assert_eq!(along(&named(Named::Planks, 0.14, 1.8)), [140.0, 1800.0]);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use harmony_imaging::color::{lab_from_rgb8, linear_from_srgb, rgb8_from_linear};
 use harmony_mesh::{Trim, Trims};
-use harmony_prompts::{LayoutTrim, LayoutTrims};
+use harmony_prompts::{LayoutPart, LayoutPartKind, LayoutSurface, LayoutTrim, LayoutTrims, SurfaceName};
 use harmony_scene::{Extents, Surface};
 use image::RgbaImage;
 
@@ -22,6 +22,8 @@ const NOT_FLOOR: f32 = 7.0;
 const ONE_BOARD: f32 = 12.0;
 /// Difference from the named colour from which a strip is not the named board, Lab units.
 const ANOTHER: f32 = 20.0;
+/// A cornice that is wider is a frieze: a plain board would hide what the photo shows of it, metres.
+const WIDEST_CORNICE: f64 = 0.2;
 /// Depth of a board that is only seen, metres.
 const DEPTH: f64 = 0.014;
 
@@ -37,7 +39,34 @@ pub fn trims(answer: &LayoutTrims, faces: &[Face], extents: &Extents) -> Trims {
         (Some(named), _) => Some(board(named)),
         (None, seen) => seen,
     };
-    Trims { skirting, cornice: answer.cornice.as_ref().map(board), casing: answer.casing.as_ref().map(board) }
+    let cornice = answer.cornice.as_ref().filter(|c| c.height_m <= WIDEST_CORNICE);
+    Trims { skirting, cornice: cornice.map(board), casing: answer.casing.as_ref().map(board) }
+}
+
+/// The walls' answers with what was called a cornice and is a frieze: a stretch of every wall, with its photo.
+pub fn with_frieze(answer: &[LayoutSurface], trims: &LayoutTrims, extents: &Extents) -> Vec<LayoutSurface> {
+    let mut surfaces = answer.to_vec();
+    let Some(frieze) = trims.cornice.as_ref().filter(|c| c.height_m > WIDEST_CORNICE) else { return surfaces };
+    let part = |kind: LayoutPartKind, [from_m, to_m]: [f64; 2], color: &str| LayoutPart {
+        kind,
+        from_m,
+        to_m,
+        color_hex: Some(color.to_owned()),
+        pattern: None,
+    };
+    let heights = [extents.height - frieze.height_m, extents.height];
+    // Walls that were not described have the wainscot of the others.
+    let wainscot = answer.iter().flat_map(|s| &s.parts).find(|p| p.kind == LayoutPartKind::Wainscot);
+    for surface in [SurfaceName::WallBack, SurfaceName::WallLeft, SurfaceName::WallRight, SurfaceName::WallFront] {
+        if !surfaces.iter().any(|s| s.surface == surface) {
+            let parts = wainscot.cloned().into_iter().collect();
+            surfaces.push(LayoutSurface { surface, color_hex: None, pattern: None, parts });
+        }
+    }
+    for wall in surfaces.iter_mut().filter(|s| s.surface.surface().wall().is_some()) {
+        wall.parts.push(part(LayoutPartKind::Panelling, heights, &frieze.color_hex));
+    }
+    surfaces
 }
 
 fn board(named: &LayoutTrim) -> Trim {
