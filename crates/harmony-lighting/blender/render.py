@@ -43,8 +43,9 @@ NOTES = []
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 EMITTER_WORDS = ("shade", "bulb", "globe", "diffuser", "emit", "glow", "flame")
 PANE_WORDS = ("glass", "pane", "glazing", "view", "screen", "display")
-# The node above the room's faces.
+# The node above the room's faces, and what names of materials begin with that show what is seen through passages.
 ROOM = "room"
+BEYOND = "beyond_"
 # Luminance, display-linear, that the bright part of a shining lampshade has at least.
 GLOW = 0.6
 # The same of what emits by its material, a globe or a strip: it is the source itself, not a cloth around it.
@@ -666,8 +667,21 @@ def dress_lamp(light, objects, response):
     return spared, radiance is not None
 
 
-def add_lights(scene, response, groups):
+def dress_passages(response):
+    """What the photo shows through passages is there at the photo's brightness, as in windows: the room's light does not
+    reach it. What comes in from there is a light of its own."""
     spared = set()
+    for material in bpy.data.materials:
+        shader = principled(material)
+        node = base_image(shader) if shader and material.name.startswith(BEYOND) else None
+        if node is not None:
+            spared.add(node.image.name)
+            show_emission(material, (1, 1, 1), 1.0, shown_as(node, response))
+    return spared
+
+
+def add_lights(scene, response, groups):
+    spared = dress_passages(response)
     for index, light in enumerate(JOB["lighting"]["lights"]):
         # The room's own coves are nodes of their light's name.
         node = light["object"] or (light["id"] if light["id"].endswith("_glow") else None)
