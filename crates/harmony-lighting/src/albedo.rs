@@ -81,15 +81,20 @@ impl FieldNode {
         self.name.split_once('/').map(|(_, material)| material)
     }
 
-    /// What the node shares with others of its label: its name without its number.
+    /// See [`design_of`].
     fn design(&self) -> &str {
-        self.node().trim_end_matches(|c: char| c.is_ascii_digit())
+        design_of(self.node())
     }
 
     /// The node's name in the GLB.
     pub fn node(&self) -> &str {
         self.name.split_once('/').map_or(&self.name, |(node, _)| node)
     }
+}
+
+/// What a thing shares with others of its label: its name without its number.
+pub fn design_of(node: &str) -> &str {
+    node.trim_end_matches(|c: char| c.is_ascii_digit())
 }
 
 /// A render in the photo's frame beside the photo; both light as the view takes it (after exposure), one value a pixel.

@@ -27,7 +27,7 @@ pub mod spec;
 pub mod sun;
 pub mod view;
 
-pub use albedo::{Comparison, FieldNode, bounce_response, neutral_field, updated_field};
+pub use albedo::{Comparison, FieldNode, bounce_response, design_of, neutral_field, updated_field};
 pub use assess::{Assessment, Brightness, Judgement, Tone, assess, judge, propose};
 pub use cycles::{
     BPY_PYTHON, BPY_VERSION, BlenderKind, CyclesJob, CyclesOutput, CyclesRenderer, CyclesTimings, Delight, LightPass,

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use harmony_lighting::{
     Assessment, Comparison, FieldNode, FitOptions, Judgement, LightPass, LightingDelta, LinearImage, Measured,
-    PictureError, SceneFit, ViewTable, assess, bounce_response, display_linear, fit_scene, is_found_sun,
+    PictureError, SceneFit, ViewTable, assess, bounce_response, design_of, display_linear, fit_scene, is_found_sun,
     is_passage_light, is_unseen_window, judge, neutral_field, picture_error, propose, unseen_windows, updated_field,
 };
 use harmony_mesh::Mesh;
@@ -558,10 +558,7 @@ fn twins_of(lighting: &Lighting) -> impl Fn(&str) -> Option<String> + Clone + Se
         .lights
         .iter()
         .filter(|light| light.on && matches!(light.kind, LightKind::Point { .. }))
-        .filter_map(|light| {
-            let object = light.object.as_ref()?.as_str();
-            Some((light.id.clone(), object.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_').to_owned()))
-        })
+        .filter_map(|light| Some((light.id.clone(), design_of(light.object.as_ref()?.as_str()).to_owned())))
         .collect();
     move |light| lamps.get(light).cloned()
 }

@@ -6,6 +6,7 @@ use super::{Hypothesis, Proposer};
 use crate::noise::surprise;
 use crate::scene::attachment::{Attachment, YawRule, reach, sag_of, size_of};
 use crate::scene::support::{self, Layer};
+use crate::terms::ENOUGH_SUPPORT;
 use crate::{Item, PartialScene, Placed, YawHint};
 
 /// Hosts tried for one object, at most.
@@ -23,9 +24,7 @@ const MOST_LAYERS: usize = 6;
 const BESIDE_STEP_M: f64 = 0.1;
 const MOST_BESIDE_M: f64 = 3.0;
 
-/// Share of a footprint that is carried where something stands; how far before a place that carries nothing one is looked
-/// for that does, and by which steps, metres.
-const CARRIED: f64 = 0.7;
+/// How far before a place that carries nothing one is looked for that does, and by which steps, metres.
 const MOST_BEFORE_M: f64 = 0.5;
 const BEFORE_STEP_M: f64 = 0.02;
 
@@ -180,7 +179,8 @@ fn yaws(proposer: &Proposer, host: &Placed, position: Vec3) -> Vec<YawRule> {
 fn before_it(proposer: &Proposer, host: usize, pose: &Pose, (level, at): (f64, Vec3)) -> Option<(f64, Vec3)> {
     let constraint =
         proposer.constraint(Attachment::OnHost { host, level }, YawRule::Fixed(proposer.scene.placed[host].pose.yaw));
-    let carried = |at: Vec3| constraint.supported_share(&Pose { position: at.with_y(level), ..*pose }) >= CARRIED;
+    let carried =
+        |at: Vec3| constraint.supported_share(&Pose { position: at.with_y(level), ..*pose }) >= ENOUGH_SUPPORT;
     if carried(at) {
         return None;
     }

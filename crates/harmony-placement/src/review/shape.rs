@@ -9,7 +9,7 @@ use super::{ActionError, ReviewOutcome, energy_change, find};
 use crate::accept::accepts;
 use crate::scene::attachment::sag_of;
 use crate::scene::subtree::{subtree, take_along};
-use crate::scene::support::main_layers;
+use crate::scene::support::layers;
 use crate::terms::placed_energy;
 use crate::{PartialScene, Placed, PlacementSettings, Shape, measure};
 
@@ -89,7 +89,7 @@ fn find_tops(scene: &mut PartialScene, object: usize, settings: &PlacementSettin
         let energy = |scene: &PartialScene| placed_energy(scene, k, settings).map(|e| e.total());
         let Some(mut least) = energy(scene) else { continue };
         let (pose, sag) = (scene.placed[k].pose, sag_of(&scene.placed[k].item, &scene.placed[k].pose));
-        for layer in main_layers(&scene.placed[object], scene.placed[k].size().height) {
+        for layer in layers(&scene.placed[object], scene.placed[k].size().height) {
             let mut tried = scene.clone();
             take_along(&mut tried, k, Pose { position: pose.position.with_y(layer.height - sag), ..pose });
             if let Some(found) = energy(&tried).filter(|found| accepts(least, *found, 0.0)) {

@@ -44,9 +44,6 @@ pub(crate) struct Surface {
     pub(crate) share: f64,
 }
 
-/// Layers of a host tried for one object, at most.
-const MOST_LAYERS: usize = 6;
-
 /// A height at which a host can carry things.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Layer {
@@ -266,15 +263,6 @@ pub(crate) fn layers(host: &Placed, object_height: f64) -> Vec<Layer> {
         .filter(|(_, count)| *count >= 2)
         .map(|(height, count)| Layer { height, share: count as f64 / total })
         .collect()
-}
-
-/// The heights of [`layers`] that are tried for an object, large ones first (the tray's rim is not the table), at most
-/// [`MOST_LAYERS`].
-pub(crate) fn main_layers(host: &Placed, object_height: f64) -> Vec<Layer> {
-    let mut out = layers(host, object_height);
-    out.sort_by(|a, b| b.share.total_cmp(&a.share).then(b.height.total_cmp(&a.height)));
-    out.truncate(MOST_LAYERS);
-    out
 }
 
 /// Free space between an object's back and what its host has behind it (a backrest, a headboard), metres, measured at

@@ -218,7 +218,7 @@ impl<'a> Objective<'a> {
 const ENOUGH_COVERED: f64 = 0.5;
 
 /// Share of a footprint on its host from which on it stands.
-const ENOUGH_SUPPORT: f64 = 0.8;
+pub(crate) const ENOUGH_SUPPORT: f64 = 0.8;
 
 /// Patches of a map that are worth something of their own on one object, at most: beyond, the object's form is wrong.
 const MAX_PATCHES: f64 = 6.0;

@@ -111,8 +111,7 @@ fn whole(
 /// The strips of every face. A wainscot goes round the room, whichever wall it was named on, but for walls that were
 /// described without it.
 fn all_strips(answer: &[LayoutSurface], extents: &Extents) -> BTreeMap<Surface, Vec<Strip>> {
-    let goes_round: Vec<&LayoutPart> =
-        answer.iter().flat_map(|s| &s.parts).filter(|p| p.kind == LayoutPartKind::Wainscot).take(1).collect();
+    let round = goes_round(answer);
     let strips = |surface: Surface| {
         let mut whole = vec![Strip { from: 0.0, to: surface.size(extents).y, kind: None, color: None }];
         if surface.wall().is_none() {
@@ -120,12 +119,17 @@ fn all_strips(answer: &[LayoutSurface], extents: &Extents) -> BTreeMap<Surface, 
         }
         let named = answer.iter().find(|s| s.surface.surface() == surface);
         let own = named.map_or(&[][..], |s| &s.parts);
-        for part in own.iter().chain(goes_round.iter().copied().filter(|_| named.is_none())) {
+        for part in own.iter().chain(round.filter(|_| named.is_none())) {
             whole = cut(&whole, part);
         }
         whole
     };
     Surface::ALL.into_iter().map(|s| (s, strips(s))).collect()
+}
+
+/// What walls have that were not described: the wainscot of those that were.
+pub(super) fn goes_round(answer: &[LayoutSurface]) -> Option<&LayoutPart> {
+    answer.iter().flat_map(|s| &s.parts).find(|p| p.kind == LayoutPartKind::Wainscot)
 }
 
 /// The strips with a part laid over them.

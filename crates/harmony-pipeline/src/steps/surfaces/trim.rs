@@ -7,6 +7,7 @@ use harmony_scene::{Extents, Surface};
 use image::RgbaImage;
 
 use super::evidence::Face;
+use super::paint::goes_round;
 
 /// Heights among which a skirting board ends, metres.
 const HEIGHTS: [f64; 2] = [0.035, 0.2];
@@ -47,24 +48,21 @@ pub fn trims(answer: &LayoutTrims, faces: &[Face], extents: &Extents) -> Trims {
 pub fn with_frieze(answer: &[LayoutSurface], trims: &LayoutTrims, extents: &Extents) -> Vec<LayoutSurface> {
     let mut surfaces = answer.to_vec();
     let Some(frieze) = trims.cornice.as_ref().filter(|c| c.height_m > WIDEST_CORNICE) else { return surfaces };
-    let part = |kind: LayoutPartKind, [from_m, to_m]: [f64; 2], color: &str| LayoutPart {
-        kind,
-        from_m,
-        to_m,
-        color_hex: Some(color.to_owned()),
+    let part = LayoutPart {
+        kind: LayoutPartKind::Panelling,
+        from_m: extents.height - frieze.height_m,
+        to_m: extents.height,
+        color_hex: Some(frieze.color_hex.clone()),
         pattern: None,
     };
-    let heights = [extents.height - frieze.height_m, extents.height];
-    // Walls that were not described have the wainscot of the others.
-    let wainscot = answer.iter().flat_map(|s| &s.parts).find(|p| p.kind == LayoutPartKind::Wainscot);
     for surface in [SurfaceName::WallBack, SurfaceName::WallLeft, SurfaceName::WallRight, SurfaceName::WallFront] {
         if !surfaces.iter().any(|s| s.surface == surface) {
-            let parts = wainscot.cloned().into_iter().collect();
+            let parts = goes_round(answer).cloned().into_iter().collect();
             surfaces.push(LayoutSurface { surface, color_hex: None, pattern: None, parts });
         }
     }
     for wall in surfaces.iter_mut().filter(|s| s.surface.surface().wall().is_some()) {
-        wall.parts.push(part(LayoutPartKind::Panelling, heights, &frieze.color_hex));
+        wall.parts.push(part.clone());
     }
     surfaces
 }
@@ -215,6 +213,31 @@ mod tests {
         let answer = LayoutTrims { skirting: Some(named), ..LayoutTrims::default() };
         let color = trims(&answer, &[floor(), face], &ROOM).skirting.unwrap().color;
         assert!((color[0] - linear_from_srgb(196.0 * 0.85 / 255.0)).abs() < 0.01, "{color:?}");
+    }
+
+    #[test]
+    fn a_cornice_that_is_a_frieze_is_a_stretch_of_every_wall_and_no_board() {
+        let named = |height_m: f64| LayoutTrims {
+            cornice: Some(LayoutTrim { height_m, depth_m: 0.05, color_hex: "#b5a591".into() }),
+            ..LayoutTrims::default()
+        };
+        let part = |kind, from_m, to_m| LayoutPart { kind, from_m, to_m, color_hex: None, pattern: None };
+        let of = |surface, parts| LayoutSurface { surface, color_hex: None, pattern: None, parts };
+        let answer = [
+            of(SurfaceName::WallBack, vec![part(LayoutPartKind::Wainscot, 0.0, 1.0)]),
+            of(SurfaceName::WallLeft, Vec::new()),
+            of(SurfaceName::Floor, Vec::new()),
+        ];
+        assert!(trims(&named(0.1), &[], &ROOM).cornice.is_some() && trims(&named(0.36), &[], &ROOM).cornice.is_none());
+        assert_eq!(with_frieze(&answer, &named(0.1), &ROOM), answer);
+        let surfaces = with_frieze(&answer, &named(0.36), &ROOM);
+        let parts = |surface| &surfaces.iter().find(|s| s.surface == surface).unwrap().parts;
+        for (wall, count) in [(SurfaceName::WallBack, 2), (SurfaceName::WallLeft, 1), (SurfaceName::WallFront, 2)] {
+            let last = parts(wall).last().unwrap();
+            assert_eq!(parts(wall).len(), count, "{wall:?}");
+            assert!((last.from_m - 2.14).abs() < 1e-9 && (last.to_m - 2.5).abs() < 1e-9, "{last:?}");
+        }
+        assert!(parts(SurfaceName::Floor).is_empty());
     }
 
     #[test]
