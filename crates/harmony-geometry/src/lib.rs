@@ -5,7 +5,7 @@
 //! * [`estimate_view`]: one photo without depth -> line segments -> vanishing points -> focal length and rotation;
 //! * [`estimate_room_box`], [`solve_from_pins`]: view + prior (+ pinned room edges) -> camera and box in metres;
 //! * [`measure_shape`]: blocks, niches and slopes of rooms that are not boxes;
-//! * [`measure_passages`], [`rise_of`]: openings without a leaf, rounded tops;
+//! * [`measure_openings`], [`rise_of`]: openings that were outlined, rounded tops;
 //! * small tools: homography, PCA, de-tilt, robust means, Levenberg-Marquardt.
 //!
 //! Nothing here knows that models exist: what a model said arrives as a [`LayoutPrior`].
@@ -38,7 +38,7 @@ pub use lines::{LineSegment, detect_segments};
 pub use pca::{Axes, detilt, pca};
 pub use prior::{CameraHints, LayoutPins, LayoutPrior, PinnedCorner, PinnedEdge, RoomCorner, RoomEdge, WallSide};
 pub use room_box::{RoomBox, RoomBoxEvidence, RoomBoxMethod, SolveError, estimate_room_box, solve_from_pins};
-pub use room_openings::{PassageHint, measure_passages, rise_of};
+pub use room_openings::{OpeningHint, measure_openings, rise_of};
 pub use room_shape::{MapInRoom, MeasuredShape, ShapeHint, ShapeKind, measure_shape};
 pub use stats::{front_surface_mean, median, median_absolute_deviation, percentile, robust_mean, robust_mean_scalar};
 pub use vanishing::{

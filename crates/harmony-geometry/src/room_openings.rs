@@ -1,7 +1,7 @@
 //! Openings of a layout answer, and rounded tops, measured. Beyond the paper, whose openings are rectangles around
 //! objects. Key `layout.openings`.
 //!
-//! A passage, an opening without a leaf, is outlined in the photo. The outline's rays on the plane that the photo shows
+//! Passages, openings without a leaf, and windows are outlined in the photo. The outline's rays on the plane that the photo shows
 //! beside it give where it is; what ends near the floor goes down to it, and what the picture cuts is as large as was
 //! said. Whether a top is rounded follows from heights along it: of straight tops and arcs of circles the one that fits
 //! best, an arc only where it fits clearly better.
@@ -10,9 +10,11 @@ use harmony_scene::{Camera, Opening, OpeningKind, Room, Vec2, Wall, WallPlane};
 
 use crate::stats::median;
 
-/// A passage as a layout answer gives it.
+/// A passage or a window as a layout answer gives it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PassageHint {
+pub struct OpeningHint {
+    /// A passage is a door without a leaf.
+    pub kind: OpeningKind,
     /// The wall that it is in.
     pub wall: Wall,
     /// Outline in the photo, pixels of the camera's image.
@@ -23,7 +25,7 @@ pub struct PassageHint {
     pub size: Vec2,
 }
 
-/// Passages smaller than this are none, metres.
+/// Openings smaller than this are none, metres.
 const SMALLEST: f64 = 0.3;
 /// A lower end this near to the floor is there, metres.
 const AT_FLOOR: f64 = 0.25;
@@ -40,19 +42,22 @@ const LEAST_RISE: f64 = 0.06;
 /// An arc's median error is at most this share of the straight top's.
 const CLEARLY: f64 = 0.5;
 
-/// Passages of a layout answer in a room, and what was not believed, in words.
-pub fn measure_passages(hints: &[PassageHint], camera: &Camera, room: &Room) -> (Vec<Opening>, Vec<String>) {
+/// Openings of a layout answer in a room, and what was not believed, in words.
+pub fn measure_openings(hints: &[OpeningHint], camera: &Camera, room: &Room) -> (Vec<Opening>, Vec<String>) {
     let (mut out, mut notes) = (Vec::new(), Vec::new());
     for hint in hints {
-        match passage(hint, camera, room) {
+        match opening(hint, camera, room) {
             Some(opening) => out.push(opening),
-            None => notes.push(format!("a passage in the {:?} wall is not where its outline is; left out", hint.wall)),
+            None => {
+                let what = if hint.kind == OpeningKind::Window { "window" } else { "passage" };
+                notes.push(format!("a {what} in the {:?} wall is not where its outline is; left out", hint.wall));
+            }
         }
     }
     (out, notes)
 }
 
-fn passage(hint: &PassageHint, camera: &Camera, room: &Room) -> Option<Opening> {
+fn opening(hint: &OpeningHint, camera: &Camera, room: &Room) -> Option<Opening> {
     let e = &room.extents;
     let plane = plane_of(hint, camera, room)?;
     let placed: Vec<(Vec2, Vec2)> =
@@ -75,13 +80,14 @@ fn passage(hint: &PassageHint, camera: &Camera, room: &Room) -> Option<Opening> 
         high.y = high.y.max(hint.size.y);
     }
     let u = [low.x.max(0.0), high.x.min(plane.wall.length(e))];
-    let y = [if low.y < AT_FLOOR { 0.0 } else { low.y }, high.y.min(e.height)];
+    let at_floor = hint.kind == OpeningKind::Door && low.y < AT_FLOOR;
+    let y = [if at_floor { 0.0 } else { low.y.max(0.0) }, high.y.min(e.height)];
     if u[1] - u[0] < SMALLEST || y[1] - y[0] < SMALLEST {
         return None;
     }
     let outlined = rise_of(&tops(&corners, u), u);
     let rise = if corners.len() > 4 { outlined } else { hint.rise.max(0.0) };
-    Some(Opening { kind: OpeningKind::Door, wall: plane.wall, u, y, inset: plane.inset, rise, object: None })
+    Some(Opening { kind: hint.kind, wall: plane.wall, u, y, inset: plane.inset, rise, object: None })
 }
 
 fn is_at_border(camera: &Camera, pixel: Vec2) -> bool {
@@ -91,7 +97,7 @@ fn is_at_border(camera: &Camera, pixel: Vec2) -> bool {
 }
 
 /// The plane, looking as the named wall does, that most rays just outside the outline meet.
-fn plane_of(hint: &PassageHint, camera: &Camera, room: &Room) -> Option<WallPlane> {
+fn plane_of(hint: &OpeningHint, camera: &Camera, room: &Room) -> Option<WallPlane> {
     let n = hint.face.len();
     if n < 3 {
         return None;
@@ -194,10 +200,11 @@ mod tests {
         Camera::looking(size, lens, Vec3::new(1.8, 1.5, 4.7), Vec3::new(0.05, -0.1, -1.0))
     }
 
-    fn seen(opening: &Opening, room: &Room) -> PassageHint {
+    fn seen(opening: &Opening, room: &Room) -> OpeningHint {
         let plane = WallPlane { wall: opening.wall, inset: opening.inset };
         let project = |p: &Vec2| camera().project(plane.point(&room.extents, p.x, p.y)).unwrap();
-        PassageHint {
+        OpeningHint {
+            kind: opening.kind,
             wall: opening.wall,
             face: opening.outline().iter().map(project).collect(),
             rise: 0.0,
@@ -218,7 +225,7 @@ mod tests {
             passage_at(Wall::Back, [3.4, 4.4], 1.6, 0.5),
             passage_at(Wall::Left, [1.5, 2.6], 0.0, 0.3),
         ] {
-            let (found, notes) = measure_passages(&[seen(&truth, &r)], &camera(), &r);
+            let (found, notes) = measure_openings(&[seen(&truth, &r)], &camera(), &r);
             assert!(notes.is_empty(), "{notes:?}");
             let got = &found[0];
             assert_eq!((got.wall, got.is_passage()), (truth.wall, true));
@@ -226,6 +233,17 @@ mod tests {
             assert!(off.iter().all(|v| v.abs() < 0.02), "{got:?}");
             assert!((got.rise - truth.rise).abs() < 0.04, "{} instead of {}", got.rise, truth.rise);
         }
+    }
+
+    #[test]
+    fn a_low_window_ends_where_its_outline_does_not_at_the_floor() {
+        let r = room(vec![]);
+        let truth =
+            Opening { kind: OpeningKind::Window, y: [0.2, 1.6], ..passage_at(Wall::Back, [0.6, 1.6], 0.0, 0.0) };
+        let (found, notes) = measure_openings(&[seen(&truth, &r)], &camera(), &r);
+        assert!(notes.is_empty(), "{notes:?}");
+        assert_eq!(found[0].kind, OpeningKind::Window);
+        assert!((found[0].y[0] - 0.2).abs() < 0.02, "{:?}", found[0]);
     }
 
     #[test]
@@ -237,7 +255,7 @@ mod tests {
         // The near jamb is outside of the picture: the outline ends at its border.
         hint.face = hint.face.iter().map(inside).collect();
         let width = |size: Vec2| {
-            let (found, _) = measure_passages(&[PassageHint { size, ..hint.clone() }], &camera(), &r);
+            let (found, _) = measure_openings(&[OpeningHint { size, ..hint.clone() }], &camera(), &r);
             found[0].u[1] - found[0].u[0]
         };
         assert!(width(Vec2::ZERO) < 2.5, "{}", width(Vec2::ZERO));
@@ -247,13 +265,14 @@ mod tests {
     #[test]
     fn an_outline_that_is_on_no_such_wall_is_left_out_and_said() {
         let r = room(vec![]);
-        let hint = PassageHint {
+        let hint = OpeningHint {
+            kind: OpeningKind::Door,
             wall: Wall::Front,
             face: vec![Vec2::ZERO, Vec2::new(9.0, 0.0), Vec2::ONE],
             rise: 0.0,
             size: Vec2::ZERO,
         };
-        let (found, notes) = measure_passages(&[hint], &camera(), &r);
+        let (found, notes) = measure_openings(&[hint], &camera(), &r);
         assert!(found.is_empty() && notes.len() == 1);
     }
 

@@ -12,9 +12,11 @@
 //! | [`npz`] | NumPy arrays in and out |
 //! | [`masks`] | instance masks of others, our own one-bit masks, `segmentation.png` |
 //! | [`glb`] | the scene as a GLB file, and GLB files of others as meshes |
+//! | [`lit`] | what of a run folder is path-traced |
 
 pub mod atomic;
 pub mod glb;
+pub mod lit;
 pub mod masks;
 pub mod npz;
 pub mod photo;
@@ -26,6 +28,7 @@ pub use glb::{
     GlbError, GlbNode, GlbScene, LoadedGlb, LoadedNode, NodeGroup, NodeTransform, ReadLimits, TextureEncoding,
     glb_bytes, glb_bytes_grouped, load_glb, load_mesh_glb, punctual_intensity, read_glb, write_glb, write_mesh_glb,
 };
+pub use lit::{albedo_field, scene_for_light};
 pub use masks::{
     LoadedMask, LoadedMasks, MaskError, Segment, SegmentEntry, SegmentationFile, index_color, load_mask, load_masks,
     save_mask, save_segmentation,

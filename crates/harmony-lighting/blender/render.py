@@ -668,8 +668,8 @@ def dress_lamp(light, objects, response):
 
 
 def dress_passages(response):
-    """What the photo shows through passages is there at the photo's brightness, as in windows: the room's light does not
-    reach it. What comes in from there is a light of its own."""
+    """What the photo shows through passages, and windows that are no objects, is there at the photo's brightness: the room's
+    light does not reach it. What comes in from there is a light of its own."""
     spared = set()
     for material in bpy.data.materials:
         shader = principled(material)
@@ -677,6 +677,7 @@ def dress_passages(response):
         if node is not None:
             spared.add(node.image.name)
             show_emission(material, (1, 1, 1), 1.0, shown_as(node, response))
+            let_shadow_rays_through(material)
     return spared
 
 

@@ -42,6 +42,6 @@ pub use schema::strict_schema;
 pub use sources::{
     Emitter, emitter_bounds, is_cove, is_passage_light, is_shade, is_unseen_window, lights_from_scene, unseen_windows,
 };
-pub use spec::{AmbientSpec, DirectionalSpec, LightingSpec, PointLightSpec, WindowSpec};
-pub use sun::{FoundSun, Place, Places, find_sun, is_found_sun};
+pub use spec::{AmbientSpec, DirectionalSpec, LightingSpec, PointLightSpec, SunSpec, WindowSpec};
+pub use sun::{FoundSun, Place, Places, ToldSun, UnseenOpenings, find_sun, is_found_sun, sun_light, unseen_openings};
 pub use view::{PictureError, ViewTable, display_linear, picture_error};

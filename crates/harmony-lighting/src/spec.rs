@@ -62,6 +62,17 @@ pub struct WindowSpec {
     pub intensity: Option<f64>,
 }
 
+/// Direct sunlight in the room (beyond the paper).
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct SunSpec {
+    /// Outlines in the photo of patches of direct sun on floor, walls or furniture that come through openings which the photo
+    /// does not show: corners in order, 0..1000; each pane's patch by itself.
+    pub patches: Vec<Vec<[f64; 2]>>,
+    /// Points on the edge of something in the sun, each with the place where that point's shadow falls, 0..1000.
+    pub shadows: Vec<[[f64; 2]; 2]>,
+}
+
 /// The compact lighting specification.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
@@ -74,6 +85,8 @@ pub struct LightingSpec {
     pub point_lights: Vec<PointLightSpec>,
     /// Windows and screens.
     pub windows: Vec<WindowSpec>,
+    /// Direct sun through openings that the photo does not show; null when there is none.
+    pub sun: Option<SunSpec>,
     /// One sentence: time of day, what lights the room.
     pub summary: String,
 }
@@ -203,7 +216,7 @@ mod tests {
     #[test]
     fn the_schema_requires_every_field_and_allows_null() {
         let schema = LightingSpec::schema();
-        assert_eq!(schema["required"].as_array().unwrap().len(), 5);
+        assert_eq!(schema["required"].as_array().unwrap().len(), 6);
         assert_eq!(schema["additionalProperties"], false);
         let lamp = &schema["properties"]["point_lights"]["items"];
         assert_eq!(lamp["required"].as_array().unwrap().len(), 4, "{lamp}");

@@ -5,9 +5,13 @@
 //! within its surfaces is the sun's, where the photo is brighter by a step at the patches' edges; a window's own daylight
 //! brightens what is near it, but makes no edge. Key `light.sun`.
 
+mod unseen;
+
 use glam::DVec3;
 use harmony_scene::{Light, LightKind, Opening, Room};
 use serde::Serialize;
+
+pub use unseen::{ToldSun, UnseenOpenings, unseen_openings};
 
 /// Directions are tried in steps of so many degrees, then ever finer around the best ones.
 const STEP_DEG: f64 = 5.0;
@@ -91,23 +95,24 @@ pub fn find_sun(
         tried.into_iter().take(REFINED).map(|start| search.refined(start)).max_by(|a, b| a.0.total_cmp(&b.0))?;
     let reached = search.reached(sky);
     let step = search.step(&reached)?;
-    (explained >= EXPLAINED).then(|| FoundSun {
-        light: Light {
-            id: ID.to_owned(),
-            kind: LightKind::Sun { direction: (-sky.towards()).to_array() },
-            position: (room.extents.as_vec() / 2.0).to_array(),
-            color: SUNLIGHT,
-            intensity: IRRADIANCE,
-            on: true,
-            object: None,
-            shade: None,
-        },
-        step,
-        explained,
-    })
+    (explained >= EXPLAINED).then(|| FoundSun { light: sun_light(room, sky.towards()), step, explained })
 }
 
-/// Whether a light is one that [`find_sun`] found.
+/// The sun in a direction, before its strength is fitted.
+pub fn sun_light(room: &Room, towards: DVec3) -> Light {
+    Light {
+        id: ID.to_owned(),
+        kind: LightKind::Sun { direction: (-towards).to_array() },
+        position: (room.extents.as_vec() / 2.0).to_array(),
+        color: SUNLIGHT,
+        intensity: IRRADIANCE,
+        on: true,
+        object: None,
+        shade: None,
+    }
+}
+
+/// Whether a light is one that [`find_sun`] found, or that was told ([`sun_light`]).
 pub fn is_found_sun(light: &Light) -> bool {
     light.id == ID && matches!(light.kind, LightKind::Sun { .. })
 }

@@ -1,6 +1,6 @@
 //! The empty room as a mesh: floor, ceiling and walls that face inward, with the openings cut out.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec2};
@@ -24,13 +24,22 @@ pub struct ShellOptions {
     pub door_reveal: Option<f64>,
     /// Linear colour of faces without a texture.
     pub plain: [f32; 3],
+    /// Perceptual roughness of faces that shine otherwise than paint does.
+    pub roughness: BTreeMap<Surface, f32>,
     /// Skirting, cornice and casings, with groups and materials of their own after those of the faces.
     pub trims: Trims,
 }
 
 impl Default for ShellOptions {
     fn default() -> Self {
-        Self { omit: Vec::new(), reveal: 0.1, door_reveal: None, plain: [0.6, 0.58, 0.55], trims: Trims::default() }
+        Self {
+            omit: Vec::new(),
+            reveal: 0.1,
+            door_reveal: None,
+            plain: [0.6, 0.58, 0.55],
+            roughness: BTreeMap::new(),
+            trims: Trims::default(),
+        }
     }
 }
 
@@ -68,6 +77,7 @@ pub fn room_shell_with(
         let color = if texture.is_some() { [1.0; 3] } else { options.plain };
         let mut material = Material::plain(shell_material_name(surface), color);
         material.texture = texture;
+        material.roughness = options.roughness.get(&surface).copied().unwrap_or(material.roughness);
         let mut sheet = Sheet::new(surface, &room.extents, &mut mesh);
         for face in faces.iter().filter(|f| f.surface == surface && sides(room, f).is_none() && hung(room, f).is_none())
         {
@@ -473,6 +483,14 @@ mod tests {
             .filter(|[a, b, c]| keep((*b - *a).cross(*c - *a)))
             .map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0)
             .sum()
+    }
+
+    #[test]
+    fn a_face_shines_as_was_said_and_the_others_as_paint() {
+        let roughness = BTreeMap::from([(Surface::Floor, 0.2)]);
+        let mesh = room_shell_with(&room(), &|_| None, &ShellOptions { roughness, ..ShellOptions::default() });
+        let of = |name: &str| mesh.materials.iter().find(|m| m.name == name).unwrap().roughness;
+        assert_eq!((of("floor"), of("wall_back")), (0.2, Material::plain("", [0.5; 3]).roughness));
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! all frames, and of each frame only the rectangle that changed, so that a still background costs nothing.
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use color_quant::NeuQuant;
@@ -361,11 +361,6 @@ impl Lit<'_> {
 fn turned(first: &Placed, now: &Placed) -> f64 {
     let dot: f64 = first.rotation.iter().zip(now.rotation).map(|(a, b)| a * b).sum();
     2.0 * dot.abs().min(1.0).acos()
-}
-
-/// Reads what a run found of its reflectances, if it did.
-pub fn run_albedo(run: &Path) -> Option<AlbedoField> {
-    harmony_io::read_json(&run.join("6_lighting").join("albedo.json")).ok()
 }
 
 #[cfg(test)]

@@ -39,5 +39,5 @@ pub use run_file::{JoinedRun, PhaseEntry, PhaseState, RunFile, hash_files};
 pub use run_folder::{LOCK_FILE, RunFolder, RunFolderError};
 pub use settings::{FilterSettings, LightingSettings, LookSettings, ProgramSettings, Questions, Settings};
 pub use state::{DropReason, Layout, Left, Look, Model, Object, SceneState};
-pub use steps::programs::{Built, Program, Surroundings, built as program_mesh};
+pub use steps::programs::{Built, Program, built as program_mesh};
 pub use steps::surfaces::{Beyond, panes};

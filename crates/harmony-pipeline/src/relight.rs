@@ -11,8 +11,9 @@ use std::sync::Arc;
 
 use harmony_lighting::{
     Assessment, Comparison, FieldNode, FitOptions, Judgement, LightPass, LightingDelta, LinearImage, Measured,
-    PictureError, SceneFit, ViewTable, assess, bounce_response, design_of, display_linear, fit_scene, is_found_sun,
-    is_passage_light, is_unseen_window, judge, neutral_field, picture_error, propose, unseen_windows, updated_field,
+    PictureError, SceneFit, ViewTable, assess, bounce_response, design_of, display_linear, fit_scene, is_cove,
+    is_found_sun, is_passage_light, is_unseen_window, judge, neutral_field, picture_error, propose, unseen_windows,
+    updated_field,
 };
 use harmony_mesh::Mesh;
 use harmony_prompts::LightingReviewQuestion;
@@ -29,6 +30,8 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::outputs;
 use crate::settings::LightingSettings;
 use crate::state::SceneState;
+use crate::steps::sun::Sun;
+use crate::steps::surfaces;
 use crate::views;
 
 /// Median differences of luminance (stops) and colour at which previews stop measuring.
@@ -81,16 +84,27 @@ struct Stage<'a, 'c> {
 /// # Errors
 /// Fatal role errors and unwritable files.
 pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState, asked: bool) -> Result<Option<Lit>, PhaseError> {
-    outputs::write_scene_glb(&ctx.file(SCENE)?, state, None)?;
     let Some(mut lighting) = state.lighting.clone() else { return Ok(None) };
     lighting.lights.retain(|light| !is_unseen_window(light) && !is_found_sun(light));
+    let sun = sun_of(ctx, state, &lighting).await?;
+    state.unseen_openings = sun.as_ref().map(|sun| sun.openings.clone()).unwrap_or_default();
+    surfaces::keep_walls_open(state);
+    outputs::write_scene_glb(&ctx.file(SCENE)?, state, None)?;
     lighting.lights.extend(unseen_windows(&state.partial.room, &state.partial.camera));
-    lighting.lights.extend(sun_of(ctx, state, &lighting).await?);
+    lighting.lights.extend(sun.map(|sun| sun.light));
     lighting.lights = with_shades(ctx, state, lighting.lights).await?;
     let stage = Stage::new(ctx, state, field_nodes(state))?;
     ctx.step("measuring each light");
     let Some(light) = stage.measure(&lighting).await? else { return Ok(None) };
     let mut look = stage.fit(light, &mut lighting).await?;
+    if !state.unseen_openings.is_empty() {
+        let message = if lighting.lights.iter().any(is_found_sun) {
+            "sun comes in through openings that the photo does not show; they stand where its patches tell"
+        } else {
+            "the patches of sun that were told are not explained by a sun; their openings stay in the wall all the same"
+        };
+        ctx.warn(WarningKind::Fallback, None, message.to_owned());
+    }
     let Some(mut preview) = stage.settle(&mut look, &lighting).await? else { return Ok(None) };
     if asked {
         let Some(larger) = stage.preview("preview", &look.field, &lighting).await? else { return Ok(None) };
@@ -140,11 +154,11 @@ pub async fn finish(ctx: &PhaseCtx<'_>, state: &SceneState, lit: Lit) -> Result<
 }
 
 /// The sun that the photo speaks for; whether it stays is for the fit to say.
-async fn sun_of(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &Lighting) -> Result<Option<Light>, PhaseError> {
+async fn sun_of(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &Lighting) -> Result<Option<Sun>, PhaseError> {
     let (state, lighting) = (state.clone(), lighting.clone());
     let found = ctx.computed(move || crate::steps::sun::found(&state, &lighting)).await?;
     ctx.write_json("sun.json", &found)?;
-    Ok(found.map(|sun| sun.light))
+    Ok(found)
 }
 
 /// The lights with what the photo shows of their shades.
@@ -310,7 +324,8 @@ impl<'a, 'c> Stage<'a, 'c> {
         let weights: Vec<f32> = of_field.iter().zip(&found.albedo).map(telling).collect();
         let measured = measured_from(&found, |id| {
             let light = lighting.lights.iter().find(|light| light.id == id);
-            let comes_in = |light: &Light| is_unseen_window(light) || is_passage_light(light);
+            let is_area = |light: &Light| matches!(light.kind, LightKind::Area { .. });
+            let comes_in = |light: &Light| light.object.is_none() && is_area(light) && !is_cove(light);
             light.is_some_and(|light| comes_in(light) || self.is_opening(light.object.as_ref()))
         });
         let unseen: Vec<String> =
@@ -483,6 +498,9 @@ impl<'a, 'c> Stage<'a, 'c> {
             if before.matches() {
                 // Brightness is settled by measurement; lamps, colours and switches are the model's to say.
                 delta.global_intensity_mult = None;
+            } else if delta.is_converged() {
+                // What is measured to be off is tried, whoever is content with it.
+                delta = measured;
             }
             if delta.is_converged() {
                 look.rounds

@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use harmony_catalogue::Trait;
+use harmony_lighting::SunSpec;
 use harmony_mesh::{Mesh, PartModel, Trims};
 use harmony_placement::{PartialScene, PlacementError, Shape};
 use harmony_prompts::{InspectedObject, InspectedSize, LayoutAnswer};
 use harmony_roles::Detection;
-use harmony_scene::{Level, Lighting, Mask, ObjectId, Size, Surface, SurfaceMaterial, Vec3};
+use harmony_scene::{Level, Lighting, Mask, ObjectId, Opening, Size, Surface, SurfaceMaterial, Vec3};
 use image::{RgbImage, RgbaImage};
 use serde_json::Value;
 
@@ -190,6 +191,8 @@ pub struct SceneState {
     pub surfaces: BTreeMap<Surface, Arc<RgbaImage>>,
     /// The same under even light, where there is a path tracer; a face that is not there has the other one.
     pub even_surfaces: BTreeMap<Surface, Arc<RgbaImage>>,
+    /// Perceptual roughness of faces whose shine was said, or is known by their material.
+    pub roughness: BTreeMap<Surface, f32>,
     /// What the photo shows through passages.
     pub beyond: Vec<Beyond>,
     /// Boards along the walls.
@@ -204,6 +207,10 @@ pub struct SceneState {
     pub summaries: Vec<String>,
     /// Light, after phase 6.
     pub lighting: Option<Lighting>,
+    /// What was said of a sun through openings that the photo does not show.
+    pub sun: Option<SunSpec>,
+    /// Those openings, once they are found.
+    pub unseen_openings: Vec<Opening>,
     /// Next free object index.
     pub next_index: u32,
     /// The pictures drawn last.

@@ -51,6 +51,7 @@ pub fn empty_room() -> SceneState {
         objects: BTreeMap::new(),
         surfaces: BTreeMap::new(),
         even_surfaces: BTreeMap::new(),
+        roughness: BTreeMap::new(),
         beyond: Vec::new(),
         refused: Vec::new(),
         trims: harmony_mesh::Trims::default(),
@@ -58,6 +59,8 @@ pub fn empty_room() -> SceneState {
         left: Vec::new(),
         summaries: Vec::new(),
         lighting: None,
+        sun: None,
+        unseen_openings: Vec::new(),
         next_index: 10,
         drawn: Gallery::default(),
     }

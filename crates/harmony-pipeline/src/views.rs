@@ -29,7 +29,8 @@ pub fn shell_for_light(state: &SceneState) -> Mesh {
 }
 
 fn shell_with(state: &SceneState, omit: Vec<Surface>, textures: &dyn Fn(Surface) -> Option<Arc<RgbaImage>>) -> Mesh {
-    let options = ShellOptions { omit, trims: state.trims, ..ShellOptions::default() };
+    let options =
+        ShellOptions { omit, trims: state.trims, roughness: state.roughness.clone(), ..ShellOptions::default() };
     let omitted = |o: &Beyond| options.omit.contains(&o.opening.wall.surface());
     let beyond: Vec<Beyond> = state.beyond.iter().filter(|o| !omitted(o)).cloned().collect();
     let mut shell = room_shell_with(&state.partial.room, textures, &options);
@@ -490,6 +491,7 @@ pub fn room_summary(state: &SceneState) -> RoomSummary {
         extents: state.partial.room.extents,
         room_type: state.partial.room.room_type.clone(),
         camera: state.partial.camera.centre().to_array(),
+        shape: state.partial.room.shape.clone(),
     }
 }
 

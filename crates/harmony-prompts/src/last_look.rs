@@ -3,10 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{Display, Formatter};
 
-use harmony_scene::Light;
+use harmony_scene::{Level, Light};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, Serializer};
 
+use crate::missing::check_box;
 use crate::question::{Ask, fill, in_range, lines, tried};
 use crate::subjects::{PlacedObject, RoomSummary};
 
@@ -20,6 +21,9 @@ pub struct LastLookQuestion {
     pub objects: Vec<PaintedObject>,
     /// Light sources.
     pub lights: Vec<ListedLight>,
+    /// Radiance of the light that comes from everywhere.
+    #[serde(skip)]
+    pub ambient: f64,
     /// What geometry and light measured, one line each.
     #[serde(skip)]
     pub findings: Vec<String>,
@@ -132,6 +136,8 @@ pub enum LastActionKind {
     Surface,
     Light,
     Exposure,
+    /// Something that the photo shows and the scene lacks.
+    Add,
 }
 
 /// One action; fields that do not belong to its kind are left out.
@@ -167,10 +173,35 @@ pub struct LastAction {
     /// Values for further parameters of its `build`.
     #[serde(default)]
     pub params: BTreeMap<String, f64>,
+    /// What is missing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub add: Option<AddedObject>,
     /// Why.
     #[serde(default)]
     pub why: String,
 }
+
+/// Something to add.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AddedObject {
+    /// What it is: `floor lamp`.
+    pub label: String,
+    /// Where it belongs: what stands on the floor is furniture, what rests on other things decoration.
+    pub level: Level,
+    /// `[left, top, right, bottom]` in the photo, 0..1000, tight around the visible part.
+    #[serde(rename = "box")]
+    pub bounds: [f64; 4],
+    /// The object in the scene that looks just like it; null when none does.
+    #[serde(default)]
+    pub like: Option<String>,
+    /// Decorations: id of what it rests on.
+    #[serde(default)]
+    pub host: Option<String>,
+}
+
+/// The name by which the light that comes from everywhere is listed among the lights.
+pub const AMBIENT: &str = "ambient";
 
 /// Most actions of one answer.
 pub const MOST_LAST_ACTIONS: usize = 12;
@@ -184,7 +215,7 @@ impl Ask for LastLookQuestion {
             &[
                 ("room", self.room.to_string()),
                 ("objects", lines(&self.objects)),
-                ("lights", lines(&self.lights)),
+                ("lights", format!("{}\n- {AMBIENT}: from everywhere, {:.2}", lines(&self.lights), self.ambient)),
                 ("findings", lines(&self.findings)),
                 ("tried", tried(&self.tried)),
                 ("guide", self.guide.clone()),
@@ -221,6 +252,7 @@ impl LastAction {
             kelvin: None,
             program: None,
             params: BTreeMap::new(),
+            add: None,
             why: String::new(),
         }
     }
@@ -237,6 +269,11 @@ impl LastAction {
                 in_range("factor", self.factor.unwrap_or(f64::NAN), 0.1, 10.0)
             }
             LastActionKind::Remove => Ok(()),
+            LastActionKind::Add => match &self.add {
+                None => needs(false, "add: label, level and box"),
+                Some(add) if add.label.trim().is_empty() => needs(false, "a label"),
+                Some(add) => check_box(&add.label, add.bounds),
+            },
             LastActionKind::Reshape => needs(self.program.is_some(), "a program"),
             LastActionKind::Recolor | LastActionKind::Surface => {
                 let hex = self.color_hex.as_deref().and_then(harmony_mesh::parse_color);
@@ -276,7 +313,8 @@ impl LastLookAnswer {
         }
     }
 
-    /// Whether actions are about known things and bring what they need.
+    /// Whether actions bring what they need, and not more than half of them are about things that are not there: such ones
+    /// are refused one by one.
     ///
     /// # Errors
     /// A complaint in words.
@@ -286,18 +324,19 @@ impl LastLookAnswer {
         }
         let objects: BTreeSet<&str> = objects.iter().map(String::as_str).collect();
         let lights: BTreeSet<&str> = lights.iter().map(String::as_str).collect();
+        let mut unknown = Vec::new();
         for action in &self.actions {
             action.check()?;
             let known = match action.action {
-                LastActionKind::Exposure | LastActionKind::Surface => true,
-                LastActionKind::Light => lights.contains(action.id.as_str()),
+                LastActionKind::Exposure | LastActionKind::Surface | LastActionKind::Add => true,
+                LastActionKind::Light => action.id == AMBIENT || lights.contains(action.id.as_str()),
                 _ => objects.contains(action.id.as_str()),
             };
             if !known {
-                return Err(format!("{:?}: there is no {:?}", action.action, action.id));
+                unknown.push(format!("{:?}: there is no {:?}", action.action, action.id));
             }
         }
-        Ok(())
+        if 2 * unknown.len() > self.actions.len() { Err(unknown.join("; ")) } else { Ok(()) }
     }
 }
 
@@ -310,13 +349,27 @@ mod tests {
         let answer = LastLookAnswer::example();
         let ids = ["lamp_01".to_owned()];
         assert_eq!(answer.check(&ids, &ids), Ok(()));
-        assert!(answer.check(&ids, &[]).unwrap_err().contains("lamp_01"));
+        assert_eq!(answer.check(&ids, &[]), Ok(()), "one of two is refused where it is tried");
+        assert!(answer.check(&[], &[]).unwrap_err().contains("lamp_01"));
         let one = |action: LastAction| LastLookAnswer { actions: vec![action], ..LastLookAnswer::default() };
         let bare = |kind| one(LastAction::about(kind, "lamp_01")).check(&ids, &ids);
-        for kind in [LastActionKind::Move, LastActionKind::Reshape, LastActionKind::Recolor, LastActionKind::Light] {
+        for kind in [
+            LastActionKind::Move,
+            LastActionKind::Reshape,
+            LastActionKind::Recolor,
+            LastActionKind::Light,
+            LastActionKind::Add,
+        ] {
             assert!(bare(kind).is_err(), "{kind:?}");
         }
         assert_eq!(bare(LastActionKind::Remove), Ok(()));
+        let bounds = [100.0, 200.0, 150.0, 400.0];
+        let added = AddedObject { label: "vase".into(), level: Level::Decoration, bounds, like: None, host: None };
+        let add = |add| one(LastAction { add: Some(add), ..LastAction::about(LastActionKind::Add, "") });
+        assert_eq!(add(added.clone()).check(&ids, &ids), Ok(()));
+        assert!(add(AddedObject { bounds: [5.0; 4], ..added }).check(&ids, &ids).is_err());
+        let dimmed = LastAction { factor: Some(0.7), ..LastAction::about(LastActionKind::Light, AMBIENT) };
+        assert_eq!(one(dimmed).check(&ids, &[]), Ok(()));
         let mut many = answer.clone();
         many.actions = vec![many.actions[0].clone(); MOST_LAST_ACTIONS + 1];
         assert!(many.check(&ids, &ids).is_err());

@@ -84,8 +84,9 @@ pub struct LayoutAnswer {
     /// STEP 4: boards that go round the room (beyond the paper).
     #[serde(default, skip_serializing_if = "LayoutTrims::is_empty")]
     pub trims: LayoutTrims,
-    /// Room corners that furniture hides, in words.
-    #[serde(default)]
+    /// Of the paper; not asked for, since nothing uses it. Older recordings have it.
+    #[serde(default, skip_serializing)]
+    #[schemars(skip)]
     pub blocked_corners: Vec<String>,
     /// Positions of room edges in the photo (beyond the paper): they pin the camera.
     #[serde(default)]
@@ -152,7 +153,7 @@ pub struct LayoutOpening {
     pub height_m: f64,
     /// From the wall's left end, metres.
     pub offset_m: f64,
-    /// A passage's outline in the photo, 0..1000, in order; empty for others (beyond the paper).
+    /// Outline of a passage or a window in the photo, 0..1000, in order; empty for doors (beyond the paper).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub face: Vec<[f64; 2]>,
     /// How much higher the middle of a rounded top is than its ends, metres; null when straight (beyond the paper).
@@ -171,9 +172,9 @@ pub enum BackWallSide {
     Both,
 }
 
-/// Camera placement.
+/// Camera placement. The paper's `facing`, `aim_target_*` and `visible_floor_depth_m` are not asked for: nothing uses them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[schemars(deny_unknown_fields)]
 pub struct LayoutCamera {
     /// Above the floor, metres.
     pub height_m: f64,
@@ -185,44 +186,34 @@ pub struct LayoutCamera {
     pub yaw_deg: f64,
     /// Metres.
     pub dist_to_back_m: f64,
-    /// Which wall the camera faces, in words.
-    pub facing: String,
     /// The deepest visible floor corner, 0..1000; null when none is visible.
     pub corner_px: Option<[f64; 2]>,
     /// Side of the corner on which the back wall lies.
     pub back_wall_side: BackWallSide,
-    /// Room position the camera aims at, metres (x right, y up, z from the back wall).
-    pub aim_target_world_m: [f64; 3],
-    /// What is there.
-    pub aim_target_landmark: String,
     /// Metres.
     pub visible_wall_height_m: f64,
-    /// Metres.
-    pub visible_floor_depth_m: f64,
 }
 
-/// Floor material.
+/// Floor material; the paper's `synthesis_prompt` is not asked for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[schemars(deny_unknown_fields)]
 #[expect(missing_docs, reason = "the paper's fields")]
 pub struct FloorTexture {
     pub material: String,
     pub color: String,
     pub pattern: String,
     pub tile_size_m: f64,
-    pub synthesis_prompt: String,
 }
 
-/// Wall material.
+/// Wall material; the paper's `synthesis_prompt` is not asked for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[schemars(deny_unknown_fields)]
 #[expect(missing_docs, reason = "the paper's fields")]
 pub struct WallTexture {
     pub material: String,
     pub color: String,
     pub finish: String,
     pub tile_size_m: f64,
-    pub synthesis_prompt: String,
 }
 
 /// What makes a room other than a box.
@@ -313,7 +304,8 @@ pub struct LayoutPin {
 mod surfaces;
 
 pub use surfaces::{
-    LayoutPart, LayoutPartKind, LayoutPattern, LayoutPatternKind, LayoutSurface, LayoutTrim, LayoutTrims, SurfaceName,
+    Finish, LayoutPart, LayoutPartKind, LayoutPattern, LayoutPatternKind, LayoutSurface, LayoutTrim, LayoutTrims,
+    SurfaceName,
 };
 
 impl Ask for LayoutQuestion {
@@ -379,27 +371,21 @@ impl LayoutAnswer {
                 floor_junction_y_frac: 0.62,
                 yaw_deg: -15.0,
                 dist_to_back_m: 3.8,
-                facing: "back wall and left wall".into(),
                 corner_px: Some([310.0, 640.0]),
                 back_wall_side: BackWallSide::Right,
-                aim_target_world_m: [1.9, 1.0, 0.0],
-                aim_target_landmark: "headboard of the bed".into(),
                 visible_wall_height_m: 2.6,
-                visible_floor_depth_m: 3.0,
             },
             floor_texture: FloorTexture {
                 material: "oak planks".into(),
                 color: "warm light brown".into(),
                 pattern: "straight boards 12 cm wide".into(),
                 tile_size_m: 1.2,
-                synthesis_prompt: "seamless oak plank floor, top view, even light".into(),
             },
             wall_texture: WallTexture {
                 material: "plaster".into(),
                 color: "off-white".into(),
                 finish: "matt".into(),
                 tile_size_m: 1.0,
-                synthesis_prompt: "seamless matt off-white plaster".into(),
             },
             surfaces: surfaces::example(),
             trims: LayoutTrims {

@@ -34,11 +34,11 @@ pub use inspect::{
     InspectAnswer, InspectCandidate, InspectQuestion, InspectedMaterial, InspectedObject, InspectedSize, Occlusion,
 };
 pub use last_look::{
-    Difference, DifferenceKind, LastAction, LastActionKind, LastLookAnswer, LastLookQuestion, ListedLight,
-    MOST_LAST_ACTIONS, PaintedObject,
+    AMBIENT, AddedObject, Difference, DifferenceKind, LastAction, LastActionKind, LastLookAnswer, LastLookQuestion,
+    ListedLight, MOST_LAST_ACTIONS, PaintedObject,
 };
 pub use layout::{
-    BackWallSide, FloorTexture, KnownDepth, LayoutAnswer, LayoutCamera, LayoutFeature, LayoutFeatureKind,
+    BackWallSide, Finish, FloorTexture, KnownDepth, LayoutAnswer, LayoutCamera, LayoutFeature, LayoutFeatureKind,
     LayoutOpening, LayoutOpeningKind, LayoutPart, LayoutPartKind, LayoutPattern, LayoutPatternKind, LayoutPin,
     LayoutQuestion, LayoutReach, LayoutRoom, LayoutSurface, LayoutTrim, LayoutTrims, LayoutWall, PinKind, SurfaceName,
     UnaidedRoom, WallTexture,

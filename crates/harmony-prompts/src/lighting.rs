@@ -1,10 +1,13 @@
 //! `6_lighting/lights` and `6_lighting/review_<n>` (paper App. C, "Material and Lighting Estimation").
 
-use harmony_lighting::{LightingDelta, LightingSpec, PointLightSpec, WindowSpec};
+use harmony_lighting::{LightingDelta, LightingSpec, PointLightSpec, SunSpec, WindowSpec};
 use harmony_scene::{LightKind, Lighting, ObjectId};
 use serde::Serialize;
 
-use crate::question::{Ask, fill, lines};
+use crate::question::{Ask, fill, in_range, lines};
+
+/// Most patches of sun, and most shadows, of one answer.
+const MAX_PATCHES: usize = 12;
 
 /// Asks which sources emit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -84,12 +87,27 @@ impl Ask for LightsQuestion {
                 color: None,
                 intensity: None,
             }],
+            sun: Some(SunSpec {
+                patches: vec![vec![[610.0, 830.0], [702.0, 812.0], [788.0, 868.0], [690.0, 890.0]]],
+                shadows: vec![[[540.0, 720.0], [498.0, 806.0]]],
+            }),
             summary: "Evening; a floor lamp lights the corner.".into(),
         }
     }
 
-    /// What does not fit the sources is repaired where the answer is applied.
-    fn check(&self, _: &LightingSpec) -> Result<(), String> {
+    /// What does not fit the sources is repaired where the answer is applied; the sun's places have to be places.
+    fn check(&self, answer: &LightingSpec) -> Result<(), String> {
+        let Some(sun) = &answer.sun else { return Ok(()) };
+        if sun.patches.len() > MAX_PATCHES || sun.shadows.len() > MAX_PATCHES {
+            return Err(format!("at most {MAX_PATCHES} patches of sun, and as many shadows"));
+        }
+        if let Some(few) = sun.patches.iter().find(|patch| patch.len() < 3) {
+            return Err(format!("a patch of sun has {} corner(s); three or more are needed", few.len()));
+        }
+        for p in sun.patches.iter().flatten().chain(sun.shadows.iter().flatten()) {
+            in_range("a place of the sun's, x", p[0], -20.0, 1020.0)?;
+            in_range("a place of the sun's, y", p[1], -20.0, 1020.0)?;
+        }
         Ok(())
     }
 }

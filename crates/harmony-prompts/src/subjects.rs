@@ -2,7 +2,7 @@
 
 use std::fmt::{Display, Formatter, Result};
 
-use harmony_scene::{Extents, ImageSize, Level, ObjectId, PixelBox, Size, Support};
+use harmony_scene::{Extents, ImageSize, Level, ObjectId, PixelBox, RoomShape, Size, Support, Vec3};
 use serde::{Serialize, Serializer};
 
 /// The room and where the camera stands in it.
@@ -17,6 +17,9 @@ pub struct RoomSummary {
     /// Camera centre in the room, metres.
     #[serde(skip)]
     pub camera: [f64; 3],
+    /// Where the room is no box.
+    #[serde(skip)]
+    pub shape: RoomShape,
 }
 
 impl Display for RoomSummary {
@@ -27,7 +30,23 @@ impl Display for RoomSummary {
             f,
             "Room W x D x H = {width:.2} x {depth:.2} x {height:.2} m ({}). Camera at x {x:.2}, y {y:.2}, z {z:.2}.",
             self.room_type
-        )
+        )?;
+        let RoomShape { blocks, niches, slopes } = &self.shape;
+        let between = |low: Vec3, high: Vec3| {
+            let [x, y, z] = [0, 1, 2].map(|i| format!("{:.2} to {:.2}", low[i], high[i]));
+            format!("x {x}, y {y}, z {z}")
+        };
+        for block in blocks {
+            write!(f, " Solid: {}, {}.", block.kind, between(block.min, block.max))?;
+        }
+        for niche in niches {
+            write!(f, " Free: {}, {}.", niche.kind, between(niche.min, niche.max))?;
+        }
+        for slope in slopes {
+            let (wall, low, run) = (slope.wall.surface().name(), slope.low, slope.run);
+            write!(f, " The ceiling comes down to y {low:.2} at the {wall} wall, over {run:.2} m.")?;
+        }
+        Ok(())
     }
 }
 
@@ -204,4 +223,29 @@ pub(crate) fn thousandths(bounds: &PixelBox, image: ImageSize) -> String {
     let (kx, ky) = (1000.0 / f64::from(image.width), 1000.0 / f64::from(image.height));
     let PixelBox { x0, y0, x1, y1 } = bounds;
     format!("[{:.0}, {:.0}, {:.0}, {:.0}]", x0 * kx, y0 * ky, x1 * kx, y1 * ky)
+}
+
+#[cfg(test)]
+mod tests {
+    use harmony_scene::{Niche, Surface};
+
+    use super::*;
+
+    #[test]
+    fn where_the_room_is_no_box_is_told() {
+        let extents = Extents { width: 4.0, height: 2.5, depth: 5.0 };
+        let mut room =
+            RoomSummary { extents, room_type: "study".into(), camera: [2.0, 1.5, 4.0], shape: RoomShape::default() };
+        assert!(room.to_string().ends_with("z 4.00."), "{room}");
+        room.shape.niches.push(Niche {
+            kind: "alcove".into(),
+            surface: Surface::Left,
+            sides: None,
+            glow: None,
+            min: Vec3::new(-0.75, 0.0, 1.0),
+            max: Vec3::new(0.0, 2.1, 3.0),
+        });
+        let told = "Free: alcove, x -0.75 to 0.00, y 0.00 to 2.10, z 1.00 to 3.00.";
+        assert!(room.to_string().ends_with(told), "{room}");
+    }
 }

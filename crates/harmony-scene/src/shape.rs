@@ -23,6 +23,8 @@ const SHORTEST_FOOT: f64 = 0.15;
 const KEPT: usize = 4;
 /// A block whose side is this near to a wall of the box touches it, metres.
 const TOUCH: f64 = 1e-3;
+/// A foot may be so far below the floor of the niche that it stands in, metres.
+const STEP: f64 = 0.03;
 
 /// What makes a room other than its box.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -329,6 +331,24 @@ impl RoomShape {
         }
     }
 
+    /// The shape in a box that has become another one, everything seen at `factor` times its distance: what lies within the
+    /// box keeps its share of it, as the photo has it; how far a niche goes behind its face takes the factor.
+    pub fn stretched(&mut self, old: &Extents, new: &Extents, factor: f64) {
+        let ratio = new.as_vec() / old.as_vec().max(DVec3::splat(EPS));
+        let place = |p: DVec3| {
+            let within = p.clamp(DVec3::ZERO, old.as_vec());
+            within * ratio + (p - within) * factor
+        };
+        let corners = self.blocks.iter_mut().map(|b| (&mut b.min, &mut b.max));
+        for (min, max) in corners.chain(self.niches.iter_mut().map(|n| (&mut n.min, &mut n.max))) {
+            (*min, *max) = (place(*min), place(*max));
+        }
+        for slope in &mut self.slopes {
+            slope.low *= ratio.y;
+            slope.run *= if slope.wall.normal().x.abs() > 0.5 { ratio.x } else { ratio.z };
+        }
+    }
+
     /// The shape in a box whose left, right, ceiling and front sides moved: what touches a side, or lies behind it, goes
     /// with it. `left` is how far the left wall moved outward; all coordinates then count from the new one.
     pub fn fitted(&mut self, old: &Extents, new: &Extents, left: f64) {
@@ -553,6 +573,25 @@ impl Room {
         if planes.is_empty() { vec![wall.into()] } else { planes }
     }
 
+    /// Level rectangles (smallest and largest x and z) in which something may be whose foot is at a height: the box, and for
+    /// each niche that comes down so far the stretch of the box before it, with the niche.
+    pub fn standing_areas(&self, foot: f64) -> Vec<[DVec2; 2]> {
+        let e = &self.extents;
+        let mut areas = vec![[DVec2::ZERO, DVec2::new(e.width, e.depth)]];
+        for niche in self.shape.niches.iter().filter(|n| n.min.y < foot + STEP) {
+            let Some(wall) = niche.surface.wall() else { continue };
+            let (mut low, mut high) = (niche.min.xz(), niche.max.xz());
+            match wall {
+                Wall::Left => high.x = e.width,
+                Wall::Right => low.x = 0.0,
+                Wall::Back => high.y = e.depth,
+                Wall::Front => low.y = 0.0,
+            }
+            areas.push([low, high]);
+        }
+        areas
+    }
+
     /// The plane behind an object that is held by, or has its back to, a wall: of those that cover its place along the
     /// wall, the nearest to it; the box's own wall when none does.
     pub fn plane_behind(&self, wall: Wall, at: DVec3) -> WallPlane {
@@ -675,6 +714,39 @@ mod tests {
             max: max.into(),
         };
         vec![box_of([1.0, 2.6, 1.0], [4.0, 2.65, 3.0]), box_of([0.9, 2.65, 0.9], [4.1, 2.8, 3.1])]
+    }
+
+    #[test]
+    fn a_shape_keeps_its_share_of_a_room_that_is_another_one() {
+        let mut shape = RoomShape {
+            blocks: vec![block("soffit", [0.0, 2.0, 0.0], [5.0, 2.6, 1.0])],
+            niches: vec![niche(Wall::Left, [-0.5, 0.0, 1.0], [0.0, 2.0, 3.0])],
+            ..RoomShape::default()
+        };
+        let old = room(RoomShape::default()).extents;
+        let new = Extents { width: 5.5, height: 2.86, depth: 4.4 };
+        shape.stretched(&old, &new, 0.9);
+        let near = |a: DVec3, b: [f64; 3]| assert!(a.distance(b.into()) < 1e-9, "{a} {b:?}");
+        near(shape.blocks[0].min, [0.0, 2.2, 0.0]);
+        near(shape.blocks[0].max, [5.5, 2.86, 1.1]);
+        near(shape.niches[0].min, [-0.45, 0.0, 1.1]);
+        near(shape.niches[0].max, [0.0, 2.2, 3.3]);
+    }
+
+    #[test]
+    fn a_niche_that_comes_down_to_the_floor_is_a_place_to_stand_in() {
+        let shape = RoomShape {
+            niches: vec![
+                niche(Wall::Left, [-0.75, 0.0, 1.0], [0.0, 2.0, 3.0]),
+                niche(Wall::Back, [2.0, 1.1, -0.3], [3.0, 2.0, 0.0]),
+            ],
+            ..RoomShape::default()
+        };
+        let room = room(shape);
+        let box_alone = [DVec2::ZERO, DVec2::new(5.0, 4.0)];
+        let alcove = [DVec2::new(-0.75, 1.0), DVec2::new(5.0, 3.0)];
+        assert_eq!(room.standing_areas(0.0), [box_alone, alcove]);
+        assert_eq!(room.standing_areas(1.1).len(), 3, "on the recess's sill");
     }
 
     /// Volume inside closed faces by the divergence theorem; wrong when a face is missing or doubled.

@@ -9,7 +9,9 @@ use harmony_prompts::{
     LastLookQuestion, LayoutQuestion, LightingReviewQuestion, LightsQuestion, ListQuestion, NamedObject,
     OrientQuestion, PlacedObject, ProgramsQuestion, Question, ReviewQuestion, RoomSummary, SecondLookQuestion,
 };
-use harmony_scene::{Extents, ImageSize, Level, Lighting, ObjectId, PixelBox, Size, Support, ViewTransform, Wall};
+use harmony_scene::{
+    Extents, ImageSize, Level, Lighting, ObjectId, PixelBox, RoomShape, Size, Support, ViewTransform, Wall,
+};
 
 /// What is asked.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,8 +38,8 @@ type Read = fn(&str) -> Option<Question>;
 const KINDS: [(&str, Read); 12] = [
     ("You look a last time at a 3D scene", |prompt| {
         let (objects, lights, findings) = (Vec::new(), Vec::new(), Vec::new());
-        let tried = Vec::new();
-        Some(LastLookQuestion { room: room(prompt)?, objects, lights, findings, tried, guide: String::new() }.into())
+        let (tried, guide) = (Vec::new(), String::new());
+        Some(LastLookQuestion { room: room(prompt)?, objects, lights, ambient: 0.0, findings, tried, guide }.into())
     }),
     ("You model objects of a photographed room", |prompt| {
         Some(ProgramsQuestion { room: room(prompt)?, objects: Vec::new(), guide: String::new() }.into())
@@ -152,7 +154,8 @@ fn room(prompt: &str) -> Option<RoomSummary> {
     let mut camera = rest.split_once(".\n").map_or(rest, |(line, _)| line).split(", ");
     let mut next = |axis: &str| camera.next()?.trim_start_matches(axis).trim().parse().ok();
     let camera = [next("x")?, next("y")?, next("z")?];
-    Some(RoomSummary { extents: Extents { width, height, depth }, room_type: room_type.to_owned(), camera })
+    let (room_type, shape) = (room_type.to_owned(), RoomShape::default());
+    Some(RoomSummary { extents: Extents { width, height, depth }, room_type, camera, shape })
 }
 
 fn objects(prompt: &str) -> Vec<NamedObject> {
@@ -285,7 +288,7 @@ mod tests {
 
     fn study() -> RoomSummary {
         let extents = Extents { width: 4.0, height: 2.6, depth: 5.0 };
-        RoomSummary { extents, room_type: "study".into(), camera: [2.0, 1.5, 4.0] }
+        RoomSummary { extents, room_type: "study".into(), camera: [2.0, 1.5, 4.0], shape: RoomShape::default() }
     }
 
     fn object(name: &str, level: Level, support: Support) -> PlacedObject {
@@ -410,6 +413,7 @@ mod tests {
                 room: study(),
                 objects: vec![],
                 lights: vec![],
+                ambient: 0.0,
                 findings: vec![],
                 tried: vec![],
                 guide: String::new(),

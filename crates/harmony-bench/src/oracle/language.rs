@@ -92,7 +92,6 @@ impl Oracle {
         };
         answer.shape.retain(|f| !untold(f));
         answer.trims = harmony_prompts::LayoutTrims::default();
-        answer.blocked_corners.clear();
         let (forward, centre) = (camera.forward(), camera.centre());
         let degrees = |purpose: &str| 50.0 * noise.hints * self.draws.normal(purpose).clamp(-2.5, 2.5);
         let c = &mut answer.camera;
@@ -115,11 +114,7 @@ impl Oracle {
         }
         let foot = camera.project(DVec3::new(centre.x, 0.0, 0.0)).unwrap_or(DVec2::new(0.0, 0.6));
         c.floor_junction_y_frac = shaken(foot, "junction").y / f64::from(camera.size.height);
-        c.facing = "back wall".into();
-        c.aim_target_world_m = [centre.x, 1.0, 0.0];
-        c.aim_target_landmark = "back wall".into();
         c.visible_wall_height_m = answer.room.ceiling_height_m;
-        c.visible_floor_depth_m = centre.z;
         answer.pins = self
             .pins()
             .into_iter()

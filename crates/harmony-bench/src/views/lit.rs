@@ -63,11 +63,10 @@ pub async fn lit_scores(
 ) -> Result<(Option<LitScore>, Option<RgbImage>), RoleError> {
     let unusable =
         |complaint: String| RoleError::UnusableAnswer { player: "bench".to_owned(), complaint, raw: String::new() };
-    let glb = run.folder.join("scene_full.glb");
+    let glb = harmony_io::scene_for_light(&run.folder);
     let scene: Scene = harmony_io::read_json(&run.folder.join("scene.json")).map_err(|e| unusable(e.to_string()))?;
     let bytes = harmony_io::read_bounded(&glb, 1 << 31).map_err(|e| unusable(e.to_string()))?;
-    // The factors that the run lit its scene with; without them its colours would be lit twice.
-    let albedo = harmony_io::read_json(&run.folder.join("6_lighting/albedo.json")).ok().map(Arc::new);
+    let albedo = harmony_io::albedo_field(&run.folder).map(Arc::new);
     let request = |name: &str, camera: &Camera| LitRequest {
         name: format!("bench/{name}"),
         glb: glb.clone(),

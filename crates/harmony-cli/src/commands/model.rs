@@ -1,13 +1,14 @@
 //! `harmony model`: the modelling program of an object, to open, change and run again.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use harmony_imaging::sheet::{Cell, contact_sheet};
 use harmony_pipeline::views::mesh_view;
-use harmony_pipeline::{Built, Phase, Program, Surroundings, program_mesh};
-use harmony_scene::{Camera, ObjectId, Room, Scene, SceneCamera, SceneObject, Size};
+use harmony_pipeline::{Built, Phase, Program, program_mesh};
+use harmony_scene::{Camera, ObjectId, Scene, SceneCamera, SceneObject, Size};
 use image::RgbaImage;
 use serde_json::Value;
 
@@ -50,14 +51,16 @@ pub struct Args {
 /// A folder that holds no scene, an object that has no program, a program that cannot be used.
 pub fn run(args: &Args) -> Result<u8> {
     let id = ObjectId::new(&args.object).with_context(|| format!("{:?} is no object id", args.object))?;
-    let Given { camera, room, object } = given(args, &id)?;
-    let answer = object.as_ref().and_then(|object| answer_of(&args.run, object));
+    let Given { camera, object } = given(args, &id)?;
+    let own = object.as_ref().and_then(|object| own_program(&args.run, object));
+    let answer = own.as_deref().and_then(|own| answer_with(&args.run, own, id.as_str()));
     let source = match (&args.program, &object) {
         (Some(file), _) => {
             std::fs::read_to_string(file).with_context(|| format!("{} cannot be read", file.display()))?
         }
-        (None, Some(object)) => own_program(&args.run, object)
-            .with_context(|| format!("{id} has no program: it was made as {}", object.mesh_source))?,
+        (None, Some(object)) => {
+            own.with_context(|| format!("{id} has no program: it was made as {}", object.mesh_source))?
+        }
         (None, None) => bail!("{id} has no program"),
     };
     let size = args.size.or(object.map(|o| o.size)).context("the object's size is not known: give --size")?;
@@ -67,10 +70,8 @@ pub fn run(args: &Args) -> Result<u8> {
         say!("{}", program.source.trim_end())?;
     }
     let photo = photo_of(&args.run, camera)?;
-    let around = Surroundings::new(camera, room.extents);
-    let Built { shape, tree, raw, .. } = program_mesh(&program, size, &around, &photo)
-        .map_err(anyhow::Error::msg)
-        .context("the program cannot be used")?;
+    let Built { shape, tree, raw, .. } =
+        program_mesh(&program, size, &photo).map_err(anyhow::Error::msg).context("the program cannot be used")?;
     say!(
         "# {} nodes, {} materials, {} triangles; {:.3} x {:.3} x {:.3} m",
         tree.nodes.len(),
@@ -102,6 +103,9 @@ pub fn run(args: &Args) -> Result<u8> {
             bail!("no answer of the run holds a program of {id}; its level was modelled without programs");
         };
         answer.keep(&program.source)?;
+        if !answer.sharers.is_empty() {
+            say!("# shared: {} change with it", answer.sharers.join(", "))?;
+        }
         say!("# kept in {}; run the same `harmony reconstruct` again to place it", answer.file.display())?;
     }
     Ok(EXIT_OK)
@@ -113,26 +117,25 @@ const OTHER_SIZE: f64 = 0.02;
 /// What a program is run with.
 struct Given {
     camera: Camera,
-    room: Room,
     /// The object in the scene of a finished run; `None` where the size is given and it is not there yet.
     object: Option<SceneObject>,
 }
 
-/// Camera and room of the run, and the object, where there is one already.
+/// Camera of the run, and the object, where there is one already.
 fn given(args: &Args, id: &ObjectId) -> Result<Given> {
     let (run, layout) = (&args.run, args.run.join(Phase::Layout.folder()));
     if run.join("scene.json").is_file() || args.size.is_none() || !layout.join("room.json").is_file() {
         let mut scene = scene_of(run)?;
         let camera = Camera::from(&scene.camera);
         if let Some(k) = scene.objects.iter().position(|o| o.id == *id) {
-            return Ok(Given { camera, room: scene.room, object: Some(scene.objects.swap_remove(k)) });
+            return Ok(Given { camera, object: Some(scene.objects.swap_remove(k)) });
         }
         let known: Vec<&str> = scene.objects.iter().map(|o| o.id.as_str()).collect();
         bail!("there is no object {id} in the scene; there are {}", known.join(", "));
     }
     let found: Value = harmony_io::read_json(&layout.join("camera.json"))?;
     let camera: SceneCamera = serde_json::from_value(found["camera"].clone()).context("1_layout/camera.json")?;
-    Ok(Given { camera: Camera::from(&camera), room: harmony_io::read_json(&layout.join("room.json"))?, object: None })
+    Ok(Given { camera: Camera::from(&camera), object: None })
 }
 
 /// A size as it is given on the command line.
@@ -144,7 +147,7 @@ fn size(text: &str) -> Result<Size, String> {
     }
 }
 
-/// The scene of a finished run: sizes, camera and room that programs are run with.
+/// The scene of a finished run: its sizes and camera.
 fn scene_of(run: &Path) -> Result<Scene> {
     let file = run.join("scene.json");
     if !file.is_file() && run.join("run.json").is_file() {
@@ -174,52 +177,108 @@ fn photo_of(run: &Path, camera: Camera) -> Result<image::RgbImage> {
     Ok(image::imageops::resize(&photo.image, width, height, image::imageops::FilterType::CatmullRom))
 }
 
-/// Where the run's answer holds an object's program.
+/// The run's answer that holds the program in force.
 struct Answered {
     file: PathBuf,
-    /// Index of the entry with the text: the object's own or the one that it shares.
-    entry: usize,
-    params: std::collections::BTreeMap<String, f64>,
+    /// Where the text is in it, as a JSON pointer.
+    at: String,
+    /// What the object gives the program.
+    params: BTreeMap<String, f64>,
+    /// Other objects with the same program.
+    sharers: Vec<String>,
 }
 
 impl Answered {
     fn keep(&self, source: &str) -> Result<()> {
         let mut answer: Value = harmony_io::read_json(&self.file)?;
-        let objects = answer_objects(&mut answer).context("the answer holds no objects")?;
-        objects[self.entry]["program"] = Value::from(source);
+        let text = answer.pointer_mut(&self.at).context("the answer has changed")?;
+        *text = Value::from(source);
         Ok(harmony_io::write_json(&self.file, &answer)?)
     }
 }
 
-/// The list of objects in a recorded answer.
-fn answer_objects(answer: &mut Value) -> Option<&mut Vec<Value>> {
-    if answer.get("objects").is_some() {
-        return answer["objects"].as_array_mut();
-    }
-    answer.get_mut("answer")?.get_mut("objects")?.as_array_mut()
+/// The latest answer that holds a program's text: of the first question about it, a second look, or the last one.
+fn answer_with(run: &Path, source: &str, id: &str) -> Option<Answered> {
+    let of = |folder: &Path| -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
+        let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+        paths.sort();
+        paths
+    };
+    let phases = of(&run.join("calls/vision_language"));
+    // Programs come first by name, looks after them.
+    let calls = phases.iter().flat_map(|phase| of(phase));
+    let mut found = calls.filter_map(|call| {
+        let file = call.join("answer.json");
+        let answer: Value = harmony_io::read_json(&file).ok()?;
+        let entries = with_programs(&answer, String::new());
+        let of_id = |entry: &&(String, &Value)| entry.1["id"] == id;
+        let holds = |entry: &&(String, &Value)| entry.1["program"].as_str().map(str::trim) == Some(source.trim());
+        let holder = entries.iter().filter(holds).find(of_id).or_else(|| entries.iter().find(holds))?;
+        let own = entries.iter().find(of_id).unwrap_or(holder);
+        let shared = |entry: &&(String, &Value)| entry.1["same_as"] == holder.1["id"] || holds(entry);
+        let others = entries.iter().filter(shared).filter_map(|entry| entry.1["id"].as_str());
+        Some(Answered {
+            at: format!("{}/program", holder.0),
+            params: serde_json::from_value(own.1["params"].clone()).unwrap_or_default(),
+            sharers: others.filter(|other| *other != id).map(str::to_owned).collect(),
+            file,
+        })
+    });
+    let first = found.next()?;
+    Some(found.last().unwrap_or(first))
 }
 
-fn answer_of(run: &Path, object: &SceneObject) -> Option<Answered> {
-    let folder = run.join("calls/vision_language").join(object.level.folder());
-    let mut calls: Vec<PathBuf> = std::fs::read_dir(folder)
-        .ok()?
-        .filter_map(Result::ok)
-        .map(|entry| entry.path())
-        .filter(|path| path.file_name().is_some_and(|n| n.to_string_lossy().starts_with("programs")))
-        .collect();
-    calls.sort();
-    for call in calls {
-        let file = call.join("answer.json");
-        let Ok(mut answer) = harmony_io::read_json::<Value>(&file) else { continue };
-        let Some(objects) = answer_objects(&mut answer) else { continue };
-        let of = |id: &str| objects.iter().position(|o| o["id"] == id);
-        let Some(own) = of(object.id.as_str()) else { continue };
-        let params = serde_json::from_value(objects[own]["params"].clone()).unwrap_or_default();
-        let has_text = |k: usize| objects[k]["program"].is_string();
-        let entry = if has_text(own) { Some(own) } else { objects[own]["same_as"].as_str().and_then(of) };
-        if let Some(entry) = entry.filter(|k| has_text(*k)) {
-            return Some(Answered { file, entry, params });
+/// The objects of an answer that hold a program or name another one's, each with its JSON pointer.
+fn with_programs(value: &Value, at: String) -> Vec<(String, &Value)> {
+    let below: Vec<(String, &Value)> = match value {
+        Value::Object(fields) => fields.iter().flat_map(|(key, v)| with_programs(v, format!("{at}/{key}"))).collect(),
+        Value::Array(items) => {
+            items.iter().enumerate().flat_map(|(k, v)| with_programs(v, format!("{at}/{k}"))).collect()
         }
+        _ => Vec::new(),
+    };
+    let own = (value.get("program").is_some() || value.get("same_as").is_some()).then_some((at, value));
+    own.into_iter().chain(below).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn the_program_in_force_is_changed_where_it_was_answered_last() {
+        let run = tempfile::tempdir().unwrap();
+        let put = |call: &str, answer: Value| {
+            let folder = run.path().join("calls/vision_language").join(call);
+            std::fs::create_dir_all(&folder).unwrap();
+            harmony_io::write_json(&folder.join("answer.json"), &answer).unwrap();
+            folder.join("answer.json")
+        };
+        let first = put(
+            "3_furniture/programs",
+            json!({ "objects": [
+                { "id": "chair_01", "program": "old" }, { "id": "chair_02", "same_as": "chair_01", "params": { "n": 2.0 } },
+            ] }),
+        );
+        let look = put("3_furniture/second_look_1", json!({ "objects": [{ "id": "chair_01", "program": "new\n" }] }));
+        let last = put(
+            "6_lighting/last_look_1",
+            json!({ "actions": [{ "action": "reshape", "id": "chair_01", "program": "refused" }] }),
+        );
+
+        let shared = answer_with(run.path(), "old", "chair_02").unwrap();
+        assert_eq!((&shared.file, shared.params["n"]), (&first, 2.0));
+        assert_eq!(shared.sharers, ["chair_01"], "both have this text");
+        let own = answer_with(run.path(), "new", "chair_01").unwrap();
+        assert_eq!(own.file, look);
+        own.keep("mine").unwrap();
+        let text = |file: &Path, at: &str| harmony_io::read_json::<Value>(file).unwrap().pointer(at).unwrap().clone();
+        assert_eq!(text(&look, "/objects/0/program"), "mine");
+        assert_eq!(text(&first, "/objects/0/program"), "old");
+        assert_eq!(text(&last, "/actions/0/program"), "refused");
+        assert!(answer_with(run.path(), "nobody's", "chair_01").is_none());
     }
-    None
 }

@@ -7,10 +7,10 @@ use anyhow::{Context, Result, bail};
 use glam::{DMat3, DVec3};
 use harmony_export::World;
 use harmony_export::world::Item;
-use harmony_io::{ReadLimits, load_glb, picture};
+use harmony_io::{ReadLimits, albedo_field, load_glb, picture, scene_for_light};
 use harmony_lighting::CyclesRenderer;
 use harmony_mesh::{Mesh, is_left_out};
-use harmony_physics::pictures::{Lit, LitView, run_albedo};
+use harmony_physics::pictures::{Lit, LitView};
 use harmony_pipeline::views::{hidden_nodes, inner_cameras};
 use harmony_render::{Instance, Lighting, OUTSIDE, RenderOptions, canonical_camera, orbit_cameras, render};
 use harmony_scene::{AlbedoField, Camera, ImageSize, Scene, Surface};
@@ -184,11 +184,8 @@ impl Traced {
                 Some("`harmony reconstruct` with the same photo and --out goes on where the run stopped"),
             ));
         }
-        let glb = match super::simulate::scene_for_light(&args.run)? {
-            Some(bytes) => bytes,
-            None => harmony_io::read_bounded(&args.run.join("scene_full.glb"), ReadLimits::default().bytes)?,
-        };
-        let albedo = run_albedo(&args.run);
+        let glb = harmony_io::read_bounded(&scene_for_light(&args.run), ReadLimits::default().bytes)?;
+        let albedo = albedo_field(&args.run);
         Ok(Self { renderer: super::simulate::blender()?, glb, albedo, samples: args.samples })
     }
 

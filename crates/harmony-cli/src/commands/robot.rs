@@ -152,7 +152,7 @@ pub fn run(args: &Args) -> Result<u8> {
     let written = write(&world, &room, &done, &output).map_err(|e| told(&e))?;
     print_task(&written)?;
     if let Some(renderer) = &renderer {
-        let albedo = pictures::run_albedo(&args.run);
+        let albedo = harmony_io::albedo_field(&args.run);
         let kept = Some(args.run.join("7_world/lit"));
         let lit = Lit { renderer, scene: &world.scene, albedo, samples: args.samples, kept };
         let painter = Painter::new(&world, &room, &done.motion, output.size);

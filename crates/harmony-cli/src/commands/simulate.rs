@@ -6,9 +6,9 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use harmony_export::animation::Animation;
 use harmony_export::{Format, Options, World, export};
-use harmony_io::{ReadLimits, read_bounded, read_glb, write_atomic, write_json};
+use harmony_io::{ReadLimits, read_bounded, read_glb, scene_for_light, write_atomic, write_json};
 use harmony_lighting::CyclesRenderer;
-use harmony_physics::pictures::{self, FILM_STEP, Lit, Painter, gif_bytes, mp4_bytes, sheet, sheet_frames};
+use harmony_physics::pictures::{FILM_STEP, Lit, Painter, gif_bytes, mp4_bytes, sheet, sheet_frames};
 use harmony_physics::{
     Bodies, BodySettings, Motion, Plausibility, Quake, Repaired, RunScene, Settled, Shaken, animate, bodies, ground,
     places, plausibility, quake, repair, settle, shake,
@@ -267,10 +267,10 @@ fn shake_run(
     let frames: Vec<RgbImage> = numbers.iter().map(|f| painter.frame(*f)).collect();
     write_frames(out, "frame", "sheet.jpg", &frames)?;
     if let Some(renderer) = renderer {
-        let albedo = pictures::run_albedo(&args.run);
+        let albedo = harmony_io::albedo_field(&args.run);
         let kept = Some(args.run.join("7_world/lit"));
         let lit = Lit { renderer, scene: &loaded.scene, albedo, samples: args.samples, kept };
-        let scene_for_light = scene_for_light(&args.run)?.unwrap_or(bytes);
+        let scene_for_light = read_bounded(&scene_for_light(&args.run), ReadLimits::default().bytes)?;
         let mut traced = Vec::new();
         for (k, f) in numbers.iter().enumerate() {
             tell!("path-tracing frame {} of {}", k + 1, numbers.len());
@@ -279,12 +279,6 @@ fn shake_run(
         write_frames(out, "frame_lit", "sheet_lit.jpg", &traced)?;
     }
     say!("{}", out.display())
-}
-
-/// The file that the run's own lit render was made of: the scene without the photo's light in its vertices.
-pub(super) fn scene_for_light(run: &Path) -> Result<Option<Vec<u8>>> {
-    let path = run.join("6_lighting/scene_for_light.glb");
-    if path.exists() { Ok(Some(read_bounded(&path, ReadLimits::default().bytes)?)) } else { Ok(None) }
 }
 
 /// `usd/scene.usda` and over it `usd/earthquake.usda` with time samples.

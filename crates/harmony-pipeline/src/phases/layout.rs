@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use harmony_geometry::{
     Calibration, CalibrationSettings, CameraHints, FocalPrior, GrayImage, LayoutPins, LayoutPrior, MapInRoom,
-    PassageHint, PinnedEdge, RoomBox, RoomEdge, RoomPosterior, ShapeHint, ShapeKind, WallSide, calibrate_with_photo,
-    estimate_room_box, estimate_view, measure_passages, measure_shape, room_unknowns,
+    OpeningHint, PinnedEdge, RoomBox, RoomEdge, RoomPosterior, ShapeHint, ShapeKind, WallSide, calibrate_with_photo,
+    estimate_room_box, estimate_view, measure_openings, measure_shape, room_unknowns,
 };
 use harmony_imaging::border::Border;
 use harmony_imaging::color::linear_from_srgb;
@@ -16,12 +16,12 @@ use harmony_io::Photo;
 use harmony_placement::{PartialScene, RoomPoints};
 use harmony_prompts::{
     BackWallSide, KnownDepth, LayoutAnswer, LayoutFeature, LayoutFeatureKind, LayoutOpening, LayoutOpeningKind,
-    LayoutQuestion, LayoutReach, LayoutWall, PinKind, UnaidedRoom,
+    LayoutQuestion, LayoutReach, PinKind, UnaidedRoom,
 };
 use harmony_roles::{GeometryAnswer, GeometryRequest, Picture};
 use harmony_scene::{
-    Camera, Extents, ImageSize, Mask, Opening, PointMap, Room, RoomShape, Similarity, Surface, SurfaceTexture,
-    WarningKind,
+    Camera, Extents, ImageSize, Mask, Opening, OpeningKind, PointMap, Room, RoomShape, Similarity, Surface,
+    SurfaceTexture, Wall, WarningKind,
 };
 use image::RgbImage;
 use serde_json::{Value, json};
@@ -101,11 +101,11 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
             tile_size_m: answer.wall_texture.tile_size_m.clamp(0.05, 5.0),
         }),
     };
-    let (passages, notes) = passages(&answer, &camera, &room);
+    let (openings, notes) = openings(&answer, &camera, &room);
     for note in notes {
         ctx.warn(WarningKind::Fallback, None, format!("the room's openings: {note}"));
     }
-    room.openings = passages;
+    room.openings = openings;
     let room_points = points.as_ref().map(|(map, similarity)| RoomPoints::new(map, similarity));
     if let Some((map, _)) = &points {
         harmony_io::save_point_map(&ctx.file("points.npz")?, map)?;
@@ -122,6 +122,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         objects: BTreeMap::new(),
         surfaces: BTreeMap::new(),
         even_surfaces: BTreeMap::new(),
+        roughness: BTreeMap::new(),
         beyond: Vec::new(),
         refused: Vec::new(),
         trims: harmony_mesh::Trims::default(),
@@ -129,6 +130,8 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         left: Vec::new(),
         summaries: Vec::new(),
         lighting: None,
+        sun: None,
+        unseen_openings: Vec::new(),
         next_index: 10,
         drawn: Gallery::default(),
     };
@@ -282,25 +285,29 @@ fn shape_hints(answer: &LayoutAnswer, size: ImageSize) -> Vec<ShapeHint> {
     answer.shape.iter().map(hint).collect()
 }
 
-/// The passages of a layout answer in a room, and what was not believed of them.
-pub(crate) fn passages(answer: &LayoutAnswer, camera: &Camera, room: &Room) -> (Vec<Opening>, Vec<String>) {
-    measure_passages(&passage_hints(answer, camera.size), camera, room)
+/// The passages and windows that a layout answer outlines in a room, and what was not believed of them.
+pub(crate) fn openings(answer: &LayoutAnswer, camera: &Camera, room: &Room) -> (Vec<Opening>, Vec<String>) {
+    measure_openings(&opening_hints(answer, camera.size), camera, room)
 }
 
-/// The passages of a layout answer in the words of the geometry, pixels of an image of this size.
-fn passage_hints(answer: &LayoutAnswer, size: ImageSize) -> Vec<PassageHint> {
-    let of_wall = |w: &LayoutWall| {
-        let passages = w.openings.iter().filter(|o| o.kind == LayoutOpeningKind::Passage);
-        let wall = w.orientation;
-        let hint = move |o: &LayoutOpening| PassageHint {
+/// The outlined passages and windows of a layout answer in the words of the geometry, pixels of an image of this size.
+fn opening_hints(answer: &LayoutAnswer, size: ImageSize) -> Vec<OpeningHint> {
+    let hint = |wall: Wall, o: &LayoutOpening| {
+        let kind = match o.kind {
+            LayoutOpeningKind::Passage => OpeningKind::Door,
+            LayoutOpeningKind::Window if !o.face.is_empty() => OpeningKind::Window,
+            // What closes them is painted on the wall, or an object.
+            LayoutOpeningKind::Window | LayoutOpeningKind::Door => return None,
+        };
+        Some(OpeningHint {
+            kind,
             wall,
             face: o.face.iter().map(|p| pixel_of(p, size)).collect(),
             rise: o.arch_m.unwrap_or_default(),
             size: glam::DVec2::new(o.width_m, o.height_m),
-        };
-        passages.map(hint).collect::<Vec<_>>()
+        })
     };
-    answer.walls.iter().flat_map(of_wall).collect()
+    answer.walls.iter().flat_map(|w| w.openings.iter().filter_map(move |o| hint(w.orientation, o))).collect()
 }
 
 /// A place in thousandths as a pixel of an image of this size.
@@ -387,7 +394,7 @@ pub fn layout_prior(answer: &LayoutAnswer, size: ImageSize) -> LayoutPrior {
             floor_junction_y_frac: Some(c.floor_junction_y_frac),
         },
         pins: LayoutPins { edges, corners: Vec::new() },
-        passages: passage_hints(answer, size).into_iter().map(|hint| hint.face).collect(),
+        passages: opening_hints(answer, size).into_iter().map(|hint| hint.face).collect(),
     }
 }
 

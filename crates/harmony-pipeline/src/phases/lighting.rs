@@ -1,6 +1,6 @@
 //! Phase 6, materials and light. Paper Sec. 3.4 and App. C "Material and Lighting Estimation".
 
-use harmony_lighting::{Emitter, lights_from_scene};
+use harmony_lighting::{Emitter, SunSpec, lights_from_scene};
 use harmony_prompts::{LightsQuestion, SeenObject};
 use harmony_roles::Picture;
 use harmony_scene::{Light, Lighting, ObjectId, SceneObject, WarningKind};
@@ -22,13 +22,8 @@ pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneStat
     ctx.step("materials and light sources");
     physical::estimate(ctx, &mut state).await?;
     write_materials(ctx, &state)?;
-    let objects = outputs::scene_objects(&state);
-    let emitter = |id: &ObjectId| Emitter {
-        mesh: state.mesh_of(id).map(|mesh| &**mesh),
-        bulb: state.objects.get(id).and_then(|o| o.model.as_ref()?.bulb),
-    };
-    let mut lighting = lights_from_scene(&state.partial.room, &objects, emitter);
-    ask_sources(ctx, &state, &mut lighting).await?;
+    let mut lighting = sources(&state);
+    state.sun = ask_sources(ctx, &state, &mut lighting).await?;
     state.lighting = Some(lighting.clone());
     let lit = if ctx.path_tracer { relight(ctx, &mut state, true).await? } else { None };
     if !ctx.path_tracer {
@@ -48,6 +43,15 @@ pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneStat
     Ok((state, lit))
 }
 
+/// The light sources of a scene, all on, at typical powers.
+pub fn sources(state: &SceneState) -> Lighting {
+    let emitter = |id: &ObjectId| Emitter {
+        mesh: state.mesh_of(id).map(|mesh| &**mesh),
+        bulb: state.objects.get(id).and_then(|o| o.model.as_ref()?.bulb),
+    };
+    lights_from_scene(&state.partial.room, &outputs::scene_objects(state), emitter)
+}
+
 fn write_materials(ctx: &PhaseCtx<'_>, state: &SceneState) -> Result<(), PhaseError> {
     let rows: serde_json::Map<String, Value> = state
         .partial
@@ -58,9 +62,14 @@ fn write_materials(ctx: &PhaseCtx<'_>, state: &SceneState) -> Result<(), PhaseEr
     ctx.write_json("materials.json", &rows)
 }
 
-async fn ask_sources(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &mut Lighting) -> Result<(), PhaseError> {
-    if lighting.lights.is_empty() {
-        return Ok(());
+/// Asks which sources emit, and sets them; what was said of a sun through openings that the photo does not show.
+async fn ask_sources(
+    ctx: &PhaseCtx<'_>,
+    state: &SceneState,
+    lighting: &mut Lighting,
+) -> Result<Option<SunSpec>, PhaseError> {
+    if lighting.lights.is_empty() && !ctx.is_looked_at("lights") {
+        return Ok(None);
     }
     let objects = outputs::scene_objects(state);
     let question = LightsQuestion {
@@ -85,7 +94,7 @@ async fn ask_sources(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &mut Ligh
     for note in spec.apply(lighting) {
         ctx.warn(WarningKind::AnswerRepaired, None, note);
     }
-    Ok(())
+    Ok(spec.sun.filter(|sun| !sun.patches.is_empty()))
 }
 
 /// Whether a rectangle of light is that of a screen, a strip, a luminous field or a cove, not of a window.

@@ -7,16 +7,20 @@ use harmony_lighting::Judgement;
 use harmony_mesh::{Mesh, linear_rgb, parse_color};
 use harmony_placement::ReviewAction;
 use harmony_program::GUIDE;
-use harmony_prompts::{LastAction, LastActionKind, LastLookAnswer, LastLookQuestion, ListedLight, PaintedObject};
-use harmony_roles::Picture;
+use harmony_prompts::{
+    AMBIENT, LastAction, LastActionKind, LastLookAnswer, LastLookQuestion, ListedLight, PaintedObject,
+};
+use harmony_roles::{Detection, Picture};
 use harmony_scene::{ImageSize, Lighting, ObjectId, Surface, WarningKind};
 use harmony_shape::material::kelvin_to_rgb;
 use image::{RgbImage, RgbaImage};
 use serde_json::json;
 
+use super::added::{self, Wanted};
 use super::programs::Program;
 use super::second_look::Tried;
-use super::{review, second_look};
+use super::{review, second_look, surfaces};
+use crate::Phase;
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::relight::{self, Lit, LitPictures, relight, retouch};
 use crate::state::{Look, SceneState};
@@ -46,7 +50,9 @@ pub async fn until_settled(
         let mut changed = false;
         let mut wished = state.lighting.clone();
         let mut relit = Vec::new();
-        for action in &answer.actions {
+        let (added, others): (Vec<_>, Vec<_>) =
+            answer.actions.iter().partition(|action| action.action == LastActionKind::Add);
+        for action in others {
             match try_action(ctx, state, action).await? {
                 Some((kept, reason)) => {
                     changed |= kept;
@@ -55,6 +61,11 @@ pub async fn until_settled(
                 }
                 None => relit.push(action),
             }
+        }
+        for (action, kept, reason) in add(ctx, state, &added, &name).await? {
+            changed |= kept;
+            tried.push(in_words(&[action], kept, &reason));
+            results.push(json!({ "asked": action, "kept": kept, "reason": reason }));
         }
         if changed {
             // Before it is lit: a new shape has the colours that were said, not yet those of the photo.
@@ -98,6 +109,7 @@ pub async fn until_settled(
 fn in_words(actions: &[&LastAction], kept: bool, reason: &str) -> String {
     let asked = actions.iter().map(|a| {
         let mut words = format!("{} {}", json!(a.action).as_str().unwrap_or_default(), a.id).trim_end().to_owned();
+        words.extend(a.add.iter().map(|add| format!(" a {}", add.label)));
         words.extend(a.slot.iter().map(|slot| format!(" {slot}")));
         words.extend(a.delta_m.iter().map(|[x, y, z]| format!(" by ({x:.2}, {y:.2}, {z:.2}) m")));
         words.extend(a.angle_deg.iter().map(|deg| format!(" by {deg:.0} degrees")));
@@ -110,11 +122,70 @@ fn in_words(actions: &[&LastAction], kept: bool, reason: &str) -> String {
     format!("- {}: {came}, {reason}", asked.collect::<Vec<_>>().join(" and "))
 }
 
+/// Adds what the photo shows and the scene lacks, with the lights that it brings; each action with whether something of
+/// it stands now, and why not.
+async fn add<'a>(
+    ctx: &PhaseCtx<'_>,
+    state: &mut SceneState,
+    actions: &[&'a LastAction],
+    name: &str,
+) -> Result<Vec<(&'a LastAction, bool, String)>, PhaseError> {
+    let mut told = Vec::new();
+    for (action, added) in actions.iter().filter_map(|action| Some((*action, action.add.as_ref()?))) {
+        let id = |text: &Option<String>| text.as_deref().and_then(|text| ObjectId::new(text).ok());
+        let label = added.label.trim().to_lowercase();
+        let wanted = Wanted {
+            detection: Detection {
+                phrase: label.clone(),
+                label,
+                bounds: views::pixels(state.partial.camera.size, added.bounds),
+                score: None,
+                outline: None,
+            },
+            like: id(&added.like),
+            host: id(&added.host),
+        };
+        let look = format!("{name}_add_{}", told.len() + 1);
+        let left = state.left.len();
+        let ids = added::all(&ctx.inside(Phase::Objects(added.level), &look), added.level, state, vec![wanted]).await?;
+        shine(state, &ids);
+        told.push(match ids.first() {
+            Some(id) => (action, true, format!("it stands as {id}")),
+            None => {
+                let why = state.left.get(left).map_or_else(
+                    || "what is in that place stands in the scene already, or hardly a pixel of it is seen".to_owned(),
+                    |left| left.reason.to_string(),
+                );
+                (action, false, why)
+            }
+        });
+    }
+    if told.iter().any(|(_, kept, _)| *kept) {
+        surfaces::keep_walls_open(state);
+    }
+    Ok(told)
+}
+
+/// The lights of objects that have come, at their typical powers.
+fn shine(state: &mut SceneState, ids: &[ObjectId]) {
+    if ids.is_empty() {
+        return;
+    }
+    let all = crate::phases::lighting::sources(state);
+    let of_new = all.lights.into_iter().filter(|light| light.object.as_ref().is_some_and(|id| ids.contains(id)));
+    if let Some(lighting) = &mut state.lighting {
+        lighting.lights.extend(of_new);
+    }
+}
+
 /// What an action wishes of the light.
 fn dim(lighting: &mut Lighting, action: &LastAction) {
     let factor = action.factor.unwrap_or(1.0);
     if action.action == LastActionKind::Exposure {
         lighting.exposure += factor.log2();
+    }
+    if action.action == LastActionKind::Light && action.id == AMBIENT {
+        lighting.ambient_intensity *= factor;
     }
     for light in lighting.lights.iter_mut().filter(|l| action.action == LastActionKind::Light && l.id == action.id) {
         light.intensity *= factor;
@@ -142,6 +213,7 @@ async fn ask(
         room: views::room_summary(state),
         objects: objects.collect(),
         lights: state.lighting.iter().flat_map(|l| &l.lights).cloned().map(ListedLight).collect(),
+        ambient: state.lighting.as_ref().map_or(0.0, |l| l.ambient_intensity),
         findings: findings(state, lit.is_some()),
         tried,
         guide: GUIDE.to_owned(),
@@ -211,7 +283,7 @@ const LARGEST_FACTOR: f32 = 6.0;
 
 /// Tries an action on objects or room surfaces; tells whether it stays, and why.
 ///
-/// Actions on light are the caller's: they give `None`.
+/// Actions on light and what is to be added are the caller's: they give `None`.
 ///
 /// # Errors
 /// Unwritable files and computations that broke.
@@ -230,7 +302,7 @@ async fn try_action(
         _ => None,
     };
     Ok(match (action.action, object) {
-        (LastActionKind::Light | LastActionKind::Exposure, _) => None,
+        (LastActionKind::Light | LastActionKind::Exposure | LastActionKind::Add, _) => None,
         (LastActionKind::Surface, _) => {
             let (kept, reason) = recolor_surface(state, action);
             told(kept, reason)

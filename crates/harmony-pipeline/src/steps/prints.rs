@@ -26,6 +26,8 @@ const ALIKE: (f64, f64) = (0.75, 18.0);
 const SAME_HUE: f32 = 22.0;
 /// Largest factor on a rim's light, and its inverse.
 const MOST_LIGHT: f32 = 4.0;
+/// Largest fall of light across a piece that is taken out, logarithm.
+const MOST_FALL: f64 = 1.5;
 
 /// Lays rectified pieces of the photo on the materials that ask for them. The materials whose pieces took their ground's
 /// colour, by name.
@@ -41,6 +43,9 @@ pub fn lay(shape: &mut BuiltShape, tree: &ShapeTree, photo: &RgbImage, scale: f6
         let across = quad[0].distance(quad[1]).max(quad[3].distance(quad[2])).clamp(least, most);
         let down = quad[0].distance(quad[3]).max(quad[1].distance(quad[2])).clamp(least, most);
         let mut piece = rectify_quad(photo, quad, ImageSize::new(across.ceil() as u32, down.ceil() as u32));
+        if map.delit {
+            level_light(&mut piece);
+        }
         if let Some(print) = ground(tree, index as u32).and_then(|ground| on_ground(&piece, ground)) {
             piece = print;
             printed.push(spec.name.clone());
@@ -58,6 +63,29 @@ pub fn lay(shape: &mut BuiltShape, tree: &ShapeTree, photo: &RgbImage, scale: f6
         }
     }
     printed
+}
+
+/// Takes out light that falls off evenly across a piece: the plane through the logarithm of its luminance.
+fn level_light(piece: &mut RgbaImage) {
+    let (w, h) = (f64::from(piece.width()), f64::from(piece.height()));
+    let place = |x: u32, y: u32| DVec2::new((f64::from(x) + 0.5) / w - 0.5, (f64::from(y) + 0.5) / h - 0.5);
+    let level = |p: &Rgba<u8>| {
+        let [r, g, b] = linear_from_rgb8([p.0[0], p.0[1], p.0[2]]).map(f64::from);
+        (0.2126 * r + 0.7152 * g + 0.0722 * b + 1e-3).ln()
+    };
+    // Places are symmetric about the middle, so that the slopes are independent; transparent ones hardly ever are.
+    let (mut slope, mut squares) = (DVec2::ZERO, DVec2::splat(1e-9));
+    for (x, y, p) in piece.enumerate_pixels().filter(|(_, _, p)| p.0[3] == 255) {
+        slope += place(x, y) * level(p);
+        squares += place(x, y) * place(x, y);
+    }
+    slope = (slope / squares).clamp(DVec2::splat(-MOST_FALL), DVec2::splat(MOST_FALL));
+    for (x, y, p) in piece.enumerate_pixels_mut() {
+        let factor = (-slope.dot(place(x, y))).exp() as f32;
+        let [r, g, b] = linear_from_rgb8([p.0[0], p.0[1], p.0[2]]);
+        let [r, g, b] = rgb8_from_linear([r, g, b].map(|v| (v * factor).min(1.0)));
+        p.0 = [r, g, b, p.0[3]];
+    }
 }
 
 /// The colour said of what a material lies on as a decal. `None` where it lies on several, or the photo paints them.
@@ -152,6 +180,24 @@ mod tests {
             assert!(distance < 3.0, "{distance} at {x} {y}");
         }
         assert!(lab_distance(rgb(*print.get_pixel(30, 25)), red) > 25.0, "the letter is still to be read");
+    }
+
+    #[test]
+    fn light_that_falls_off_across_a_piece_is_taken_out_and_its_figure_stays() {
+        let cloth = |x: u32, y: u32, light: f32| {
+            let figure = if (x / 6 + y / 5).is_multiple_of(2) { 0.4 } else { 0.2 };
+            opaque(rgb8_from_linear([figure * light; 3]))
+        };
+        let fall = |x: u32| (-0.9 * (x as f32 + 0.5) / 60.0).exp();
+        let mut piece = RgbaImage::from_fn(60, 50, |x, y| cloth(x, y, fall(x)));
+        level_light(&mut piece);
+        let ends = [2, 56].map(|x| f32::from(piece.get_pixel(x, 2).0[0]));
+        let figures = [2, 8].map(|x| f32::from(piece.get_pixel(x, 2).0[0]));
+        assert!(
+            (ends[0] / ends[1] - 1.0).abs() < 0.06 || (ends[0] / ends[1] - figures[0] / figures[1]).abs() < 0.1,
+            "{ends:?}"
+        );
+        assert!((figures[0] - figures[1]).abs() > 25.0, "{figures:?}");
     }
 
     #[test]

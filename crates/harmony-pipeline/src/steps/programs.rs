@@ -12,7 +12,7 @@ use harmony_placement::{Shape, reshape};
 use harmony_program::{ChildCommand, GUIDE, Inputs, Limits};
 use harmony_prompts::{ProgramsAnswer, ProgramsQuestion, ToModel, WithoutProgram};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture, Usage};
-use harmony_scene::{Camera, Extents, ImageSize, Motion, MovingPart, ObjectId, Size, Vec3, WarningKind};
+use harmony_scene::{ImageSize, Motion, MovingPart, ObjectId, Size, Vec3, WarningKind};
 use harmony_shape::ShapeTree;
 use harmony_shape::build::{BuildContext, BuiltJoint, BuiltLight, BuiltShape, lazy_signs};
 use harmony_shape::tree::JointKind;
@@ -37,37 +37,17 @@ pub struct Program {
     pub params: BTreeMap<String, f64>,
 }
 
-/// What programs can refer to beside their own numbers.
-#[derive(Debug, Clone)]
-pub struct Surroundings {
-    camera: Camera,
-    room: Extents,
-}
-
-impl Surroundings {
-    /// A camera in a room.
-    pub fn new(camera: Camera, room: Extents) -> Self {
-        Self { camera, room }
-    }
-
-    /// Of a scene.
-    pub fn of(state: &SceneState) -> Self {
-        Self { camera: state.partial.camera, room: state.partial.room.extents }
-    }
-}
-
-/// Runs a program for an object of a size.
+/// Runs a program for an object of a size. It knows its own frame alone: where it will stand is found afterwards, so that it
+/// is given neither room nor camera.
 ///
 /// # Errors
 /// What is wrong with it, with the line and a hint, for whoever wrote it.
-pub fn run(program: &Program, size: Size, around: &Surroundings) -> Result<ShapeTree, String> {
+pub fn run(program: &Program, size: Size) -> Result<ShapeTree, String> {
     let child = ChildCommand::this_program().map_err(|error| format!("this program cannot be found: {error}"))?;
     let mut inputs = Inputs::object(size);
     for (name, value) in &program.params {
         inputs = inputs.with(name, *value);
     }
-    inputs.camera = Some(around.camera);
-    inputs.room = Some(around.room);
     let tree = harmony_program::run(&program.source, &inputs, &Limits::default(), &child)
         .map_err(|error| error.to_string())?;
     tree.check().map_err(|error| error.to_string())?;
@@ -91,8 +71,8 @@ pub struct Built {
 ///
 /// # Errors
 /// As [`run`], and shapes that cannot be built.
-pub fn built(program: &Program, size: Size, around: &Surroundings, photo: &RgbImage) -> Result<Built, String> {
-    let tree = run(program, size, around)?;
+pub fn built(program: &Program, size: Size, photo: &RgbImage) -> Result<Built, String> {
+    let tree = run(program, size)?;
     // A fault of ours in one shape costs one object, not the run.
     let build = std::panic::AssertUnwindSafe(|| meshed(&tree, size, photo));
     let (shape, printed, raw) =
@@ -244,14 +224,13 @@ async fn ask_for(
     let (shown, listed) = (Arc::clone(state), objects.iter().map(|o| (*o).clone()).collect::<Vec<_>>());
     let pictures = ctx.computed(move || pictures(&shown, &listed)).await?;
     let sizes: BTreeMap<String, Size> = objects.iter().map(|o| (o.id.to_string(), o.size())).collect();
-    let around = Surroundings::of(state);
     let photo = Arc::clone(&state.photo);
     let answer = ctx
         .ask_and_try(name, question, pictures, move |answer: &ProgramsAnswer| {
             for (id, size) in &sizes {
                 let Some((source, params)) = answer.program_of(id) else { continue };
                 let program = Program { source: source.to_owned(), params: params.clone() };
-                built(&program, *size, &around, &photo).map_err(|error| format!("program of {id}: {error}"))?;
+                built(&program, *size, &photo).map_err(|error| format!("program of {id}: {error}"))?;
             }
             Ok(())
         })
@@ -314,7 +293,7 @@ pub async fn mesh(
     state: &Arc<SceneState>,
 ) -> Result<Option<Modelled>, PhaseError> {
     let (shown, written) = (Arc::clone(state), program.clone());
-    let made = ctx.computed(move || built(&written, size, &Surroundings::of(&shown), &shown.photo)).await?;
+    let made = ctx.computed(move || built(&written, size, &shown.photo)).await?;
     match made {
         Ok(built) => {
             for sign in lazy_signs(&built.shape, Some(size.as_vec())) {

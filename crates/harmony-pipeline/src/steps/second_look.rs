@@ -6,7 +6,7 @@ use std::slice;
 use std::sync::Arc;
 
 use harmony_imaging::sheet::{Cell, contact_sheet};
-use harmony_placement::{Shape, Verdict, fit_shape, judge};
+use harmony_placement::{Placed, Shape, Verdict, fit_shape, judge};
 use harmony_program::GUIDE;
 use harmony_prompts::{LookVerdict, LookedAt, ModelledObject, SecondLookAnswer, SecondLookQuestion, ShownProgram};
 use harmony_roles::Picture;
@@ -15,7 +15,7 @@ use image::{RgbImage, RgbaImage};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::programs::{self, Program, Surroundings};
+use super::programs::{self, Program};
 use super::{colour, surfaces};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Object, SceneState};
@@ -69,7 +69,7 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
     Ok(())
 }
 
-/// Objects of the level, the largest in the photo first.
+/// Objects of the level that matter: those that are large in the photo, and those whose outline the scene does not meet.
 fn worth_a_look(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState) -> Vec<usize> {
     let smallest = ctx.settings.programs.smallest_share * state.partial.camera.size.pixels() as f64;
     let mut chosen: Vec<usize> = (0..state.partial.placed.len())
@@ -78,12 +78,21 @@ fn worth_a_look(ctx: &PhaseCtx<'_>, level: Level, state: &SceneState) -> Vec<usi
             p.item.level == level && p.item.mask.count() as f64 >= smallest
         })
         .collect();
-    chosen.sort_by_key(|i| {
-        let item = &state.partial.placed[*i].item;
-        (std::cmp::Reverse(item.mask.count()), item.id.clone())
+    chosen.sort_by(|a, b| {
+        let [a, b] = [a, b].map(|i| &state.partial.placed[*i]);
+        matters(b).total_cmp(&matters(a)).then_with(|| a.item.id.cmp(&b.item.id))
     });
     chosen.truncate(ctx.settings.programs.looks_per_question);
     chosen
+}
+
+/// How many times a pixel counts in which outline and photo disagree, beside those that an object has.
+const DISAGREES: f64 = 2.0;
+
+/// How much a second look at an object may mend, pixels.
+fn matters(placed: &Placed) -> f64 {
+    let off = placed.evidence.silhouette_iou.map_or(0.0, |iou| 1.0 - iou);
+    placed.item.mask.count() as f64 * (1.0 + DISAGREES * off)
 }
 
 /// Objects of the level that are not shown and have a program.
@@ -143,13 +152,13 @@ async fn ask(
     let sheet = ctx.computed(move || sheet(&shown, &rows)).await?;
     let pictures = vec![Picture { caption: "IMAGE 1: the rows".into(), image: Arc::new(sheet) }];
     let sizes: Vec<(String, Size)> = chosen.iter().map(|i| (placed(i).item.id.to_string(), placed(i).size())).collect();
-    let (around, photo) = (Surroundings::of(state), Arc::clone(&state.photo));
+    let photo = Arc::clone(&state.photo);
     ctx.ask_and_try(name, question, pictures, move |answer: &SecondLookAnswer| {
         for (id, size) in &sizes {
             let Some(object) = answer.objects.iter().find(|o| o.id == *id) else { continue };
             let Some(source) = answer.program_of(object) else { continue };
             let program = Program { source: source.to_owned(), params: object.params.clone() };
-            programs::built(&program, *size, &around, &photo).map_err(|error| format!("program of {id}: {error}"))?;
+            programs::built(&program, *size, &photo).map_err(|error| format!("program of {id}: {error}"))?;
         }
         Ok(())
     })

@@ -1,14 +1,15 @@
 //! What the photo tells of the sun ([`harmony_lighting::find_sun`]): its places, and what stands in the light's way.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use harmony_imaging::color::linear_from_srgb;
 use harmony_lighting::linear::luminance;
-use harmony_lighting::{FoundSun, Place, Places, find_sun};
+use harmony_lighting::{FoundSun, Place, Places, SunSpec, ToldSun, find_sun, sun_light, unseen_openings};
 use harmony_mesh::{Bvh, Group, Mesh};
 use harmony_render::{SOLID, opacity};
-use harmony_scene::{ImageSize, Lighting, Opening, Pose, Room};
+use harmony_scene::{ImageSize, Light, Lighting, Opening, Pose, Room};
 use image::imageops::{FilterType, resize};
 use rayon::prelude::*;
+use serde::Serialize;
 
 use crate::state::SceneState;
 
@@ -20,22 +21,65 @@ const BLACK: f32 = 0.003;
 /// Farther than any room is wide, metres.
 const FAR: f64 = 100.0;
 
-/// The sun that the photo speaks for, through what gives daylight in `lighting`.
-pub fn found(state: &SceneState, lighting: &Lighting) -> Option<FoundSun> {
+/// A sun, and the openings behind the camera that let it in.
+#[derive(Debug, Clone, Serialize)]
+pub struct Sun {
+    /// The light, before its strength is fitted.
+    pub light: Light,
+    /// What the photo's brightness says for it; `None` where it was only told.
+    pub found: Option<FoundSun>,
+    /// Windows that the photo does not show and the patches tell of.
+    pub openings: Vec<Opening>,
+}
+
+/// The sun that the photo speaks for, through what gives daylight in `lighting`, or through openings that the photo does not
+/// show and that patches of sun tell of.
+pub fn found(state: &SceneState, lighting: &Lighting) -> Option<Sun> {
     let room = &state.partial.room;
     let gives_light = |o: &&Opening| {
         !o.is_passage()
             && o.object.as_ref().is_none_or(|id| lighting.lights.iter().any(|l| l.object.as_ref() == Some(id)))
     };
-    let openings: Vec<&Opening> = room.openings.iter().filter(gives_light).collect();
+    let mut openings: Vec<&Opening> = room.openings.iter().filter(gives_light).collect();
+    let things = things(state);
+    let told = state
+        .sun
+        .as_ref()
+        .and_then(|told| unseen_openings(room, &state.partial.camera, &in_room(state, told, &things)));
+    let unseen: Vec<Opening> = told.iter().flat_map(|told| told.openings.clone()).collect();
+    openings.extend(&unseen);
     if openings.is_empty() {
         return None;
     }
-    let things = things(state);
     let places = places(state, &things);
     let in_the_way: Vec<&Bvh> = things.iter().filter(|t| !t.fills_an_opening).map(|t| &t.solid).collect();
     let blocked = |from: DVec3, way: DVec3, far: f64| in_the_way.iter().any(|bvh| bvh.any_hit(from, way, far));
-    find_sun(&places, room, &openings, &blocked)
+    let found = find_sun(&places, room, &openings, &blocked);
+    let light = match (&found, &told) {
+        (Some(found), _) => found.light.clone(),
+        (None, Some(told)) => sun_light(room, told.towards),
+        (None, None) => return None,
+    };
+    Some(Sun { light, found, openings: unseen })
+}
+
+/// What was told of the sun, in the room.
+fn in_room(state: &SceneState, told: &SunSpec, things: &[Thing]) -> ToldSun {
+    let (camera, faces) = (&state.partial.camera, state.partial.room.faces());
+    let size = DVec2::new(f64::from(camera.size.width), f64::from(camera.size.height));
+    let ray_of = |p: &[f64; 2]| camera.ray(DVec2::from_array(*p) / 1000.0 * size);
+    // A patch lies on the room's faces, whatever stands before its edge.
+    let on_faces = |p: &[f64; 2]| faces.exit(&ray_of(p)).map(|exit| exit.point);
+    let place = |p: &[f64; 2]| {
+        let ray = ray_of(p);
+        let hit = things.iter().filter_map(|t| t.solid.raycast(ray.origin, ray.direction, FAR));
+        let nearest = hit.min_by(|a, b| a.distance.total_cmp(&b.distance)).map(|hit| hit.point);
+        nearest.or_else(|| on_faces(p))
+    };
+    ToldSun {
+        patches: told.patches.iter().map(|patch| patch.iter().filter_map(on_faces).collect()).collect(),
+        shadows: told.shadows.iter().filter_map(|[tip, end]| Some((place(tip)?, on_faces(end)?))).collect(),
+    }
 }
 
 struct Thing {
@@ -95,7 +139,7 @@ fn places(state: &SceneState, things: &[Thing]) -> Places {
         if luminance < BLACK || pixel.iter().all(|v| *v >= BLOWN) {
             return None;
         }
-        let ray = camera.ray(glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
+        let ray = camera.ray(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
         let hit = things
             .iter()
             .filter_map(|t| Some((t.solid.raycast(ray.origin, ray.direction, FAR)?, t)))

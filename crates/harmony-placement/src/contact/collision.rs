@@ -5,7 +5,8 @@
 //! its place moving less: with one pair that is the paper's rule, and a row of cupboards each a little too wide makes room
 //! along the whole row. Objects move only in the directions that their support allows, what rests on them goes along.
 
-use harmony_scene::{Level, ObjectId, Support, Vec3, Wall};
+use glam::Vec3Swizzles as _;
+use harmony_scene::{Level, ObjectId, Support, Vec2, Vec3, Wall};
 
 use super::solid::{Solid, directions_around, level_directions, way_out};
 use crate::noise::Noise;
@@ -241,10 +242,19 @@ fn feasible(scene: &PartialScene, all: &[Solid], object: usize, members: &[usize
     let open = |wall| if scene.is_loose(wall) { f64::INFINITY } else { SLACK };
     let below = Vec3::new(open(Wall::Left), SLACK, open(Wall::Back));
     let above = Vec3::new(open(Wall::Right), SLACK, open(Wall::Front));
+    let slack = Vec2::splat(SLACK);
     let inside = members.iter().all(|m| {
         let (low, high) = (all[*m].low, all[*m].high);
+        let (to_low, to_high) = (low + by, high + by);
         // What was outside already (a recessed window) must only not go further.
-        (0..3).all(|i| (low + by)[i] >= low[i].min(-below[i]) && (high + by)[i] <= high[i].max(e[i] + above[i]))
+        let in_box = (0..3).all(|i| to_low[i] >= low[i].min(-below[i]) && to_high[i] <= high[i].max(e[i] + above[i]));
+        let in_niche = || {
+            let areas = scene.room.standing_areas(to_low.y);
+            areas
+                .iter()
+                .any(|[from, to]| to_low.xz().cmpge(*from - slack).all() && to_high.xz().cmple(*to + slack).all())
+        };
+        in_box || in_niche()
     });
     if !inside {
         return false;

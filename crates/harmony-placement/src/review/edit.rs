@@ -28,6 +28,8 @@ pub(super) fn carry(scene: &mut PartialScene, object: usize, settings: &Placemen
     let attachment = match attachment_of(scene, object, &settings.noise) {
         Attachment::AgainstWall(wall) if angle_between(wanted.yaw, wall.yaw()).abs() > SAME_TURN => Attachment::Floor,
         Attachment::AgainstWall(wall) if pulled_off(scene, &old, &wanted, wall) => Attachment::Floor,
+        // Into a niche behind it.
+        Attachment::AgainstWall(wall) if wall.distance(&scene.room.extents, wanted.position) < 0.0 => Attachment::Floor,
         Attachment::OnHost { host, level } => {
             Attachment::OnHost { host, level: level + wanted.position.y - old.position.y }
         }

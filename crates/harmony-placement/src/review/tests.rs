@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use harmony_scene::{Pose, Wall};
+use harmony_scene::{Pose, Wall, WallAffinity};
 
 use super::*;
 use crate::scene::attachment::angle_between;
@@ -308,4 +308,36 @@ fn what_its_support_undoes_is_not_kept() {
     let after = apply(&scene, std::slice::from_ref(&up), &settings).unwrap();
     let v = judge(&scene, &after, &settings);
     assert!(!v.kept && v.reason.contains("is held by the floor"), "{v:?}");
+}
+
+#[test]
+fn what_belongs_into_a_niche_can_be_moved_into_it() {
+    let mut scene = empty_room();
+    scene.room.shape.niches.push(harmony_scene::Niche {
+        kind: "alcove".into(),
+        surface: Wall::Left.surface(),
+        sides: None,
+        glow: None,
+        min: Vec3::new(-0.8, 0.0, 1.0),
+        max: Vec3::new(0.0, 2.1, 2.7),
+    });
+    let truth = Vec3::new(-0.35, 0.0, 1.85);
+    let mut item = boxed(&scene, Vec3::new(0.7, 0.5, 1.6), truth, 0.0);
+    item.relations.wall_affinity = WallAffinity::Left;
+    let object = item.id.clone();
+    let at = Vec3::new(0.36, 0.0, 2.2);
+    let (pose, support, evidence) = (Pose::new(at, 0.0, 1.0), Support::Floor, Evidence::default());
+    scene.placed.push(Placed { item: Arc::new(item), pose, support, evidence });
+    let by_m = (truth - at).to_array();
+    let into = ReviewAction::Move { object: object.clone(), by_m };
+    let settings = PlacementSettings::default();
+    let done = apply(&scene, std::slice::from_ref(&into), &settings).unwrap();
+    let found = done.scene.find(&object).unwrap().pose.position;
+    assert!(found.distance(truth) < 0.03, "{found}");
+    let v = judge(&scene, &done, &settings);
+    assert!(v.kept, "{v:?}");
+    // Beside it there is a wall.
+    let beside = ReviewAction::Move { object: object.clone(), by_m: [-0.7, 0.0, 1.2] };
+    let done = apply(&scene, &[beside], &settings).unwrap();
+    assert!(done.scene.find(&object).unwrap().pose.position.x > 0.3);
 }

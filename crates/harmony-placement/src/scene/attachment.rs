@@ -296,26 +296,7 @@ impl PoseConstraint<'_> {
             Attachment::Floor | Attachment::OnHost { .. } => {}
         }
         let (low, high) = reach(self.item, &pose);
-        // Where a wall is not known, what is seen decides, and the wall follows.
-        let beyond = |wall| if self.scene.is_loose(wall) { BEYOND_LOOSE } else { 0.0 };
-        let axis_clamp = |v: f64, lo: f64, hi: f64, length: f64, ends: [Wall; 2]| {
-            let (from, to) = (
-                -lo + self.noise.wall_clearance - beyond(ends[0]),
-                length - hi - self.noise.wall_clearance + beyond(ends[1]),
-            );
-            if from <= to { v.clamp(from, to) } else { f64::midpoint(from, to) }
-        };
-        // Wall-held objects keep their distance to the wall; the clamp along the other axis still applies.
-        let fixed_axis = match self.attachment {
-            Attachment::AgainstWall(w) | Attachment::OnWall(w) => Some(w.normal().x.abs() > 0.5),
-            _ => None,
-        };
-        if fixed_axis != Some(true) {
-            pose.position.x = axis_clamp(pose.position.x, low.x, high.x, e.width, [Wall::Left, Wall::Right]);
-        }
-        if fixed_axis != Some(false) {
-            pose.position.z = axis_clamp(pose.position.z, low.z, high.z, e.depth, [Wall::Back, Wall::Front]);
-        }
+        pose.position = self.inside(pose.position, low, high);
         if self.attachment == Attachment::Floor {
             pose.position += self.out_of_blocks(pose.position + low, pose.position + high);
         }
@@ -323,6 +304,43 @@ impl PoseConstraint<'_> {
             pose.position.y = self.surface(host, level, &pose).map_or(level, |s| s.height) - sag_of(self.item, &pose);
         }
         pose
+    }
+
+    /// The nearest place within the room, or one of its niches, for a box of coordinates relative to it.
+    fn inside(&self, at: Vec3, low: Vec3, high: Vec3) -> Vec3 {
+        let e = &self.scene.room.extents;
+        let clearance = self.noise.wall_clearance;
+        // Where a wall is not known, what is seen decides, and the wall follows.
+        let beyond = |wall, is_its_own: bool| {
+            if is_its_own && self.scene.is_loose(wall) { BEYOND_LOOSE } else { 0.0 }
+        };
+        // Along one axis: the place, and how far the box is outside there as it is.
+        let along = |v: f64, lo: f64, hi: f64, [from, to]: [f64; 2], length: f64, ends: [Wall; 2]| {
+            let (least, most) = (
+                from - lo + clearance - beyond(ends[0], from == 0.0),
+                to - hi - clearance + beyond(ends[1], to == length),
+            );
+            let place = if least <= most { v.clamp(least, most) } else { f64::midpoint(least, most) };
+            (place, (place - v).abs())
+        };
+        // Wall-held objects keep their distance to the wall; the clamp along the other axis still applies.
+        let fixed_axis = match self.attachment {
+            Attachment::AgainstWall(w) | Attachment::OnWall(w) => Some(w.normal().x.abs() > 0.5),
+            _ => None,
+        };
+        let within = |[from, to]: [Vec2; 2]| {
+            let (x, off_x) = along(at.x, low.x, high.x, [from.x, to.x], e.width, [Wall::Left, Wall::Right]);
+            let (z, off_z) = along(at.z, low.z, high.z, [from.y, to.y], e.depth, [Wall::Back, Wall::Front]);
+            let place = match fixed_axis {
+                Some(true) => Vec3::new(at.x, at.y, z),
+                Some(false) => Vec3::new(x, at.y, at.z),
+                None => Vec3::new(x, at.y, z),
+            };
+            (place, off_x.hypot(off_z))
+        };
+        let areas = self.scene.room.standing_areas(at.y);
+        let places = areas.into_iter().map(within).min_by(|a, b| a.1.total_cmp(&b.1));
+        places.map_or(at, |(place, _)| place)
     }
 
     /// The shortest level way out of the room's solid blocks for a box of room coordinates.

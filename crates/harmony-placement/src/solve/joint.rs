@@ -227,11 +227,7 @@ impl Step {
         }
         scene.anchor *= self.scale;
         scene.camera = self.camera;
-        let old = scene.room.extents;
-        let scaled =
-            Extents { width: old.width * self.scale, height: old.height * self.scale, depth: old.depth * self.scale };
-        scene.room.shape.scaled(self.scale);
-        scene.room.shape.fitted(&scaled, &self.extents, 0.0);
+        scene.room.shape.stretched(&scene.room.extents, &self.extents, self.scale);
         scene.room.extents = self.extents;
         take_poses(scene, self.poses, settings);
     }

@@ -80,7 +80,12 @@ fn id(text: &str) -> ObjectId {
 
 fn room() -> RoomSummary {
     let extents = Extents { width: 4.0, height: 2.6, depth: 5.0 };
-    RoomSummary { extents, room_type: "room".into(), camera: [2.0, 1.4, 4.5] }
+    RoomSummary {
+        extents,
+        room_type: "room".into(),
+        camera: [2.0, 1.4, 4.5],
+        shape: harmony_scene::RoomShape::default(),
+    }
 }
 
 fn table(name: &str, y1: f64) -> PlacedObject {

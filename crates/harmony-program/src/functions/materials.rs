@@ -58,7 +58,7 @@ pub(crate) fn functions() -> Vec<Function> {
             "mat(name, color=\"#c0b8ac\", rough=0.6, metal=0, sheen=0, alpha=1, transmission=0, ior=1.45, emit=0, kelvin=None, map=None, bump=1, paint=False)",
             mat,
         ),
-        Function::new("photo(quad, size, delit=True)", photo),
+        Function::new("photo(quad, size, delit=False)", photo),
         Function::new("over(a, b, mask=0.5)", |c| layered(c, PatternKind::Over)),
         Function::new("tint(map, color, amount=1)", |c| layered(c, PatternKind::Tint)),
         Function::new("ramp(a, b, axis=\"y\")", |c| {
@@ -315,6 +315,6 @@ fn photo<'v>(c: &mut Call<'v, '_>) -> Outcome<'v> {
     if quad.iter().flatten().any(|x| !(-500.0..=1500.0).contains(x)) {
         return Err(say().into());
     }
-    let photo = PhotoMap { quad, size: c.list("size", None, LENGTH)?, delit: c.flag("delit", true)? };
+    let photo = PhotoMap { quad, size: c.list("size", None, LENGTH)?, delit: c.flag("delit", false)? };
     c.value(Kind::Photo(Arc::new(photo)))
 }

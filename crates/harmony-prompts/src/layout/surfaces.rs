@@ -42,12 +42,27 @@ pub struct LayoutSurface {
     /// Paint, or mean colour, in even white light: `#rrggbb`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub color_hex: Option<String>,
+    /// How it shines; null: as such a material usually does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub finish: Option<Finish>,
     /// What repeats on it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pattern: Option<LayoutPattern>,
     /// Stretches of a wall that differ from the rest.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<LayoutPart>,
+}
+
+/// How a surface shines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Finish {
+    /// No reflection: wall paint, carpet, raw concrete, brick.
+    Matt,
+    /// Blurred reflections of windows and lamps: oiled or varnished wood, vinyl, honed stone.
+    Satin,
+    /// Clear reflections: polished stone or tiles, lacquered boards.
+    Polished,
 }
 
 /// Kinds of repeating patterns.
@@ -170,6 +185,7 @@ pub(super) fn example() -> Vec<LayoutSurface> {
         LayoutSurface {
             surface: SurfaceName::Floor,
             color_hex: Some("#a9825b".into()),
+            finish: Some(Finish::Satin),
             pattern: Some(LayoutPattern {
                 kind: LayoutPatternKind::Planks,
                 width_m: 0.12,
@@ -183,6 +199,7 @@ pub(super) fn example() -> Vec<LayoutSurface> {
         LayoutSurface {
             surface: SurfaceName::WallBack,
             color_hex: Some("#eceae4".into()),
+            finish: None,
             pattern: None,
             parts: vec![LayoutPart {
                 kind: LayoutPartKind::Wainscot,
@@ -241,7 +258,38 @@ pub(super) fn rgb(hex: &str) -> Option<[u8; 3]> {
     Some([(value >> 16) as u8, (value >> 8) as u8, value as u8])
 }
 
+impl Finish {
+    /// Perceptual roughness.
+    pub fn roughness(self) -> f32 {
+        match self {
+            Self::Matt => 0.7,
+            Self::Satin => 0.38,
+            Self::Polished => 0.15,
+        }
+    }
+}
+
+impl LayoutPatternKind {
+    /// How such a material usually shines on a floor, or a wall.
+    pub fn usual_finish(self) -> Finish {
+        match self {
+            Self::Planks | Self::Parquet | Self::Herringbone | Self::Tiles | Self::Checks | Self::Terrazzo => {
+                Finish::Satin
+            }
+            Self::Marble => Finish::Polished,
+            Self::Brick | Self::Stripes | Self::Panels | Self::Dots | Self::Motif | Self::Carpet | Self::Concrete => {
+                Finish::Matt
+            }
+        }
+    }
+}
+
 impl LayoutSurface {
+    /// How it shines, said or usual; `None` where nothing tells.
+    pub fn shine(&self) -> Option<Finish> {
+        self.finish.or_else(|| Some(self.pattern.as_ref()?.kind.usual_finish()))
+    }
+
     /// Its colour as sRGB bytes.
     pub fn rgb(&self) -> Option<[u8; 3]> {
         self.color_hex.as_deref().and_then(rgb)
@@ -275,6 +323,12 @@ mod tests {
         let answer: LayoutAnswer = serde_json::from_value(old).unwrap();
         assert!(answer.surfaces.is_empty() && answer.trims.is_empty());
         answer.check().unwrap();
+        // What was asked once and is not any more.
+        let mut long = serde_json::to_value(LayoutAnswer::example()).unwrap();
+        long["blocked_corners"] = serde_json::json!(["back left"]);
+        long["camera"]["facing"] = serde_json::json!("back wall");
+        long["floor_texture"]["synthesis_prompt"] = serde_json::json!("oak");
+        serde_json::from_value::<LayoutAnswer>(long).unwrap();
 
         let mut new = LayoutAnswer::example();
         new.check().unwrap();
@@ -286,5 +340,16 @@ mod tests {
         assert!(new.check().is_err());
         let trim: LayoutTrim = serde_json::from_str(r##"{"height_m": 0.1, "color_hex": "#ffffff"}"##).unwrap();
         assert!((trim.depth_m - 0.015).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_said_of_the_shine_goes_before_what_is_usual() {
+        let [mut floor, wall] = <[LayoutSurface; 2]>::try_from(example()).unwrap();
+        assert_eq!(wall.shine(), None);
+        floor.finish = None;
+        assert_eq!(floor.shine(), Some(Finish::Satin), "planks");
+        floor.finish = Some(Finish::Polished);
+        assert_eq!(floor.shine(), Some(Finish::Polished));
+        assert!(Finish::Polished.roughness() < Finish::Satin.roughness());
     }
 }

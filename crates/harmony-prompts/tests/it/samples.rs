@@ -10,8 +10,8 @@ use harmony_prompts::{
     ShownProgram, SizesQuestion, ToModel, TurnedObject, TurnsQuestion, UnaidedRoom, WithoutProgram,
 };
 use harmony_scene::{
-    Camera, Extents, ImageSize, Intrinsics, Level, Light, LightKind, Lighting, ObjectId, PixelBox, SceneCamera, Size,
-    Support, Vec3, ViewTransform, Wall,
+    Camera, Extents, ImageSize, Intrinsics, Level, Light, LightKind, Lighting, ObjectId, PixelBox, RoomShape,
+    SceneCamera, Size, Support, Vec3, ViewTransform, Wall,
 };
 
 const PHOTO: ImageSize = ImageSize { width: 640, height: 480 };
@@ -22,7 +22,7 @@ fn id(text: &str) -> ObjectId {
 
 fn room() -> RoomSummary {
     let extents = Extents { width: 4.2, height: 2.6, depth: 5.0 };
-    RoomSummary { extents, room_type: "study".into(), camera: [2.1, 1.5, 4.5] }
+    RoomSummary { extents, room_type: "study".into(), camera: [2.1, 1.5, 4.5], shape: RoomShape::default() }
 }
 
 fn size(width: f64, height: f64, depth: f64) -> Size {
@@ -340,6 +340,7 @@ pub fn questions() -> Vec<(String, Question)> {
                 room: room(),
                 objects: painted.collect(),
                 lights: lighting().lights.into_iter().map(ListedLight).collect(),
+                ambient: lighting().ambient_intensity,
                 findings: vec![finding],
                 tried: vec![],
                 guide: "(the guide)".into(),
@@ -352,6 +353,7 @@ pub fn questions() -> Vec<(String, Question)> {
                 room: room(),
                 objects: vec![],
                 lights: vec![],
+                ambient: 0.3,
                 findings: vec![],
                 tried: vec!["- light lamp_01, factor 1.50: refused, it agrees less with the photo".into()],
                 guide: "(the guide)".into(),

@@ -99,13 +99,9 @@ pub struct PhotoMap {
     pub quad: [[f64; 2]; 4],
     /// Width and height of the piece, metres: what the corners become on the surface.
     pub size: [f64; 2],
-    /// Whether the photo's light is taken out.
-    #[serde(default = "yes")]
+    /// Whether light that falls off across the piece is taken out: for what is evenly coloured as a whole, such as cloth.
+    #[serde(default)]
     pub delit: bool,
-}
-
-fn yes() -> bool {
-    true
 }
 
 /// A pattern at metric scale: a function of surface position that gives colour, height and roughness.

@@ -1,4 +1,5 @@
-//! What the photo shows through a passage: a pane where the reveal ends, with the photo's pixels on it.
+//! What the photo shows through a passage, or a window that is no object: a pane where the reveal ends, with the photo's
+//! pixels on it.
 //!
 //! The room behind is not reconstructed; from the photo's place the pane shows what is there, from elsewhere it is a
 //! picture in a doorway. What stands before a passage is not on its pane: its place is filled with what is around it.
@@ -25,33 +26,33 @@ const PX_PER_M: f64 = 220.0;
 /// Sides of a texture, texels.
 const SIDE_PX: (f64, f64) = (8.0, 1024.0);
 
-/// A passage with what is seen through it.
+/// An opening with what is seen through it.
 #[derive(Debug, Clone)]
 pub struct Beyond {
-    /// The passage.
+    /// The opening.
     pub opening: Opening,
     /// From its low-u lower end: columns along u, the first row on top.
     pub picture: Arc<RgbaImage>,
 }
 
-/// The panes of all passages of a scene of which the photo shows something.
+/// The panes of all openings without an object of a scene of which the photo shows something.
 pub fn beyond(state: &SceneState) -> Vec<Beyond> {
     let room = &state.partial.room;
-    let passages = room.openings.iter().filter(|o| o.is_passage());
-    passages.filter_map(|o| Some(Beyond { opening: o.clone(), picture: Arc::new(seen_through(state, o)?) })).collect()
+    let bare = room.openings.iter().filter(|o| o.object.is_none());
+    bare.filter_map(|o| Some(Beyond { opening: o.clone(), picture: Arc::new(seen_through(state, o)?) })).collect()
 }
 
-/// Pixels that look through a passage, with what its edge mixes in.
+/// Pixels that look through an opening without an object, with what its edge mixes in.
 pub(super) fn pixels(camera: &Camera, room: &Room) -> Mask {
-    let passages: Vec<&Opening> = room.openings.iter().filter(|o| o.is_passage()).collect();
-    if passages.is_empty() {
+    let bare: Vec<&Opening> = room.openings.iter().filter(|o| o.object.is_none()).collect();
+    if bare.is_empty() {
         return Mask::empty(camera.size);
     }
     let faces = room.faces();
     Mask::from_fn(camera.size, |x, y| {
         let ray = camera.ray(Vec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
         let Some(exit) = faces.exit(&ray) else { return false };
-        passages.iter().any(|o| {
+        bare.iter().any(|o| {
             let away = o.wall.distance(&room.extents, exit.point) - o.inset;
             let at = o.wall.coordinates(exit.point);
             let within = |range: [f64; 2], v: f64| v > range[0] - EDGE && v < range[1] + EDGE;

@@ -96,6 +96,13 @@ pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<Rg
         ctx.write_picture_in(Phase::Layout, &format!("textures/{}.png", surface.name()), &opaque)?;
         state.surfaces.insert(surface, Arc::new(image));
     }
+    state.roughness = state
+        .layout
+        .answer
+        .surfaces
+        .iter()
+        .filter_map(|s| Some((s.surface.surface(), s.shine()?.roughness())))
+        .collect();
     state.even_surfaces = painted.even.into_iter().map(|(surface, image)| (surface, Arc::new(image))).collect();
     let board = |t: harmony_mesh::Trim| json!({ "height_m": t.height, "depth_m": t.depth, "linear_color": t.color });
     ctx.write_json_in(
@@ -103,7 +110,7 @@ pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<Rg
         "surfaces.json",
         &json!({
             "surfaces": painted.notes,
-            "skirting": trims.skirting.map(board), "cornice": trims.cornice.map(board), "casing": trims.casing.map(board),
+            "roughness": state.roughness, "skirting": trims.skirting.map(board), "cornice": trims.cornice.map(board), "casing": trims.casing.map(board),
         }),
     )?;
     let empty = views::empty_room(state);

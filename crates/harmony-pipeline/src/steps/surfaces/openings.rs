@@ -1,4 +1,4 @@
-//! Where the walls are cut: behind windows and doors, and for passages.
+//! Where the walls are cut: behind windows and doors, and for passages and windows that the layout answer outlined.
 
 use std::sync::Arc;
 
@@ -25,7 +25,8 @@ const COVERED: f64 = 0.25;
 /// Side of a cell in which its outline is told, metres.
 const CELL: f64 = 0.01;
 
-/// Cuts the walls for the windows and doors as they stand now, and for passages, which get their picture of beyond.
+/// Cuts the walls for the windows and doors as they stand now, and for what the layout answer outlined, which gets its
+/// picture of beyond.
 pub fn open_walls(state: &mut SceneState) {
     state.partial.room.openings = openings(state);
     state.beyond = beyond(state);
@@ -39,19 +40,28 @@ pub fn keep_walls_open(state: &mut SceneState) {
     }
 }
 
-/// Holes that the placed windows and doors cut into the walls, and the passages that the layout answer told of.
+/// Holes that the placed windows and doors cut into the walls, and the passages and windows that the layout answer told
+/// of (a window only where no placed thing is one), and those behind the camera that the sun comes in through.
 fn openings(state: &SceneState) -> Vec<Opening> {
     let (camera, room) = (&state.partial.camera, &state.partial.room);
     let filled = |p: &Placed| filled(camera, room, p, state.mesh_of(&p.item.id).map(Arc::as_ref));
     let mut out: Vec<Opening> = state.partial.placed.iter().filter_map(filled).collect();
     // Measured anew: room and camera have moved a little with what was placed.
-    let (passages, _) = crate::phases::layout::passages(&state.layout.answer, camera, room);
+    let (told, _) = crate::phases::layout::openings(&state.layout.answer, camera, room);
     let filled = out.clone();
-    for passage in passages {
-        let whole = area(passage.u, passage.y);
-        let left = filled.iter().fold(passage, beside);
+    for opening in told {
+        if opening.kind == OpeningKind::Window && filled.iter().any(|o| meet(o, &opening)) {
+            continue;
+        }
+        let whole = area(opening.u, opening.y);
+        let left = filled.iter().fold(opening, beside);
         if area(left.u, left.y) > LEFT * whole && !out[filled.len()..].iter().any(|o| meet(o, &left)) {
             out.push(left);
+        }
+    }
+    for unseen in &state.unseen_openings {
+        if !out.iter().any(|o| meet(o, unseen)) {
+            out.push(unseen.clone());
         }
     }
     out

@@ -484,8 +484,13 @@ mod tests {
 
     #[test]
     fn a_named_colour_is_seen_under_the_rooms_light() {
-        let named =
-            |surface, hex: &str| LayoutSurface { surface, color_hex: Some(hex.into()), pattern: None, parts: vec![] };
+        let named = |surface, hex: &str| LayoutSurface {
+            surface,
+            color_hex: Some(hex.into()),
+            finish: None,
+            pattern: None,
+            parts: vec![],
+        };
         // The back wall is named at 200 and seen at 150: three quarters of the light.
         let answer = [named(SurfaceName::WallBack, "#c8c8c8"), named(SurfaceName::WallRight, "#50a0a0")];
         let painted = paint(&faces([None, None, Some([150; 3]), None, None, None]), &answer, &room(&[]), true, false);
@@ -495,8 +500,13 @@ mod tests {
 
     #[test]
     fn a_wall_named_as_a_seen_one_looks_like_it_whatever_the_others_do() {
-        let named =
-            |surface, hex: &str| LayoutSurface { surface, color_hex: Some(hex.into()), pattern: None, parts: vec![] };
+        let named = |surface, hex: &str| LayoutSurface {
+            surface,
+            color_hex: Some(hex.into()),
+            finish: None,
+            pattern: None,
+            parts: vec![],
+        };
         // A white wall of which the photo shows grey, and a floor and a blue wall that were named in other ways.
         let answer = [
             named(SurfaceName::Floor, "#8a7a5a"),
@@ -512,8 +522,13 @@ mod tests {
 
     #[test]
     fn a_strip_of_a_dark_corner_is_not_what_its_whole_wall_looks_like() {
-        let named =
-            |surface| LayoutSurface { surface, color_hex: Some("#b0b0b0".into()), pattern: None, parts: vec![] };
+        let named = |surface| LayoutSurface {
+            surface,
+            color_hex: Some("#b0b0b0".into()),
+            finish: None,
+            pattern: None,
+            parts: vec![],
+        };
         let mut all = faces([None, None, Some([150; 3]), Some([70; 3]), None, None]);
         for (x, _, p) in all[3].texture.enumerate_pixels_mut() {
             // 10 cm, floor to ceiling.
@@ -543,6 +558,7 @@ mod tests {
         let named = |surface, pattern: Option<&LayoutPattern>| LayoutSurface {
             surface,
             color_hex: Some("#b0b0a0".into()),
+            finish: None,
             pattern: pattern.cloned(),
             parts: vec![],
         };
@@ -582,6 +598,7 @@ mod tests {
         let of = |surface: SurfaceName, parts: Vec<LayoutPart>| LayoutSurface {
             surface,
             color_hex: None,
+            finish: None,
             pattern: None,
             parts,
         };

@@ -110,8 +110,10 @@ fn pattern(named: &LayoutPattern) -> Pattern {
     pattern.width = size(along);
     pattern.length = size(across);
     pattern.joint = named.joint_m;
-    // Counter-clockwise to whoever looks at the face, whose v runs down; our patterns turn u towards v.
-    pattern.turn_deg = -named.turn_deg;
+    // Counter-clockwise to whoever looks at the face, whose v runs down; our patterns turn u towards v, and our stripes stand
+    // where the answer's lie.
+    let across = if kind == PatternKind::Stripes { 90.0 } else { 0.0 };
+    pattern.turn_deg = across - named.turn_deg;
     pattern.colors.clone_from(&named.colors);
     pattern
 }
@@ -135,6 +137,32 @@ mod tests {
         });
         let fit = fitted(&hint, &seen, 100.0);
         assert!(fit.turn_deg.rem_euclid(180.0).abs() < 1.0, "{}", fit.turn_deg);
+    }
+
+    #[test]
+    fn stripes_that_were_named_level_lie_where_nothing_was_seen() {
+        let named = |turn_deg: f64| LayoutPattern {
+            kind: Named::Stripes,
+            width_m: 0.25,
+            length_m: 0.0,
+            joint_m: 0.0,
+            turn_deg,
+            colors: vec!["#f0e0c0".into(), "#806040".into()],
+        };
+        let differs = |turn_deg: f64| {
+            let painted =
+                named_look(&named(turn_deg), &Look::plain([120.0; 3], 1), None, 100.0, 1).unwrap().paint(240, 240);
+            let rough = |step: [u32; 2]| -> u32 {
+                let pairs = (0..200).flat_map(|x| (0..200).map(move |y| (x, y)));
+                let tone = |x: u32, y: u32| painted.get_pixel(x, y).0[1];
+                pairs.map(|(x, y)| u32::from(tone(x, y).abs_diff(tone(x + step[0], y + step[1])))).sum()
+            };
+            [rough([20, 0]), rough([0, 20])]
+        };
+        let [along, up] = differs(0.0);
+        assert!(up > 4 * along, "level stripes change upwards: {along} {up}");
+        let [along, up] = differs(90.0);
+        assert!(along > 4 * up, "upright ones along the wall: {along} {up}");
     }
 
     #[test]

@@ -58,7 +58,7 @@ pub fn with_frieze(answer: &[LayoutSurface], trims: &LayoutTrims, extents: &Exte
     for surface in [SurfaceName::WallBack, SurfaceName::WallLeft, SurfaceName::WallRight, SurfaceName::WallFront] {
         if !surfaces.iter().any(|s| s.surface == surface) {
             let parts = goes_round(answer).cloned().into_iter().collect();
-            surfaces.push(LayoutSurface { surface, color_hex: None, pattern: None, parts });
+            surfaces.push(LayoutSurface { surface, color_hex: None, finish: None, pattern: None, parts });
         }
     }
     for wall in surfaces.iter_mut().filter(|s| s.surface.surface().wall().is_some()) {
@@ -222,7 +222,7 @@ mod tests {
             ..LayoutTrims::default()
         };
         let part = |kind, from_m, to_m| LayoutPart { kind, from_m, to_m, color_hex: None, pattern: None };
-        let of = |surface, parts| LayoutSurface { surface, color_hex: None, pattern: None, parts };
+        let of = |surface, parts| LayoutSurface { surface, color_hex: None, finish: None, pattern: None, parts };
         let answer = [
             of(SurfaceName::WallBack, vec![part(LayoutPartKind::Wainscot, 0.0, 1.0)]),
             of(SurfaceName::WallLeft, Vec::new()),

@@ -19,6 +19,8 @@ use crate::views;
 const FEWEST: usize = 40;
 /// Light on a board as a share of that in which its colour was said.
 const LIGHT: [f32; 2] = [0.05, 1.4];
+/// Less light than this share of what the walls have is the shadow of something, not the board's light.
+const SHADED: f32 = 0.3;
 /// Difference in hue, Lab units, up to which the photo's colour is the board's in coloured light.
 const TINT: f32 = 14.0;
 /// How far from a board the wall beside it is looked at, as a share of the photo's longer side.
@@ -34,17 +36,39 @@ pub fn in_photo(state: &SceneState) -> Trims {
         return state.trims;
     }
     let boards = boards(state);
+    let walls = light_on_walls(state);
     let seen: [Option<[f32; 3]>; 3] = std::array::from_fn(|k| {
         let board = boards[k].as_ref()?;
         let there = linear_from_rgb8(median_color(&state.photo, &board.seen)?);
-        seen_as(said[k]?.color, there.map(|c| (c * board.along).min(1.0)))
+        let there = there.map(|c| (c * board.along).min(1.0));
+        let said = said[k]?.color;
+        seen_as(said, there).filter(|_| walls.is_none_or(|walls| light(there, said) > SHADED * walls))
     });
     let lights: Vec<f32> = said.iter().zip(&seen).filter_map(|(t, s)| Some(light((*s)?, (*t)?.color))).collect();
-    let usual = if lights.is_empty() { 1.0 } else { lights.iter().sum::<f32>() / lights.len() as f32 };
+    let usual = if lights.is_empty() {
+        walls.unwrap_or(1.0).min(1.0)
+    } else {
+        lights.iter().sum::<f32>() / lights.len() as f32
+    };
     let [skirting, cornice, casing] = std::array::from_fn(|k| {
         said[k].map(|trim| Trim { color: seen[k].unwrap_or(trim.color.map(|c| c * usual)), ..trim })
     });
     Trims { skirting, cornice, casing }
+}
+
+/// How much light the photo shows on walls whose paint was said, as a share of even white light; the middle one of them.
+fn light_on_walls(state: &SceneState) -> Option<f32> {
+    let said = state.layout.answer.surfaces.iter().filter(|s| s.surface.surface().wall().is_some());
+    let mut lights: Vec<f32> = said
+        .filter_map(|s| {
+            let texture = state.surfaces.get(&s.surface.surface())?;
+            let whole = Mask::from_fn(harmony_scene::ImageSize::new(texture.width(), texture.height()), |_, _| true);
+            let shown = median_color(&DynamicImage::ImageRgba8((**texture).clone()).to_rgb8(), &whole)?;
+            Some(light(linear_from_rgb8(shown), linear_from_rgb8(s.rgb()?)))
+        })
+        .collect();
+    lights.sort_by(f32::total_cmp);
+    lights.get(lights.len() / 2).copied()
 }
 
 /// A kind of board in the photo.
@@ -200,6 +224,26 @@ mod tests {
             .into();
         let color = rgb8_from_linear(in_photo(&state).skirting.unwrap().color);
         assert!(color.iter().all(|c| *c > 100), "{color:?}");
+    }
+
+    #[test]
+    fn a_board_that_is_seen_in_a_shadow_alone_has_the_light_of_the_walls() {
+        let mut state = room([60, 60, 60]);
+        state.trims.skirting = Some(board([240, 240, 235]));
+        let dark = rgb8_from_linear(in_photo(&state).skirting.unwrap().color);
+        assert!(dark.iter().all(|c| *c < 65), "nothing says better: {dark:?}");
+        let wall = harmony_prompts::LayoutSurface {
+            surface: harmony_prompts::SurfaceName::WallBack,
+            color_hex: Some("#d8d8d8".into()),
+            finish: None,
+            pattern: None,
+            parts: vec![],
+        };
+        state.layout.answer.surfaces = vec![wall];
+        let paper = image::RgbaImage::from_pixel(90, 45, image::Rgba([190, 190, 190, 255]));
+        state.surfaces = [(Surface::Back, Arc::new(paper))].into();
+        let color = rgb8_from_linear(in_photo(&state).skirting.unwrap().color);
+        assert!(color.iter().all(|c| (195..225).contains(c)), "{color:?}");
     }
 
     #[test]

@@ -29,9 +29,6 @@ pub fn layout(question: &LayoutQuestion, photo: Option<&RgbImage>) -> LayoutAnsw
     let yaw = within(known.map(|k| k.yaw_deg), -85.0, 85.0).unwrap_or(0.0);
     let distance = within(known.map(|k| k.dist_to_back_m), 0.3, 35.0).unwrap_or(depth * 0.85);
     let [floor, wall] = surface_colors(photo);
-    let (sin, cos) = yaw.to_radians().sin_cos();
-    // A point on the back wall in the direction of view, from the middle of the room.
-    let aim_x = (width / 2.0 - sin / cos.max(0.1) * distance).clamp(0.0, width);
     LayoutAnswer {
         room: LayoutRoom {
             room_type: "room".to_owned(),
@@ -54,27 +51,21 @@ pub fn layout(question: &LayoutQuestion, photo: Option<&RgbImage>) -> LayoutAnsw
             floor_junction_y_frac: junction(camera_height, distance, tilt, photo),
             yaw_deg: yaw,
             dist_to_back_m: distance,
-            facing: "back wall".to_owned(),
             corner_px: None,
             back_wall_side: BackWallSide::Both,
-            aim_target_world_m: [aim_x, (camera_height - distance * tilt.to_radians().tan()).clamp(0.0, height), 0.0],
-            aim_target_landmark: "the middle of the photo".to_owned(),
             visible_wall_height_m: height,
-            visible_floor_depth_m: distance,
         },
         floor_texture: FloorTexture {
             material: "not known".to_owned(),
             color: floor.clone(),
             pattern: "as in the photo".to_owned(),
             tile_size_m: 1.0,
-            synthesis_prompt: format!("seamless {floor} floor, top view, even light"),
         },
         wall_texture: WallTexture {
             material: "paint".to_owned(),
             color: wall.clone(),
             finish: "matt".to_owned(),
             tile_size_m: 1.0,
-            synthesis_prompt: format!("seamless matt {wall} wall paint"),
         },
         surfaces: vec![],
         trims: LayoutTrims::default(),
