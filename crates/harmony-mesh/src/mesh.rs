@@ -179,7 +179,30 @@ pub enum MeshError {
     },
 }
 
+/// Metalness and roughness from which a surface shows the room before it rather than itself.
+const MIRRORS: (f32, f32) = (0.9, 0.12);
+/// Share of a looking-glass's area that lies across one direction; a tap's does not.
+const EVEN: f32 = 0.7;
+
 impl Mesh {
+    /// Whether a material is a looking-glass: a mirror, and even.
+    pub fn is_looking_glass(&self, material: usize) -> bool {
+        let mirrors = |m: &Material| m.metallic >= MIRRORS.0 && m.roughness <= MIRRORS.1;
+        if !self.materials.get(material).is_some_and(mirrors) {
+            return false;
+        }
+        let triangles = self.groups.iter().filter(|g| g.material == material).flat_map(|g| &g.triangles);
+        let corner = |i: u32| self.positions.get(i as usize).copied().unwrap_or_default();
+        // Both sides of a sheet lie across one direction.
+        let (mut by_axis, mut all) = (Vec3::ZERO, 0.0);
+        for [a, b, c] in triangles.map(|t| t.map(corner)) {
+            let across = (b - a).cross(c - a);
+            by_axis += across.abs();
+            all += across.length();
+        }
+        all > 0.0 && by_axis.max_element() > EVEN * all
+    }
+
     /// Number of triangles.
     pub fn triangle_count(&self) -> usize {
         self.groups.iter().map(|g| g.triangles.len()).sum()

@@ -10,7 +10,7 @@ use harmony_catalogue::light_slot;
 use harmony_io::{
     GlbNode, GlbScene, NodeTransform, Segment, glb::TextureEncoding, picture, save_segmentation, write_json,
 };
-use harmony_mesh::Mesh;
+use harmony_mesh::{Material, Mesh};
 use harmony_scene::{
     ImageSize, Lighting, Mask, ObjectId, Pose, SCENE_VERSION, Scene, SceneCamera, SceneObject, Surface, Warning,
 };
@@ -158,8 +158,10 @@ pub fn write_scene_glb(path: &Path, state: &SceneState, scene: Option<&Scene>) -
         .filter_map(|object| {
             let mut mesh = with_material(state.mesh_of(&object.id)?, object, is_said(state, object));
             if scene.is_none() {
-                // What is path-traced gets real light.
+                // What is path-traced gets real light, and mirrors mirror.
                 mesh.colors.clear();
+                let model = state.objects.get(&object.id).and_then(|o| o.model.as_ref());
+                model.iter().for_each(|model| mirror_again(&mut mesh, &model.mesh));
             }
             Some(GlbNode {
                 name: object.id.to_string(),
@@ -275,6 +277,17 @@ fn with_material(mesh: &Arc<Mesh>, object: &SceneObject, said: bool) -> Mesh {
         }
     }
     mesh
+}
+
+/// Takes what the photo shows in mirrors off them.
+fn mirror_again(mesh: &mut Mesh, bare: &Mesh) {
+    let glasses: Vec<&Material> =
+        bare.materials.iter().enumerate().filter(|(k, _)| bare.is_looking_glass(*k)).map(|(_, m)| m).collect();
+    for material in &mut mesh.materials {
+        if let Some(own) = glasses.iter().find(|m| m.name == material.name) {
+            *material = (*own).clone();
+        }
+    }
 }
 
 /// Whether a program says what each slot is made of.
@@ -424,7 +437,7 @@ fn call_row(c: &CallSummary) -> CallRow {
 
 #[cfg(test)]
 mod tests {
-    use harmony_mesh::Material;
+
     use harmony_scene::{
         Confidence, Level, MaterialCategory, PbrFactors, Physical, Pose, Relations, Size, Support, SurfaceMaterial,
     };
@@ -452,6 +465,29 @@ mod tests {
             mesh_source: String::new(),
             confidence: Confidence::default(),
         }
+    }
+
+    #[test]
+    fn a_looking_glass_that_shows_the_photo_mirrors_again_for_the_path_tracer() {
+        let sheet = |thin: f32| Mesh {
+            positions: vec![
+                glam::Vec3::ZERO,
+                glam::Vec3::X,
+                glam::Vec3::new(1.0, 1.0, 0.0),
+                glam::Vec3::new(0.0, 1.0, thin),
+            ],
+            groups: vec![harmony_mesh::Group { material: 0, triangles: vec![[0, 1, 2], [0, 2, 3]] }],
+            materials: vec![Material { metallic: 1.0, roughness: 0.03, ..Material::plain("glass", [0.9; 3]) }],
+            ..Mesh::default()
+        };
+        let bare = sheet(0.0);
+        let mut shown = bare.clone();
+        (shown.materials[0].texture, shown.materials[0].base_color) = (Some(Arc::new(RgbaImage::new(2, 2))), [1.0; 4]);
+        mirror_again(&mut shown, &bare);
+        assert!(shown.materials[0].texture.is_none() && shown.materials[0].base_color[0] < 1.0);
+        let mut steel = sheet(0.0);
+        steel.materials[0].roughness = 0.3;
+        assert!(!steel.is_looking_glass(0), "brushed");
     }
 
     #[test]

@@ -6,6 +6,8 @@ use serde::Serialize;
 
 use crate::question::{Ask, fill, in_range, lines};
 
+/// Difference in warmth (log2 of red over blue) that nobody sees.
+const LITTLE_WARMTH: f64 = 0.07;
 /// Most patches of sun, and most shadows, of one answer.
 const MAX_PATCHES: usize = 12;
 
@@ -117,9 +119,15 @@ impl Ask for LightingReviewQuestion {
 
     fn prompt(&self) -> String {
         let setup = serde_json::to_string_pretty(&self.lighting).expect("a setup is plain data");
+        let tone = match self.warmth {
+            w if w > LITTLE_WARMTH => "warmer than",
+            w if w < -LITTLE_WARMTH => "colder than",
+            _ => "about as warm as",
+        };
         let measured = format!(
-            "the preview is {:+.2} stops brighter than the photo (negative = darker), warmth difference {:+.2} (log2 of red over blue)",
-            self.stops, self.warmth
+            "the preview is {:.2} times as bright as the photo, and {tone} it (its red against its blue is {:.2} times the photo's)",
+            self.stops.exp2(),
+            self.warmth.exp2()
         );
         fill(include_str!("../templates/lighting_review.md"), &[("setup", setup), ("measured", measured)])
     }

@@ -113,9 +113,11 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     let mut partial = PartialScene::new(room, camera, room_points, Some(anchor));
     partial.posterior = posterior;
     let nobodys = Border::of(&working).mask(camera.size).or(&ignored(&answer.ignore, camera.size));
+    let nobodys = Arc::new(nobodys);
+    partial.nobodys = nobodys.bounds().is_some().then(|| Arc::clone(&nobodys));
     let layout = Layout { answer, evidence, method, confidence, because };
     let mut state = SceneState {
-        photo_frame: Arc::new(nobodys),
+        photo_frame: nobodys,
         photo: working,
         layout,
         partial,

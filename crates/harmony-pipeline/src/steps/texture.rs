@@ -79,8 +79,14 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
         let at_wall = placed.item.level == Level::Wall;
         // What is seen through glass is not its paint, but for the view out of a window.
         let clear = model.mesh.materials.iter().filter(|m| !at_wall && is_clear(m)).map(|m| m.name.clone());
+        // A mirror shows what the photo shows in it; whoever traces paths takes that off again.
+        let mesh = &model.mesh;
+        let mirrors = |slot: &&String| {
+            mesh.materials.iter().enumerate().any(|(k, m)| m.name == **slot && mesh.is_looking_glass(k))
+        };
+        let plain = model.plain_slots.iter().filter(|slot| !mirrors(slot)).cloned();
         let options = BakeOptions {
-            plain_slots: model.plain_slots.iter().cloned().chain(clear).collect(),
+            plain_slots: plain.chain(clear).collect(),
             trusted: at_wall && harmony_catalogue::has(&placed.item.label, Trait::Planar),
             ..BakeOptions::default()
         };

@@ -80,6 +80,7 @@ pub(crate) fn neighbours<'a>(
             let (may_hide, may_carry) = (may_hide(other), may_carry(other));
             Neighbour { mask: &other.mask, may_hide, may_carry, placed }
         })
+        .chain(scene.nobodys.iter().map(|mask| Neighbour { mask, may_hide: true, may_carry: false, placed: false }))
         .collect()
 }
 

@@ -33,6 +33,7 @@ pub(super) fn carry(scene: &mut PartialScene, object: usize, settings: &Placemen
         Attachment::OnHost { host, level } => {
             Attachment::OnHost { host, level: level + wanted.position.y - old.position.y }
         }
+        Attachment::OnWall(wall) => Attachment::OnWall(plane_towards(scene, wall, &old, &wanted)),
         other => other,
     };
     let yaw = YawRule::Fixed(wanted.yaw);
@@ -44,6 +45,13 @@ pub(super) fn carry(scene: &mut PartialScene, object: usize, settings: &Placemen
 
 /// A move off a wall by more than this takes what stands at it away from it, metres.
 const OFF_WALL: f64 = 0.03;
+
+/// The plane, of those that face as an object's wall does, that a move off its plane leads to: into a recess, or out of it.
+fn plane_towards(scene: &PartialScene, wall: WallPlane, old: &Pose, wanted: &Pose) -> WallPlane {
+    let inset = wall.inset + (wanted.position - old.position).dot(wall.normal());
+    let off = |plane: &WallPlane| (plane.inset - inset).abs();
+    scene.room.planes(wall.wall).into_iter().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(wall)
+}
 
 /// Whether a wanted place is farther from the wall than the present one.
 fn pulled_off(scene: &PartialScene, old: &Pose, wanted: &Pose, wall: WallPlane) -> bool {

@@ -341,3 +341,51 @@ fn what_belongs_into_a_niche_can_be_moved_into_it() {
     let done = apply(&scene, &[beside], &settings).unwrap();
     assert!(done.scene.find(&object).unwrap().pose.position.x > 0.3);
 }
+
+#[test]
+fn a_window_can_be_moved_into_its_recess_and_out_of_it() {
+    let mut scene = empty_room();
+    scene.room.shape.niches.push(harmony_scene::Niche {
+        kind: "window recess".into(),
+        surface: Wall::Back.surface(),
+        sides: None,
+        glow: None,
+        min: Vec3::new(1.2, 0.9, -0.3),
+        max: Vec3::new(2.4, 2.1, 0.0),
+    });
+    let size = Vec3::new(1.0, 1.0, 0.06);
+    let mut item = boxed(&scene, size, Vec3::new(1.8, 1.0, -0.27), 0.0);
+    item.level = harmony_scene::Level::Wall;
+    let object = item.id.clone();
+    let (pose, support) = (Pose::new(Vec3::new(1.8, 1.0, 0.03), 0.0, 1.0), Support::Wall { wall: Wall::Back });
+    scene.placed.push(Placed { item: Arc::new(item), pose, support, evidence: Evidence::default() });
+    let settings = PlacementSettings::default();
+    let z_after = |scene: &PartialScene, by: f64| {
+        let action = ReviewAction::Move { object: object.clone(), by_m: [0.0, 0.0, by] };
+        let done = apply(scene, &[action], &settings).unwrap();
+        let z = done.scene.find(&object).unwrap().pose.position.z;
+        (z, done.scene)
+    };
+    let (inside, moved) = z_after(&scene, -0.25);
+    assert!((inside + 0.27).abs() < 0.03, "{inside}");
+    assert!((z_after(&moved, 0.3).0 - 0.03).abs() < 0.03);
+    assert!((z_after(&scene, -0.05).0 - 0.03).abs() < 0.03, "it stays on the nearer plane");
+}
+
+#[test]
+fn what_a_person_hides_is_no_edge_of_its_own() {
+    let mut scene = empty_room();
+    let (size, at) = (Vec3::new(1.0, 0.9, 0.5), Vec3::new(2.0, 0.0, 1.0));
+    let mut item = boxed(&scene, size, at, 0.0);
+    let whole = item.mask.bounds().unwrap();
+    let image = scene.camera.size;
+    // Somebody stands before its right half.
+    let person =
+        harmony_scene::Mask::from_fn(image, |x, _| f64::from(x) > whole.centre().x && f64::from(x) < whole.x1 + 30.0);
+    item.mask = Arc::new(item.mask.minus(&person));
+    let free =
+        |scene: &PartialScene| Window::new(scene, &item, None, &[], &PlacementSettings::default()).unwrap().free[2];
+    assert!(free(&scene), "nobody is known to hide it");
+    scene.nobodys = Some(Arc::new(person));
+    assert!(!free(&scene));
+}

@@ -103,6 +103,8 @@ pub struct PartialScene {
     pub placed: Vec<Placed>,
     /// How surely camera, room and scale are known, when a point map was calibrated.
     pub posterior: Option<RoomPosterior>,
+    /// Pixels that are nobody's and may hide anybody: a person, a watermark, an undistorted picture's empty frame.
+    pub nobodys: Option<Arc<Mask>>,
 }
 
 impl PartialScene {
@@ -113,7 +115,15 @@ impl PartialScene {
             .into_iter()
             .max_by(|a, b| camera.depth(*a).total_cmp(&camera.depth(*b)))
             .unwrap_or(Vec3::ZERO);
-        Self { room, camera, points, anchor: anchor.unwrap_or(deepest), placed: Vec::new(), posterior: None }
+        Self {
+            room,
+            camera,
+            points,
+            anchor: anchor.unwrap_or(deepest),
+            placed: Vec::new(),
+            posterior: None,
+            nobodys: None,
+        }
     }
 
     /// Whether a wall is where a guess put it: the room says which faces were seen, and this one was not.

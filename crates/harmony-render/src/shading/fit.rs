@@ -2,7 +2,7 @@
 //!
 //! In logarithms the law is linear: `ln photo = ln said + slot + scene + b(normal, place) . w + g ln openness`, with `said`
 //! the colour that a material was given. It is solved by iterated reweighting (Huber) with weak priors, so that what was
-//! seen of few surfaces stays near to what was said.
+//! seen of few surfaces stays near to what was said. The hue of the light is what most materials ask for alike.
 
 use glam::DVec3;
 use harmony_scene::Extents;
@@ -30,8 +30,13 @@ const HUE_PIXELS: f64 = 80.0;
 const MOST_LEVEL: f64 = 1.04;
 /// Difference of a channel against the others from which a slot's pixels are not its own, nats.
 const FOREIGN: f64 = 0.6;
-/// Largest change of a channel against the others, nats.
+/// Largest change of a channel against the others, nats, beside the hue of the room's light.
 const MOST_HUE: f64 = 0.22;
+/// Largest hue of that light in a channel, nats; pixels that have to speak against white light; and most of one slot that
+/// count: many things tell of light, one large thing of its paint.
+const MOST_TINT: f64 = 1.2;
+const WHITE_PIXELS: f64 = 300.0;
+const ONE_SLOT_PIXELS: f64 = 150.0;
 
 /// A pixel of the photo that shows a material.
 #[derive(Debug, Clone, Copy)]
@@ -96,29 +101,61 @@ pub(super) fn fit(samples: &[Sample], slots: usize, room: &Extents) -> (LightLaw
             list.push(log(s.photo[k]) - log(s.said[k] * light));
         }
     }
-    (law, channels.into_iter().map(gain).collect())
+    let asked: Vec<Option<Asked>> = channels.into_iter().map(Asked::of).collect();
+    let tint = tint(&asked);
+    (law, asked.iter().map(|asked| gain(asked.as_ref(), tint)).collect())
 }
 
-/// The factors of a slot from the logarithms of what its pixels ask for: brightness soon, hue only by many pixels, for
-/// the few of a small thing are its neighbours' too.
-fn gain(lists: [Vec<f64>; 3]) -> [f64; 3] {
-    let count = lists[0].len() as f64;
-    if lists[0].is_empty() {
-        return [1.0; 3];
+/// What the pixels of a slot ask for, nats.
+struct Asked {
+    pixels: f64,
+    level: f64,
+    /// By channel, against the level.
+    hue: [f64; 3],
+}
+
+impl Asked {
+    fn of(lists: [Vec<f64>; 3]) -> Option<Self> {
+        let pixels = lists[0].len();
+        if pixels == 0 {
+            return None;
+        }
+        let median = lists.map(|mut list| *list.select_nth_unstable_by(pixels / 2, f64::total_cmp).1);
+        let level = 0.2126 * median[0] + 0.7152 * median[1] + 0.0722 * median[2];
+        Some(Self { pixels: pixels as f64, level, hue: median.map(|m| m - level) })
     }
-    let median = lists.map(|mut list| {
-        let middle = list.len() / 2;
-        *list.select_nth_unstable_by(middle, f64::total_cmp).1
-    });
-    let level = 0.2126 * median[0] + 0.7152 * median[1] + 0.0722 * median[2];
+}
+
+/// The hue of the room's light: what most slots ask for alike, for their colours were said for even white light. A photo
+/// by lamps is yellow all over.
+fn tint(asked: &[Option<Asked>]) -> [f64; 3] {
+    std::array::from_fn(|k| {
+        // Light is white until more speaks against it.
+        let mut told = vec![(0.0, WHITE_PIXELS)];
+        told.extend(asked.iter().flatten().map(|a| (a.hue[k], a.pixels.min(ONE_SLOT_PIXELS))));
+        told.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let all: f64 = told.iter().map(|t| t.1).sum();
+        let mut sum = 0.0;
+        let middle = told.iter().find(|t| {
+            sum += t.1;
+            sum >= all / 2.0
+        });
+        middle.map_or(0.0, |t| t.0.clamp(-MOST_TINT, MOST_TINT))
+    })
+}
+
+/// The factors of a slot in a light of a hue: brightness soon, a hue of its own only by many pixels, for the few of a small
+/// thing are its neighbours' too.
+fn gain(asked: Option<&Asked>, tint: [f64; 3]) -> [f64; 3] {
+    let Some(Asked { pixels, level, hue }) = asked else { return tint.map(f64::exp) };
     // Pixels of quite another hue are another thing's, which the scene has elsewhere.
-    if median.iter().any(|m| (m - level).abs() > FOREIGN) {
-        return [1.0; 3];
+    if (0..3).any(|k| (hue[k] - tint[k]).abs() > FOREIGN) {
+        return tint.map(f64::exp);
     }
-    let brightness = (level * count / (count + LEVEL_PIXELS)).clamp(-MOST_LEVEL, MOST_LEVEL);
-    median.map(|m| {
-        let hue = ((m - level) * count / (count + HUE_PIXELS)).clamp(-MOST_HUE, MOST_HUE);
-        (brightness + hue).exp()
+    let brightness = (level * pixels / (pixels + LEVEL_PIXELS)).clamp(-MOST_LEVEL, MOST_LEVEL);
+    std::array::from_fn(|k| {
+        let own = ((hue[k] - tint[k]) * pixels / (pixels + HUE_PIXELS)).clamp(-MOST_HUE, MOST_HUE);
+        (brightness + tint[k] + own).exp()
     })
 }
 
@@ -195,6 +232,32 @@ mod tests {
         let (law, gains) = fit(&all, 1, &ROOM);
         let predicted = 0.5 * gains[0][0] * law.at(DVec3::Y, DVec3::new(1.5, 0.4, 2.0), 1.0);
         assert!((predicted / 0.55 - 1.0).abs() < 0.15, "{predicted}");
+    }
+
+    #[test]
+    fn in_lamplight_all_that_was_said_for_white_light_is_yellow_and_a_foreign_slot_too() {
+        let lamp = [1.3, 1.0, 0.45];
+        let mut all = Vec::new();
+        for slot in 0..8 {
+            let paint = [0.6 - 0.04 * slot as f64, 0.3, 0.2 + 0.05 * slot as f64];
+            let samples = seen(|_| 1.0, [0.5; 3], std::array::from_fn(|k| paint[k] * lamp[k]), slot);
+            all.extend(samples.into_iter().map(|s| Sample { said: paint, ..s }));
+        }
+        // A mask that shows something blue.
+        let blue = seen(|_| 1.0, [0.5; 3], [0.02, 0.1, 0.6], 8);
+        all.extend(blue.into_iter().map(|s| Sample { said: [0.5; 3], ..s }));
+        let (_, gains) = fit(&all, 10, &ROOM);
+        for slot in [0, 7, 8, 9] {
+            let ratio = gains[slot][0] / gains[slot][2];
+            assert!((2.3..3.4).contains(&ratio), "slot {slot}: {:?}", gains[slot]);
+        }
+        // In white light nothing that is not seen changes its hue.
+        let mut white = Vec::new();
+        for slot in 0..8 {
+            white.extend(seen(|_| 1.0, [0.5; 3], [0.4; 3], slot));
+        }
+        let (_, gains) = fit(&white, 9, &ROOM);
+        assert!(gains[8].iter().all(|g| (g - gains[8][0]).abs() < 1e-6), "{:?}", gains[8]);
     }
 
     #[test]
