@@ -18,7 +18,7 @@ pub use self::shape::{fit_shape, reshape};
 pub use self::verdict::{Verdict, energy_change, judge};
 use crate::contact::collision::relax;
 use crate::scene::subtree::subtree;
-use crate::stats::median;
+use crate::stats::median_of_ratios;
 use crate::{Evidence, PartialScene, Placed, PlacementSettings, YawHint, measure};
 
 /// Longest single move that is tried, metres.
@@ -235,7 +235,7 @@ fn step(outcome: &mut ReviewOutcome, action: &ReviewAction, settings: &Placement
                 return Err(no_set());
             }
             let sizes: Vec<Vec3> = members.iter().map(|k| after.placed[*k].size().as_vec()).collect();
-            let of = |axis: usize| median(&mut sizes.iter().map(|s| s[axis]).collect::<Vec<_>>());
+            let of = |axis: usize| median_of_ratios(&mut sizes.iter().map(|s| s[axis]).collect::<Vec<_>>());
             let wanted = Vec3::new(of(0), of(1), of(2));
             for (k, size) in members.into_iter().zip(sizes) {
                 rescale(after, k, wanted / size, settings);

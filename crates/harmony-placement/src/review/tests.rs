@@ -273,17 +273,34 @@ fn exchanged_objects_take_masks_and_places_and_keep_shapes_and_what_rests_there_
     assert!(matches!(apply(&after.scene, &[on_itself], &settings), Err(ActionError::NotExchangeable { .. })));
 }
 
-#[test]
-fn a_set_gets_the_median_of_its_sizes() {
+/// Chairs of one set, so many metres high.
+fn set_of_chairs(heights: &[f64]) -> PartialScene {
     let mut scene = empty_room();
-    for (k, height) in [0.8, 0.9, 1.3].into_iter().enumerate() {
-        let at = Vec3::new(0.8 + k as f64, 0.0, 2.0);
-        let mut item = boxed(&scene, Vec3::new(0.5, height, 0.5), at, 0.0);
+    for (k, height) in heights.iter().enumerate() {
+        let at = Vec3::new(0.8 + 0.7 * k as f64, 0.0, 2.0);
+        let mut item = boxed(&scene, Vec3::new(0.5, *height, 0.5), at, 0.0);
         item.id = ObjectId::numbered("chair", k);
         item.relations.matched_set = Some("chairs".to_owned());
         let (pose, support) = (Pose::new(at, 0.0, 1.0), Support::Floor);
         scene.placed.push(Placed { item: Arc::new(item), pose, support, evidence: Evidence::default() });
     }
+    scene
+}
+
+#[test]
+fn a_set_of_an_even_number_meets_between_its_middle_two() {
+    let settings = PlacementSettings::default();
+    let equalize = [ReviewAction::Equalize { object: ObjectId::numbered("chair", 0) }];
+    for heights in [&[0.8, 0.9][..], &[0.8, 1.3, 0.5, 0.9][..]] {
+        let after = apply(&set_of_chairs(heights), &equalize, &settings).unwrap();
+        let wanted = (0.8_f64 * 0.9).sqrt();
+        assert!(after.scene.placed.iter().all(|p| (p.size().height - wanted).abs() < 1e-6), "{heights:?}");
+    }
+}
+
+#[test]
+fn a_set_gets_the_median_of_its_sizes() {
+    let mut scene = set_of_chairs(&[0.8, 0.9, 1.3]);
     let settings = PlacementSettings::default();
     let object = ObjectId::numbered("chair", 2);
     let after = apply(&scene, &[ReviewAction::Equalize { object: object.clone() }], &settings).unwrap();
