@@ -3,6 +3,7 @@ use std::sync::Arc;
 use harmony_scene::{Pose, Wall};
 
 use super::*;
+use crate::Placed;
 use crate::scene::attachment::angle_between;
 use crate::testing::{add, boxed, empty_room, of_boxes, seen};
 
@@ -325,4 +326,45 @@ fn what_its_support_undoes_is_not_kept() {
     let after = apply(&scene, std::slice::from_ref(&up), &settings).unwrap();
     let v = judge(&scene, &after, &settings);
     assert!(!v.kept && v.reason.contains("is held by the floor"), "{v:?}");
+}
+
+#[test]
+fn a_set_of_one_size_is_not_equalized_again() {
+    let equalize = ReviewAction::Equalize { object: ObjectId::numbered("chair", 0) };
+    let v = verdict(&set_of_chairs(&[0.8, 0.81]), &equalize);
+    assert!(!v.kept && v.reason.contains("one size already"), "{v:?}");
+    let apart = apply(&set_of_chairs(&[0.8, 0.9]), &[equalize], &PlacementSettings::default()).unwrap();
+    assert_eq!(apart.missed, None);
+}
+
+#[test]
+fn a_copy_that_its_wall_keeps_from_its_place_is_not_kept() {
+    let mut scene = empty_room();
+    let at = Vec3::new(2.0, 1.2, 0.02);
+    let mut item = boxed(&scene, Vec3::new(0.8, 0.6, 0.03), at, 0.0);
+    item.level = harmony_scene::Level::Wall;
+    item.relations.wall_affinity = Wall::Back.into();
+    let (like, support) = (item.id.clone(), Support::Wall { wall: Wall::Back });
+    let pose = Pose::new(at, 0.0, 1.0);
+    scene.placed.push(Placed { item: Arc::new(item), pose, support, evidence: Evidence::default() });
+    let missed = |at_m| {
+        let add = ReviewAction::Add { like: like.clone(), at_m, yaw_deg: 0.0 };
+        apply(&scene, &[add], &PlacementSettings::default()).unwrap().missed
+    };
+    assert_eq!(missed([3.2, 1.2, 0.0]), None);
+    let on_another_wall = missed([0.0, 1.2, 2.5]);
+    assert!(on_another_wall.is_some_and(|why| why.contains("held by the back wall")));
+}
+
+#[test]
+fn a_swap_after_which_one_stands_where_it_stood_is_not_kept() {
+    let mut scene = scene();
+    let [a, b] = [0, 1].map(|k| scene.placed[k].item.id.clone());
+    let swap = ReviewAction::Swap { object: a, with: b };
+    assert!(verdict(&scene, &swap).kept);
+    // The other one stands far from its mask, which is beside the first one.
+    let beside = boxed(&scene, Vec3::new(0.8, 0.6, 0.5), Vec3::new(1.3, 0.0, 2.2), 0.0);
+    Arc::make_mut(&mut scene.placed[1].item).mask = beside.mask;
+    let v = verdict(&scene, &swap);
+    assert!(!v.kept && v.reason.contains("box_00 would stay near its place"), "{v:?}");
 }
