@@ -153,9 +153,10 @@ pub async fn place(
         }
         turns::fine(ctx, level, &mut state).await?;
         groups::order(ctx, level, &mut state).await?;
+        texture::bare(ctx, &mut state).await?;
         review::until_settled(ctx, level, &mut state).await?;
         second_look::until_settled(ctx, level, &mut state).await?;
-        texture::level(ctx, &mut state, level).await?;
+        texture::bare(ctx, &mut state).await?;
         if !prepared.summary.is_empty() {
             state.summaries.push(prepared.summary);
         }
