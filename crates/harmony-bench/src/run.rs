@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use harmony_calls::{BookOptions, CallBook, CallOptions, Calls, Cast};
-use harmony_pipeline::{Phase, ProgressSink, RunOutcome, RunRequest, Settings, Warnings};
+use harmony_pipeline::{Phase, ProgressSink, RunFile, RunOutcome, RunRequest, Settings, Warnings};
 use harmony_scene::Level;
 use serde::{Deserialize, Serialize};
 
@@ -239,6 +239,7 @@ pub fn judged(
     looking: &Looking,
 ) -> [RoomScore; 2] {
     let run = Prediction::load(folder);
+    let questions_per_object = RunFile::read(folder).map(|file| file.questions_per_object).filter(|asked| *asked > 0.0);
     // Pictures are the same whatever the scale.
     let pair = run.as_ref().ok().and_then(|run| pictures(truth, run));
     let alike = pair.map(|(render, photo)| looking.compare(&render, &photo)).unwrap_or_default();
@@ -246,7 +247,8 @@ pub fn judged(
         Ok(run) => {
             let s = score(truth, run, ScoreOptions { align_scale, points });
             let (n_clip, lpips) = (alike.n_clip, alike.lpips);
-            RoomScore { seconds, failure: failure.map(str::to_owned), n_clip, lpips, ..s }
+            let failure = failure.map(str::to_owned);
+            RoomScore { seconds, failure, n_clip, lpips, questions_per_object, ..s }
         }
         Err(error) => RoomScore::failed(truth, seconds, failure.map_or_else(|| error.to_string(), str::to_owned)),
     })

@@ -79,6 +79,9 @@ pub const VIEWS_UNSEEN: &str = "views PL, unseen surfaces (mean)";
 /// Silhouette IoU from there.
 pub const VIEWS_IOU: &str = "views IoU of seen objects (mean)";
 
+/// Questions to the language model, a room's mean over its objects.
+pub const QUESTIONS: &str = "questions for each placed object";
+
 /// A figure by its name.
 pub fn find<'a>(figures: &'a [Figure], name: &str) -> Option<&'a Figure> {
     figures.iter().find(|f| f.name == name)
@@ -304,6 +307,8 @@ pub fn summary(rooms: &[RoomScore]) -> Vec<Figure> {
     ];
     figures.extend(surfaces(rooms));
     figures.extend(from_views(rooms));
+    let asked: Vec<f64> = rooms.iter().filter_map(|r| r.questions_per_object).collect();
+    figures.push(spread(QUESTIONS, "", &asked, [None, None]));
     figures.push(spread("seconds", "s", &seconds, [None, None]));
     figures
 }

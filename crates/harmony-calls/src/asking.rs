@@ -77,6 +77,7 @@ impl Calls {
         let event = |kind| self.tell::<R>(&name, kind);
         let card = R::card(cast);
 
+        let arrived = self.arrivals.lock().await;
         let question = blocking({
             let request = request.clone();
             move || {
@@ -86,6 +87,7 @@ impl Calls {
             }
         })
         .await?;
+        drop(arrived);
         let recorded = self.book.recorded(R::ROLE, &name, &question)?;
         let key = recorded.as_ref().map_or_else(|| key_for(&question, &card), |recorded| recorded.key.clone());
 

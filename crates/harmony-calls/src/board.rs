@@ -1,7 +1,7 @@
 //! What is going on now, for a person who watches.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use harmony_roles::{PlayerCard, Role};
@@ -100,7 +100,29 @@ fn short(name: &str) -> &str {
 
 /// Keeps what is under way.
 #[derive(Debug, Default)]
-pub(crate) struct Board(Mutex<BTreeMap<(Role, String), Underway>>);
+pub(crate) struct Board(Mutex<Lines>);
+
+/// What is under way, and for how long something was.
+#[derive(Debug, Default)]
+struct Lines {
+    of: BTreeMap<(Role, String), Underway>,
+    /// Time in which somebody from outside was asked, up to the last change.
+    waited: Duration,
+    /// Since when somebody from outside is asked now.
+    waiting_since: Option<Instant>,
+}
+
+impl Lines {
+    /// After a line came or went.
+    fn changed(&mut self) {
+        let waits = self.of.values().any(|line| !line.offline);
+        if let Some(since) = self.waiting_since.take_if(|_| !waits) {
+            self.waited += since.elapsed();
+        } else if waits && self.waiting_since.is_none() {
+            self.waiting_since = Some(Instant::now());
+        }
+    }
+}
 
 /// A call's line on the board; wiped when dropped.
 pub(crate) struct Line<'a> {
@@ -119,19 +141,31 @@ impl Board {
             doing: Doing::Queued,
             since: Instant::now(),
         };
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).insert(key.clone(), new);
+        let mut lines = self.lines();
+        lines.of.insert(key.clone(), new);
+        lines.changed();
         Line { board: self, key }
     }
 
     pub fn underway(&self) -> Vec<Underway> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).values().cloned().collect()
+        self.lines().of.values().cloned().collect()
+    }
+
+    /// Time so far in which somebody from outside was asked; two at once count once.
+    pub fn waited(&self) -> Duration {
+        let lines = self.lines();
+        lines.waited + lines.waiting_since.map_or(Duration::ZERO, |since| since.elapsed())
+    }
+
+    fn lines(&self) -> MutexGuard<'_, Lines> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Line<'_> {
     pub fn doing(&self, doing: Doing) {
-        let mut lines = self.board.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(line) = lines.get_mut(&self.key) {
+        let mut lines = self.board.lines();
+        if let Some(line) = lines.of.get_mut(&self.key) {
             line.doing = doing;
             line.since = Instant::now();
         }
@@ -140,7 +174,9 @@ impl Line<'_> {
 
 impl Drop for Line<'_> {
     fn drop(&mut self) {
-        self.board.0.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.key);
+        let mut lines = self.board.lines();
+        lines.of.remove(&self.key);
+        lines.changed();
     }
 }
 
@@ -155,6 +191,26 @@ mod tests {
 
     fn card(player: &str) -> PlayerCard {
         PlayerCard { player: player.to_owned(), model: "1".to_owned(), offline: false, concurrency: 0 }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn waiting_for_two_counts_once_and_work_of_this_machine_does_not() {
+        let board = Board::default();
+        let pass = |seconds| tokio::time::sleep(Duration::from_secs(seconds));
+        let own = board.line(Role::Segmenter, "2_wall/segment", &PlayerCard { offline: true, ..card("offline") });
+        pass(5).await;
+        assert_eq!(board.waited().as_secs(), 0);
+        let first = board.line(Role::VisionLanguage, "2_wall/list", &card("openai"));
+        pass(3).await;
+        let second = board.line(Role::VisionLanguage, "3_furniture/list", &card("openai"));
+        drop(own);
+        pass(4).await;
+        drop(first);
+        pass(2).await;
+        assert_eq!(board.waited().as_secs(), 9, "it still waits");
+        drop(second);
+        pass(50).await;
+        assert_eq!(board.waited().as_secs(), 9);
     }
 
     #[tokio::test(start_paused = true)]

@@ -153,6 +153,8 @@ pub struct Calls {
     gates: Mutex<HashMap<String, Arc<Gate>>>,
     /// One call under a name at a time.
     names: Mutex<HashMap<(Role, CallName), Turn>>,
+    /// Calls come to their players in the order in which they were begun, however long it takes to read a question.
+    pub(crate) arrivals: tokio::sync::Mutex<()>,
     /// One call about the same work at a time.
     works: Mutex<HashMap<ContentKey, Turn>>,
     pub(crate) stop: Arc<Stop>,
@@ -183,6 +185,7 @@ impl Calls {
             offline,
             gates: Mutex::default(),
             names: Mutex::default(),
+            arrivals: tokio::sync::Mutex::default(),
             works: Mutex::default(),
             stop: Arc::default(),
             purse: Purse::new(options.budget.clone(), before),
@@ -235,6 +238,11 @@ impl Calls {
     pub fn is_looked_at(&self, question: &str) -> bool {
         let recorded = || self.book.recording().and_then(|r| r.names(Role::VisionLanguage).ok()).unwrap_or_default();
         self.cast.can().sees || recorded().iter().any(|name| name.as_str() == question)
+    }
+
+    /// Time since the start in which a player from outside was asked and had not answered.
+    pub fn waited(&self) -> Duration {
+        self.board.waited()
     }
 
     /// What happened since the start.

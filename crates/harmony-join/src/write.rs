@@ -444,6 +444,7 @@ fn report(joined: &Joined<'_>, scene: &Scene, seen: &SeenShare, title: &str) -> 
             status: PhaseStatus::Done,
             seconds: 0.0,
             outcome: format!("{} things from {} runs", joined.things.len(), joined.sources.len()),
+            ..PhaseReport::default()
         }],
         pictures,
         objects,
@@ -488,7 +489,7 @@ fn run_file(out: &Path, joined: &Joined<'_>) -> Result<RunFile, JoinError> {
         })
         .collect();
     let text = serde_json::to_string(&joined_from).map_err(|source| JoinError::Encode { source })?;
-    let done = PhaseEntry { state: PhaseState::Done, outcome: "done".to_owned(), hint: None };
+    let done = PhaseEntry { state: PhaseState::Done, outcome: "done".to_owned(), hint: None, time: None };
     Ok(RunFile {
         generator: GENERATOR.to_owned(),
         profile: "joined".to_owned(),

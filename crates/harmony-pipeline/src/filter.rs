@@ -1,10 +1,10 @@
 //! Duplicate and spurious detections (paper App. C, "Containment and fragment removal"; key `detect.filter`).
 //! Pure functions.
 
-use harmony_catalogue::Trait;
+use harmony_catalogue::{Kind, Trait};
 use harmony_imaging::polygon::filled;
 use harmony_roles::Detection;
-use harmony_scene::{Mask, PixelBox};
+use harmony_scene::{ImageSize, Mask, PixelBox};
 
 use crate::FilterSettings;
 
@@ -68,28 +68,104 @@ fn belief(d: &Detection) -> (f64, f64) {
     (d.score.unwrap_or(0.5), d.bounds.area())
 }
 
+/// What a detection takes of the photo: its outline filled, where it has one, and its box.
+struct Region {
+    bounds: PixelBox,
+    filled: Option<Mask>,
+}
+
+impl Region {
+    /// `size`: that of the photo that the detection is of. An outline around no pixel is none.
+    fn of(detection: &Detection, size: ImageSize) -> Self {
+        let filled = detection.outline.as_ref().map(|outline| filled(outline, size)).filter(|mask| mask.count() > 0);
+        Self { bounds: detection.bounds, filled }
+    }
+
+    /// Areas of this one, the other one and both, pixels: of the outlines where both have one, of the boxes otherwise.
+    fn areas(&self, other: &Self) -> [f64; 3] {
+        match (&self.filled, &other.filled) {
+            (Some(own), Some(others)) => [own.count(), others.count(), own.and(others).count()].map(|n| n as f64),
+            _ => {
+                let both = self.bounds.intersection(&other.bounds);
+                [self.bounds, other.bounds, both].map(|bounds| bounds.area())
+            }
+        }
+    }
+
+    /// Share of this one that the other one covers.
+    fn covered_by(&self, other: &Self) -> f64 {
+        let [own, _, both] = self.areas(other);
+        if own > 0.0 { both / own } else { 0.0 }
+    }
+
+    /// Intersection over union.
+    fn iou(&self, other: &Self) -> f64 {
+        let [own, others, both] = self.areas(other);
+        let union = own + others - both;
+        if union > 0.0 { both / union } else { 0.0 }
+    }
+}
+
+/// Words that make a label one of several things together.
+const GROUP_WORDS: [&str; 7] = ["gallery", "set", "group", "collection", "arrangement", "cluster", "row"];
+
+/// Share of a group's area that each of its members has less than: what is about as large is the same thing twice.
+const MEMBER: f64 = 0.7;
+
+/// IoU below which two members of a group are two things.
+const APART: f64 = 0.3;
+
+/// Whether a detection may be one of the several things that another one shows: it has its label, or the other's label
+/// speaks of several (`gallery wall`) and names no other kind.
+fn may_be_member(label: &str, group: &str) -> bool {
+    let of_several = || harmony_catalogue::words(group).iter().any(|word| GROUP_WORDS.contains(&word.as_str()));
+    let no_other = || harmony_catalogue::kind(group).is_none_or(|kind| is_kind(label, kind));
+    label == group || (of_several() && no_other())
+}
+
+fn is_kind(label: &str, kind: &Kind) -> bool {
+    harmony_catalogue::kind(label).is_some_and(|own| own.name == kind.name)
+}
+
+/// Whether two labels name one kind of thing.
+pub fn one_kind(a: &str, b: &str) -> bool {
+    a == b || harmony_catalogue::kind(a).is_some_and(|kind| is_kind(b, kind))
+}
+
 /// Drops boxes that another of equal or higher confidence covers, and group boxes whose members were found singly.
 ///
-/// Only boxes of one label compete: a vase's box lies inside its table's box by nature.
-pub fn filter_boxes(detections: Vec<Detection>, settings: &FilterSettings) -> (Vec<Detection>, Vec<Dropped>) {
+/// Where two detections have outlines, the filled outlines decide and not the boxes: that of a string of lights holds half of
+/// what hangs on its wall. `size` is that of the photo.
+///
+/// # Reading of the paper
+/// "Another box of equal or higher confidence covers most of its area" reads as if labels did not matter. Here only boxes of
+/// one label compete. What is seen of one level lies before one another: a coffee table's box in its sofa's, a chair's in the
+/// table's that it is pushed under, a blind's in its window's; all of them would go. Two names for one thing are found by
+/// their masks ([`filter_masks`]). A group's box gives way to members of other labels too, when its label speaks of several.
+pub fn filter_boxes(
+    detections: Vec<Detection>,
+    size: ImageSize,
+    settings: &FilterSettings,
+) -> (Vec<Detection>, Vec<Dropped>) {
     let mut dropped = Vec::new();
     let mut keep = vec![true; detections.len()];
-    // A box that holds two or more others of its label, which do not hold one another, is a group box.
+    let regions: Vec<Region> = detections.iter().map(|d| Region::of(d, size)).collect();
+    // What holds two or more others, which do not hold one another, shows them together.
     for (i, group) in detections.iter().enumerate() {
-        let members: Vec<usize> = (0..detections.len())
-            .filter(|j| {
-                *j != i
-                    && detections[*j].label == group.label
-                    && detections[*j].bounds.covered_by(&group.bounds) >= settings.box_containment
-                    && detections[*j].bounds.area() < 0.7 * group.bounds.area()
-            })
-            .collect();
-        let apart = members
-            .iter()
-            .any(|a| members.iter().any(|b| a < b && detections[*a].bounds.iou(&detections[*b].bounds) < 0.3));
-        if apart {
+        let is_within = |j: &usize| {
+            let [own, whole, both] = regions[*j].areas(&regions[i]);
+            both >= settings.box_containment * own && own < MEMBER * whole
+        };
+        let may_be = |j: &usize| *j != i && may_be_member(&detections[*j].label, &group.label);
+        let members: Vec<usize> = (0..detections.len()).filter(|j| may_be(j) && is_within(j)).collect();
+        let two = |a: usize, b: usize| {
+            one_kind(&detections[a].label, &detections[b].label) && regions[a].iou(&regions[b]) < APART
+        };
+        let apart = |a: &usize| members.iter().find(|b| *a < **b && two(*a, **b));
+        if let Some(first) = members.iter().find(|a| apart(a).is_some()) {
             keep[i] = false;
-            dropped.push(drop(group, Filtered::Group { members: members.len(), label: group.label.clone() }));
+            let label = detections[*first].label.clone();
+            dropped.push(drop(group, Filtered::Group { members: members.len(), label }));
         }
     }
     for i in 0..detections.len() {
@@ -100,7 +176,7 @@ pub fn filter_boxes(detections: Vec<Detection>, settings: &FilterSettings) -> (V
             let (a, b) = (&detections[i], &detections[j]);
             let stronger = belief(b) > belief(a) || (belief(b) == belief(a) && j < i);
             let enough = b.score.unwrap_or(0.5) >= a.score.unwrap_or(0.5);
-            if stronger && enough && a.bounds.covered_by(&b.bounds) >= settings.box_containment {
+            if stronger && enough && regions[i].covered_by(&regions[j]) >= settings.box_containment {
                 keep[i] = false;
                 dropped.push(drop(a, Filtered::Covered(b.label.clone())));
             }
@@ -259,7 +335,9 @@ pub fn unveil(found: &mut [(Detection, Mask)]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use harmony_scene::ImageSize;
+
+    /// Of the photo that the boxes below are in.
+    const PHOTO: ImageSize = ImageSize { width: 120, height: 120 };
 
     fn detection(label: &str, b: [f64; 4], score: Option<f64>) -> Detection {
         Detection {
@@ -321,10 +399,51 @@ mod tests {
             detection("painting", [5.0, 5.0, 40.0, 40.0], Some(0.6)),
             detection("painting", [60.0, 5.0, 95.0, 40.0], Some(0.6)),
         ];
-        let (kept, dropped) = filter_boxes(all, &FilterSettings::default());
+        let (kept, dropped) = filter_boxes(all, PHOTO, &FilterSettings::default());
         assert_eq!(kept.len(), 2);
         assert!(kept.iter().all(|d| d.bounds.area() < 2000.0));
         assert_eq!(dropped.len(), 1);
+    }
+
+    #[test]
+    fn a_gallery_wall_gives_way_to_frames_of_other_labels_and_a_board_keeps_what_is_pinned_to_it() {
+        let within = |group: &str, labels: [&str; 2]| {
+            let all = vec![
+                detection(group, [0.0, 0.0, 100.0, 100.0], Some(0.9)),
+                detection(labels[0], [5.0, 5.0, 40.0, 40.0], Some(0.6)),
+                detection(labels[1], [60.0, 5.0, 95.0, 40.0], Some(0.6)),
+            ];
+            filter_boxes(all, PHOTO, &FilterSettings::default()).0.len()
+        };
+        assert_eq!(within("gallery wall", ["painting", "framed photo"]), 2);
+        assert_eq!(within("set of pictures", ["painting", "painting"]), 2);
+        assert_eq!(within("gallery wall", ["painting", "clock"]), 3, "two of no one kind");
+        assert_eq!(within("bulletin board", ["photograph", "photograph"]), 3);
+        assert_eq!(within("set of shelves", ["vase", "vase"]), 3);
+        assert_eq!(within("window", ["curtain", "curtain"]), 3);
+    }
+
+    #[test]
+    fn outlines_decide_where_there_are_some_and_boxes_otherwise() {
+        // A string of lights along two edges of its box; two more of its kind hang within the box.
+        let string = vec![[0.0, 0.0], [100.0, 0.0], [100.0, 100.0], [97.0, 100.0], [97.0, 3.0], [0.0, 3.0]];
+        let square = |x0: f64| vec![[x0, 40.0], [x0 + 20.0, 40.0], [x0 + 20.0, 60.0], [x0, 60.0]];
+        let at = |bounds, outline| Detection { outline, ..detection("string lights", bounds, None) };
+        let all = |traced: bool| {
+            vec![
+                at([0.0, 0.0, 100.0, 100.0], traced.then(|| string.clone())),
+                at([10.0, 40.0, 30.0, 60.0], traced.then(|| square(10.0))),
+                at([60.0, 40.0, 80.0, 60.0], traced.then(|| square(60.0))),
+            ]
+        };
+        let kept = |all: Vec<Detection>| filter_boxes(all, PHOTO, &FilterSettings::default()).0.len();
+        assert_eq!(kept(all(true)), 3);
+        assert_eq!(kept(all(false)), 2, "by boxes it is a group");
+        assert_eq!(kept(all(true)[..2].to_vec()), 2);
+        assert_eq!(kept(all(false)[..2].to_vec()), 1, "by boxes it is covered");
+        // An outline that holds another one covers it.
+        let whole = vec![[0.0, 0.0], [100.0, 0.0], [100.0, 100.0], [0.0, 100.0]];
+        assert_eq!(kept(vec![at([0.0, 0.0, 100.0, 100.0], Some(whole)), all(true).swap_remove(1)]), 1);
     }
 
     #[test]
@@ -334,7 +453,7 @@ mod tests {
             detection("sofa", [10.0, 10.0, 60.0, 40.0], None),
             detection("cushion", [20.0, 10.0, 30.0, 20.0], None),
         ];
-        let (kept, dropped) = filter_boxes(all, &FilterSettings::default());
+        let (kept, dropped) = filter_boxes(all, PHOTO, &FilterSettings::default());
         assert_eq!(kept.iter().map(|d| d.label.as_str()).collect::<Vec<_>>(), ["sofa", "cushion"]);
         assert_eq!(dropped.len(), 1);
     }

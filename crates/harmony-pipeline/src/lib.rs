@@ -35,7 +35,7 @@ pub use phase::Phase;
 pub use phases::layout::layout_prior;
 pub use progress::{ProgressEvent, ProgressSink};
 pub use run::{Failure, RunError, RunOutcome, RunRequest, run};
-pub use run_file::{JoinedRun, PhaseEntry, PhaseState, RunFile, hash_files};
+pub use run_file::{JoinedRun, PhaseEntry, PhaseState, PhaseTime, RunFile, hash_files};
 pub use run_folder::{LOCK_FILE, RunFolder, RunFolderError};
 pub use settings::{FilterSettings, LightingSettings, LookSettings, ProgramSettings, Questions, Settings};
 pub use state::{DropReason, Layout, Left, Look, Model, Object, SceneState};

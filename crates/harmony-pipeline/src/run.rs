@@ -19,7 +19,7 @@ use crate::outputs::{self, GENERATOR};
 use crate::phases;
 use crate::progress::{ProgressEvent, ProgressSink};
 use crate::relight::LitPictures;
-use crate::run_file::{PhaseEntry, PhaseState, RunFile, hash_files};
+use crate::run_file::{PhaseEntry, PhaseState, PhaseTime, RunFile, hash_files};
 use crate::settings::Settings;
 use crate::state::SceneState;
 
@@ -231,12 +231,15 @@ impl Stage<'_> {
         work: impl Future<Output = Result<T, PhaseError>>,
     ) -> Result<Option<T>, RunError> {
         let name = phase.folder();
-        let started = Instant::now();
-        self.mark(name, PhaseState::Running, String::new(), None)?;
+        let (started, waited) = (Instant::now(), self.calls.waited());
+        self.mark(name, PhaseEntry { state: PhaseState::Running, ..PhaseEntry::default() })?;
         (self.progress)(ProgressEvent::PhaseStarted { phase: name.to_owned() });
-        match work.await {
+        let ended = work.await;
+        let time = Some(PhaseTime::new(started.elapsed(), self.calls.waited().saturating_sub(waited)));
+        match ended {
             Ok(value) => {
-                self.mark(name, PhaseState::Done, "done".to_owned(), None)?;
+                let outcome = "done".to_owned();
+                self.mark(name, PhaseEntry { state: PhaseState::Done, outcome, hint: None, time })?;
                 let seconds = started.elapsed().as_secs_f64();
                 (self.progress)(ProgressEvent::PhaseDone {
                     phase: name.to_owned(),
@@ -249,15 +252,16 @@ impl Stage<'_> {
                 let reason = error.to_string();
                 tracing::error!(phase = name, "{reason}");
                 (self.progress)(ProgressEvent::PhaseFailed { phase: name.to_owned(), reason: reason.clone() });
-                self.mark(name, PhaseState::Failed, reason.clone(), error.hint())?;
+                let entry = PhaseEntry { state: PhaseState::Failed, outcome: reason, hint: error.hint(), time };
+                self.mark(name, entry)?;
                 self.failure = Some(Failure::of(Some(phase), &error));
                 Ok(None)
             }
         }
     }
 
-    fn mark(&mut self, name: &str, state: PhaseState, outcome: String, hint: Option<String>) -> Result<(), RunError> {
-        self.file.phases.insert(name.to_owned(), PhaseEntry { state, outcome, hint });
+    fn mark(&mut self, name: &str, entry: PhaseEntry) -> Result<(), RunError> {
+        self.file.phases.insert(name.to_owned(), entry);
         Ok(self.file.write(&self.request.run)?)
     }
 
@@ -340,6 +344,8 @@ fn report_phases(file: &RunFile, state: &SceneState) -> Vec<harmony_viewer::Phas
                 PhaseState::Running => harmony_viewer::PhaseStatus::Pending,
             },
             seconds: file.bill.by_phase.get(name).map_or(0.0, |line| line.latency_ms as f64 / 1000.0),
+            own_seconds: entry.time.map(|time| time.own_s),
+            waited_seconds: entry.time.map(|time| time.waited_s),
             outcome: if entry.state == PhaseState::Done {
                 brought(Phase::of_folder(name), state)
             } else {

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::time::Duration;
 
 use harmony_calls::Bill;
 use harmony_io::{FileError, read_bounded};
@@ -36,6 +37,26 @@ pub struct PhaseEntry {
     /// What a person can do about a failure.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hint: Option<String>,
+    /// How long it took, once it has ended.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time: Option<PhaseTime>,
+}
+
+/// How long a phase took from its begin to its end, seconds. Levels are prepared ahead: what was prepared during the phase
+/// before is in that one's time.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct PhaseTime {
+    /// This program alone was at work.
+    pub own_s: f64,
+    /// A player from outside (or whoever writes the answers of `files`) was asked and had not answered.
+    pub waited_s: f64,
+}
+
+impl PhaseTime {
+    /// Of a phase that took so long, with so much waiting in it.
+    pub fn new(all: Duration, waited: Duration) -> Self {
+        Self { own_s: all.saturating_sub(waited).as_secs_f64(), waited_s: waited.as_secs_f64() }
+    }
 }
 
 /// A run that is part of a joined one.
@@ -169,4 +190,16 @@ pub fn hash_files(run: &Path) -> BTreeMap<String, String> {
         }
     }
     files
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_not_waited_for_was_own_work() {
+        let of = |all, waited| PhaseTime::new(Duration::from_secs(all), Duration::from_secs(waited));
+        assert_eq!(of(90, 60), PhaseTime { own_s: 30.0, waited_s: 60.0 });
+        assert_eq!(of(10, 10), PhaseTime { own_s: 0.0, waited_s: 10.0 });
+    }
 }

@@ -130,6 +130,9 @@ pub enum DropReason {
     /// Who inspected the level left it out of the answer.
     #[error("nothing was said about it")]
     NothingSaid,
+    /// An earlier level has it: its pixels are that object's, and so is its kind.
+    #[error("it is {0}, which an earlier level has")]
+    Known(ObjectId),
     /// Its mask shows nothing.
     #[error("no pixel of it is left")]
     NoPixels,

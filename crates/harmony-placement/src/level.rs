@@ -6,7 +6,7 @@ use harmony_scene::{Camera, Level, ObjectId, Pose, Support, Warning, WarningKind
 
 use crate::accept::{accepts, odds};
 use crate::contact::collision::{Collision, collisions, deepest, relax, solids};
-use crate::contact::layers::hang_in_layers;
+use crate::contact::layers::{hang_in_layers, yield_off_walls};
 use crate::contact::rest::{back_onto_hosts, hangs_in_the_air, settle_all};
 use crate::contact::rows::narrow_rows;
 use crate::measure::{measure_all, measure_posterior};
@@ -150,6 +150,10 @@ pub fn place_level(
     report.shifted_x = scene.fit_loose_walls();
     settle_all(scene, settings);
     hang_in_layers(scene, settings);
+    if settings.collision {
+        yield_off_walls(scene, settings);
+        report.unresolved = collisions(scene, settings);
+    }
     measure_posterior(scene, settings);
     for object in &mut report.objects {
         if let Some(p) = scene.find(&object.id) {
@@ -380,7 +384,6 @@ fn part(scene: &mut PartialScene, settings: &PlacementSettings, report: &mut Lev
         }
     }
     report.narrowed = narrow_rows(scene, settings);
-    report.unresolved = collisions(scene, settings);
 }
 
 /// Whether an item can be placed at all; if not, it is reported as dropped.

@@ -18,8 +18,8 @@ pub use self::shape::{fit_shape, reshape};
 pub use self::verdict::{Verdict, energy_change, judge};
 use crate::contact::collision::relax;
 use crate::scene::subtree::subtree;
-use crate::stats::median;
-use crate::{Evidence, PartialScene, Placed, PlacementSettings, YawHint, measure};
+use crate::stats::median_of_ratios;
+use crate::{Evidence, PartialScene, PlacementSettings, YawHint, measure};
 
 /// Longest single move that is tried, metres.
 const LONGEST_MOVE: f64 = 5.0;
@@ -184,7 +184,7 @@ pub fn apply(
         }
     }
     // In the end, when supports and neighbours have had their say.
-    outcome.missed = missed(scene, &outcome.scene, actions);
+    outcome.missed = missed(scene, &outcome.scene, actions, &outcome.added);
     Ok(outcome)
 }
 
@@ -226,16 +226,11 @@ fn step(outcome: &mut ReviewOutcome, action: &ReviewAction, settings: &Placement
             touched.push(object.clone());
         }
         ReviewAction::Equalize { object } => {
-            let i = find(after, object)?;
+            find(after, object)?;
             let no_set = || ActionError::NoSet { id: object.clone() };
-            let set = after.placed[i].item.relations.matched_set.clone().ok_or_else(no_set)?;
-            let member = |p: &Placed| p.item.relations.matched_set.as_ref() == Some(&set);
-            let members: Vec<usize> = (0..after.placed.len()).filter(|k| member(&after.placed[*k])).collect();
-            if members.len() < 2 {
-                return Err(no_set());
-            }
+            let members = members_of_set(after, object).filter(|members| members.len() > 1).ok_or_else(no_set)?;
             let sizes: Vec<Vec3> = members.iter().map(|k| after.placed[*k].size().as_vec()).collect();
-            let of = |axis: usize| median(&mut sizes.iter().map(|s| s[axis]).collect::<Vec<_>>());
+            let of = |axis: usize| median_of_ratios(&mut sizes.iter().map(|s| s[axis]).collect::<Vec<_>>());
             let wanted = Vec3::new(of(0), of(1), of(2));
             for (k, size) in members.into_iter().zip(sizes) {
                 rescale(after, k, wanted / size, settings);
@@ -271,6 +266,13 @@ fn step(outcome: &mut ReviewOutcome, action: &ReviewAction, settings: &Placement
         }
     }
     Ok(())
+}
+
+/// The placed members of an object's matched set, itself among them; `None` when it is of no set.
+fn members_of_set(scene: &PartialScene, object: &ObjectId) -> Option<Vec<usize>> {
+    let set = scene.find(object)?.item.relations.matched_set.as_ref()?;
+    let member = |k: &usize| scene.placed[*k].item.relations.matched_set.as_ref() == Some(set);
+    Some((0..scene.placed.len()).filter(member).collect())
 }
 
 fn find(scene: &PartialScene, id: &ObjectId) -> Result<usize, ActionError> {

@@ -1,14 +1,12 @@
 //! `5_decoration/counts`: kinds counted in photo and scene after the last level; what is missing is added, what is too much
 //! is questioned. Beyond the paper's wording, which counts a set when it is inspected.
 
-use std::collections::BTreeSet;
-
 use harmony_scene::Level;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::missing::check_box;
-use crate::question::{Ask, fill, lines};
+use crate::question::{Ask, fill, lines, mostly_sound};
 use crate::subjects::{PlacedObject, RoomSummary};
 
 /// Asks for counts.
@@ -68,6 +66,18 @@ pub struct MissingInstance {
     pub host: Option<String>,
 }
 
+impl CountsQuestion {
+    /// What is wrong with an id: the scene has no such object.
+    pub fn complaint(&self, id: &str) -> Option<String> {
+        self.placed.iter().all(|p| p.id.as_str() != id).then(|| format!("there is no object {id:?}"))
+    }
+
+    /// What is wrong with one that is missing: the scene lacks what it is like or what it rests on.
+    pub fn missing_complaint(&self, missing: &MissingInstance) -> Option<String> {
+        missing.like.iter().chain(&missing.host).find_map(|id| self.complaint(id))
+    }
+}
+
 impl Ask for CountsQuestion {
     type Answer = CountsAnswer;
 
@@ -94,17 +104,10 @@ impl Ask for CountsQuestion {
     }
 
     fn check(&self, answer: &CountsAnswer) -> Result<(), String> {
-        let ids: BTreeSet<&str> = self.placed.iter().map(|p| p.id.as_str()).collect();
         if answer.kinds.len() > 40 {
             return Err(format!("{} kinds; at most 40", answer.kinds.len()));
         }
         for kind in &answer.kinds {
-            let named = kind.missing.iter().flat_map(|m| m.like.iter().chain(&m.host)).chain(&kind.surplus);
-            for id in named {
-                if !ids.contains(id.as_str()) {
-                    return Err(format!("there is no object {id:?}"));
-                }
-            }
             for missing in &kind.missing {
                 check_box(&kind.kind, missing.bounds)?;
             }
@@ -112,7 +115,14 @@ impl Ask for CountsQuestion {
                 return Err(format!("{} of {} are missing; at most 20", kind.missing.len(), kind.kind));
             }
         }
-        Ok(())
+        let missing = answer.kinds.iter().flat_map(|kind| &kind.missing);
+        let surplus = answer.kinds.iter().flat_map(|kind| &kind.surplus);
+        let entries = missing.clone().count() + surplus.clone().count();
+        let complaints: Vec<String> = missing
+            .filter_map(|missing| self.missing_complaint(missing))
+            .chain(surplus.filter_map(|id| self.complaint(id)))
+            .collect();
+        mostly_sound(&complaints, entries)
     }
 
     fn without_looking(&self) -> Option<CountsAnswer> {

@@ -1,7 +1,6 @@
 //! `<level>/groups`: members of a matched set in the photo's left-to-right order (paper App. C, "Matched-group
 //! reordering").
 
-use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter};
 
 use harmony_scene::ObjectId;
@@ -9,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::missing::check_box;
-use crate::question::{Ask, bare_lines, fill};
+use crate::question::{Ask, bare_lines, fill, mostly_sound};
 
 /// Asks about the order of some sets.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -67,6 +66,29 @@ pub struct MissingMember {
     pub bounds: [f64; 4],
 }
 
+impl GroupsQuestion {
+    /// What is wrong with a swap: one of the two is of no set that was asked about, or they are of different ones.
+    pub fn swap_complaint(&self, swap: &GroupSwap) -> Option<String> {
+        match (self.set_of(&swap.id), self.set_of(&swap.with)) {
+            (Ok(one), Ok(other)) if one == other => None,
+            (Ok(_), Ok(_)) => Some(format!("{} and {} are of different sets", swap.id, swap.with)),
+            (Err(complaint), _) | (_, Err(complaint)) => Some(complaint),
+        }
+    }
+
+    /// What is wrong with a missing member: the one that it is like is of no set that was asked about.
+    pub fn member_complaint(&self, member: &MissingMember) -> Option<String> {
+        self.set_of(&member.like).err()
+    }
+
+    /// Name of the set that an object is of.
+    fn set_of(&self, id: &str) -> Result<&str, String> {
+        let has = |set: &&MatchedSet| set.members.iter().any(|member| member.as_str() == id);
+        let set = self.sets.iter().find(has).ok_or_else(|| format!("{id:?} is in no set that was asked about"))?;
+        Ok(&set.name)
+    }
+}
+
 impl Ask for GroupsQuestion {
     type Answer = GroupsAnswer;
 
@@ -82,22 +104,17 @@ impl Ask for GroupsQuestion {
     }
 
     fn check(&self, answer: &GroupsAnswer) -> Result<(), String> {
-        let set_of: BTreeMap<&str, &str> =
-            self.sets.iter().flat_map(|s| s.members.iter().map(|m| (m.as_str(), s.name.as_str()))).collect();
-        let known = |id: &str| set_of.get(id).copied().ok_or(format!("{id:?} is in no set that was asked about"));
-        for swap in &answer.swaps {
-            if known(&swap.id)? != known(&swap.with)? {
-                return Err(format!("{} and {} are of different sets", swap.id, swap.with));
-            }
-        }
         for member in &answer.missing {
-            known(&member.like)?;
             check_box(&member.like, member.bounds)?;
         }
-        if answer.swaps.len() + answer.missing.len() > 40 {
+        let changes = answer.swaps.len() + answer.missing.len();
+        if changes > 40 {
             return Err("more than 40 changes".to_owned());
         }
-        Ok(())
+        let swaps = answer.swaps.iter().filter_map(|swap| self.swap_complaint(swap));
+        let complaints: Vec<String> =
+            swaps.chain(answer.missing.iter().filter_map(|member| self.member_complaint(member))).collect();
+        mostly_sound(&complaints, changes)
     }
 
     fn without_looking(&self) -> Option<GroupsAnswer> {

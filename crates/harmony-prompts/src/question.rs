@@ -164,6 +164,12 @@ fn parse<T: DeserializeOwned>(value: &Value) -> Result<T, String> {
     T::deserialize(value).map_err(|error| format!("the answer does not fit: {error}"))
 }
 
+/// Refuses an answer of which more than half of the entries cannot be meant: it is of another scene. A single wrong name
+/// costs its own entry, which whoever asked leaves out.
+pub(crate) fn mostly_sound(complaints: &[String], entries: usize) -> Result<(), String> {
+    if 2 * complaints.len() > entries { Err(complaints.join("; ")) } else { Ok(()) }
+}
+
 /// Complains about a number outside its range.
 pub(crate) fn in_range(what: &str, value: f64, low: f64, high: f64) -> Result<(), String> {
     if value.is_finite() && value >= low && value <= high {

@@ -82,6 +82,11 @@ pub struct PhaseReport {
     pub status: PhaseStatus,
     /// What the players' answers took, one after the other, seconds; computing is not in it.
     pub seconds: f64,
+    /// Time of the phase in which the program alone was at work, seconds; `None` where it is not known.
+    pub own_seconds: Option<f64>,
+    /// Time of the phase in which a player had been asked and had not answered, seconds; the program may have computed
+    /// meanwhile.
+    pub waited_seconds: Option<f64>,
     /// One line about the outcome, such as `7 placed, 1 dropped`.
     pub outcome: String,
 }

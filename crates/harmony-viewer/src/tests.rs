@@ -96,8 +96,21 @@ fn report(text: &str) -> ReportData {
         profile: text.into(),
         facts: vec![fact()],
         phases: vec![
-            PhaseReport { name: "3_furniture".into(), status: PhaseStatus::Done, seconds: 12.0, outcome: text.into() },
-            PhaseReport { name: text.into(), status: PhaseStatus::Failed, seconds: 1.0, outcome: text.into() },
+            PhaseReport {
+                name: "3_furniture".into(),
+                status: PhaseStatus::Done,
+                seconds: 12.0,
+                own_seconds: Some(3.0),
+                waited_seconds: Some(700.0),
+                outcome: text.into(),
+            },
+            PhaseReport {
+                name: text.into(),
+                status: PhaseStatus::Failed,
+                seconds: 1.0,
+                outcome: text.into(),
+                ..PhaseReport::default()
+            },
         ],
         calls: vec![CallRow {
             name: text.into(),
@@ -214,8 +227,14 @@ fn numbers_of_the_run_are_added_up() {
     ];
     let page = report_html(folder.path(), &scene("x"), &data).unwrap();
     assert!(page.contains("$0.75"));
+    assert!(page.contains("own work <span>3.0 s</span><br>waiting for players <span>11 min 40 s</span>"));
     assert!(page.contains("calls, 3.0 a placed object"));
     assert!(page.contains("3\u{202f}000 / 30"), "tokens of all calls");
     assert!(page.contains("66 %"), "the object's confidence");
     assert!(page.contains("the photo") || page.contains("About the photo"));
+    for call in &mut data.calls {
+        call.cost_usd = None;
+    }
+    let page = report_html(folder.path(), &scene("x"), &data).unwrap();
+    assert!(page.contains("no price of a model call is known") && !page.contains("$0.00"));
 }

@@ -92,6 +92,9 @@ pub struct RoomScore {
     /// The lit picture in the photo's view, when it was judged.
     #[serde(default)]
     pub lit: Option<LitScore>,
+    /// Questions to the language model for each placed object, as the run tells; `None` where it does not.
+    #[serde(default)]
+    pub questions_per_object: Option<f64>,
     /// Seconds of the run; 0 when only the result was judged.
     pub seconds: f64,
     /// Why there is no result, when there is none.
@@ -134,6 +137,7 @@ impl RoomScore {
             lpips: None,
             views: Vec::new(),
             lit: None,
+            questions_per_object: None,
             seconds,
             failure: Some(reason),
         }
@@ -176,6 +180,7 @@ pub fn score(truth: &TruthRoom, run: &Prediction, options: ScoreOptions) -> Room
         lpips: None,
         views: Vec::new(),
         lit: None,
+        questions_per_object: None,
         seconds: 0.0,
         failure: None,
     }

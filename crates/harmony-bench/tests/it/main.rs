@@ -5,6 +5,7 @@ mod calibration;
 mod generate;
 mod homes;
 mod metrics_scipy;
+mod paper;
 mod photos;
 mod protocols;
 mod shapes;

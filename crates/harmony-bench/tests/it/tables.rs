@@ -8,7 +8,7 @@ use harmony_bench::metrics::similarity::Looking;
 use harmony_bench::report::{csv, page, write_tables};
 use harmony_bench::run::{BenchResult, Judging, judge_finished, read_result};
 use harmony_bench::score::{GeometryScore, ObjectScore, RoomScore, SurfaceScore, ThresholdFigures};
-use harmony_bench::summary::{CHAMFER_OBJECTS, F_OBJECTS, POSITION, RECALL, find, summary};
+use harmony_bench::summary::{CHAMFER_OBJECTS, F_OBJECTS, POSITION, QUESTIONS, RECALL, find, summary};
 use harmony_bench::truth::TruthRoom;
 use harmony_scene::{ImageSize, Level};
 
@@ -60,6 +60,7 @@ fn scored(truth: &TruthRoom, seed: u64, far: &[f64], f: f64) -> RoomScore {
         geometry: Some(geometry),
         pixel_loss: Some(0.05),
         n_clip: Some(0.125),
+        questions_per_object: Some(1.5 * seed as f64),
         failure: None,
         ..RoomScore::failed(truth, 3.0, String::new())
     }
@@ -87,6 +88,8 @@ fn a_result_survives_its_file_and_the_tables_hold_all_of_it() {
     let f = find(&figures, F_OBJECTS).unwrap();
     assert_eq!((f.value, f.count, f.worst, f.p90, f.met()), (94.0, 2, Some(90.0), Some(90.0), Some(false)));
     assert_eq!(find(&figures, CHAMFER_OBJECTS).unwrap().met(), Some(false));
+    let asked = find(&figures, QUESTIONS).unwrap();
+    assert_eq!((asked.count, asked.mean, asked.worst), (2, Some(2.25), Some(3.0)));
     let position = find(&figures, POSITION).unwrap();
     assert_eq!((position.value, position.p25, position.worst), (0.04, Some(0.03), Some(0.2)));
 

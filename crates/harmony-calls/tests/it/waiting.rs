@@ -370,3 +370,24 @@ async fn the_bill_knows_phases_roles_players_and_objects() {
     assert!(now.underway.is_empty());
     assert_eq!((now.spent.usd, now.spent.calls), (1.0, 4));
 }
+
+#[tokio::test]
+async fn questions_come_to_a_player_in_the_order_in_which_they_were_begun() {
+    let run = tempfile::tempdir().unwrap();
+    let slow = Slow::new(0, 0);
+    let desk = desk(run.path(), slow.cast(), CallOptions::default());
+    // The earlier a question, the more there is of it to read before it can be asked.
+    let questions: Vec<VlmRequest> = (0..4_u32)
+        .map(|i| {
+            let mut question = width_question(&format!("2_wall/inspect_{i}"));
+            let side = 1 + 900 * (3 - i);
+            question.pictures[0].image = Arc::new(image::RgbImage::new(side, side));
+            question
+        })
+        .collect();
+    let ask = |i: usize| desk.calls.ask(&questions[i], sane);
+    let (a, b, c, d) = tokio::join!(ask(0), ask(1), ask(2), ask(3));
+    assert!([a, b, c, d].iter().all(Result::is_ok));
+    let asked: Vec<String> = slow.asked.lock().unwrap().iter().map(|(name, _)| name.clone()).collect();
+    assert_eq!(asked, questions.iter().map(|question| question.name.clone()).collect::<Vec<_>>());
+}

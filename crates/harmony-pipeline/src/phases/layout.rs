@@ -33,6 +33,9 @@ use crate::views::Gallery;
 /// Typical lens of a phone or a real-estate photo, as a fraction of the longer side; used when nothing else is known.
 const TYPICAL_FOCAL: f64 = 0.82;
 
+/// One sigma of a focal length that EXIF tells, of its logarithm: lenses breathe, and files round to whole millimetres.
+const EXIF_SIGMA: f64 = 0.03;
+
 /// Share of a wall's height from which on the photo shows it up to the ceiling.
 const WHOLE_WALL: f64 = 0.95;
 
@@ -54,7 +57,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
             FocalPrior { focal_px: f64::midpoint(k.fx, k.fy), sigma: 0.02 }
         }
         GeometryAnswer::NoDepth { .. } => match exif_focal {
-            Some(focal_px) => FocalPrior { focal_px, sigma: 0.03 },
+            Some(focal_px) => FocalPrior { focal_px, sigma: EXIF_SIGMA },
             None => FocalPrior { focal_px: TYPICAL_FOCAL * f64::from(size.width.max(size.height)), sigma: 0.25 },
         },
     };
@@ -82,6 +85,9 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     };
     let (found, shape) = shaped(ctx, found, &answer, size);
     let Found { camera, extents, seen, anchor, points, posterior, evidence, method, confidence, because } = found;
+    if let Some(message) = exif_focal.and_then(|told| other_lens(told, camera.intrinsics.fx)) {
+        ctx.warn(WarningKind::LowConfidence, None, message);
+    }
     let mut room = Room {
         room_type: tidy(&answer.room.room_type),
         extents,
@@ -169,6 +175,18 @@ struct Found {
     method: String,
     confidence: f64,
     because: String,
+}
+
+/// What is told when a calibration has another lens than EXIF, by more than its sigma: focal lengths in pixels.
+fn other_lens(told: f64, found: f64) -> Option<String> {
+    let off = (found / told).ln();
+    (off.abs() > EXIF_SIGMA).then(|| {
+        format!(
+            "the calibration has a focal length of {found:.0} pixels, EXIF tells {told:.0}: {:+.0} %, a cropped photo or \
+             wrong corners",
+            100.0 * (found / told - 1.0)
+        )
+    })
 }
 
 fn from_points(ctx: &PhaseCtx<'_>, c: Calibration, map: PointMap, size: ImageSize) -> Found {
@@ -427,6 +445,14 @@ fn write_files(ctx: &PhaseCtx<'_>, state: &SceneState) -> Result<(), PhaseError>
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_lens_that_calibration_changes_by_more_than_its_sigma_is_told() {
+        assert_eq!(other_lens(1000.0, 1029.0), None);
+        assert_eq!(other_lens(1000.0, 972.0), None);
+        assert!(other_lens(1000.0, 1040.0).is_some_and(|told| told.contains("+4 %")));
+        assert!(other_lens(1000.0, 900.0).is_some_and(|told| told.contains("-10 %")));
+    }
 
     #[test]
     fn what_is_not_in_the_room_is_nobodys() {

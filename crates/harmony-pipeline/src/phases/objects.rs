@@ -11,7 +11,7 @@ use serde_json::json;
 
 use crate::before::{Before, Known};
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::{Left, Object, SceneState};
+use crate::state::{DropReason, Left, Object, SceneState};
 use crate::steps::inspect::Inspection;
 use crate::steps::{
     counts, detect, doubt, groups, hosts, inspect, place, prepare, programs, relief, review, second_look, shading,
@@ -52,7 +52,7 @@ impl Inspected {
     }
 }
 
-/// Names and inspects what was found.
+/// Names what was found, and inspects what no earlier level has.
 ///
 /// # Errors
 /// Fatal role errors and unwritable files only.
@@ -62,17 +62,30 @@ pub async fn inspect(
     found: detect::Found,
     before: &Before,
 ) -> Result<Inspected, PhaseError> {
-    let filtered = found.dropped.iter();
-    let left =
+    let dropped = found.dropped.clone();
+    let filtered = dropped.iter();
+    let mut left: Vec<Left> =
         filtered.map(|d| Left { name: d.label.clone(), phase: ctx.phase, reason: d.reason.clone().into() }).collect();
-    let rejected = found.rejected.clone();
-    let named = detect::name(ctx, level, found, before)?;
-    let candidates = named.len();
+    let mut rejected = found.rejected.clone();
+    let named = detect::name(level, found, before);
+    let mut wanted = Vec::new();
+    for candidate in named.iter().cloned() {
+        match before.same_as(&candidate, ctx.settings.filters.mask_iou) {
+            None => wanted.push(candidate),
+            Some(known) => {
+                let reason = DropReason::Known(known.clone());
+                left.push(Left { name: candidate.id.to_string(), phase: ctx.phase, reason });
+                rejected.push((candidate.detection.label, candidate.mask));
+            }
+        }
+    }
+    let candidates = wanted.len();
     let mut inspection = Inspection::default();
     if candidates > 0 {
         ctx.step(&format!("inspecting {candidates} candidates"));
-        inspection = inspect::all(ctx, level, before, named).await?;
+        inspection = inspect::all(ctx, level, before, wanted).await?;
     }
+    detect::write_files(ctx, &named, &dropped, &inspection.objects)?;
     Ok(Inspected { candidates, left, rejected, inspection })
 }
 
@@ -140,9 +153,10 @@ pub async fn place(
         }
         turns::fine(ctx, level, &mut state).await?;
         groups::order(ctx, level, &mut state).await?;
+        texture::bare(ctx, &mut state).await?;
         review::until_settled(ctx, level, &mut state).await?;
         second_look::until_settled(ctx, level, &mut state).await?;
-        texture::level(ctx, &mut state, level).await?;
+        texture::bare(ctx, &mut state).await?;
         if !prepared.summary.is_empty() {
             state.summaries.push(prepared.summary);
         }

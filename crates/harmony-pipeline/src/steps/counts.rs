@@ -6,7 +6,7 @@ use std::sync::Arc;
 use harmony_placement::ReviewAction;
 use harmony_prompts::{CountedKind, CountsQuestion};
 use harmony_roles::{Detection, Picture};
-use harmony_scene::{Level, ObjectId};
+use harmony_scene::{Level, ObjectId, WarningKind};
 use serde_json::json;
 
 use super::added::{self, Wanted};
@@ -38,7 +38,14 @@ pub async fn settle(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), Ph
                 .map(|(caption, image)| Picture { caption: caption.into(), image: Arc::new(image) })
         })
         .await?;
-    let answer = ctx.ask("counts", question, pictures.to_vec()).await?;
+    let mut answer = ctx.ask("counts", question.clone(), pictures.to_vec()).await?;
+    let sound = |complaint: Option<String>| {
+        complaint.map(|complaint| ctx.warn(WarningKind::AnswerRepaired, None, complaint)).is_none()
+    };
+    for kind in &mut answer.kinds {
+        kind.missing.retain(|missing| sound(question.missing_complaint(missing)));
+        kind.surplus.retain(|id| sound(question.complaint(id)));
+    }
     let mut surplus = Vec::new();
     for id in answer.kinds.iter().flat_map(|kind| &kind.surplus).filter_map(|id| ObjectId::new(id).ok()) {
         let remove = ReviewAction::Remove { object: id.clone() };

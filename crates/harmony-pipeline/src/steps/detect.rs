@@ -8,7 +8,7 @@ use harmony_prompts::{ListAnswer, ListQuestion, ListedItem, PlacedObject, RoomVi
 use harmony_roles::{DetectRequest, Detection, PhraseRequest, Picture, SegmentPrompt, SegmentRequest};
 use harmony_scene::{ImageSize, Level, Mask, ObjectId, Room, Surface, WarningKind};
 use image::RgbImage;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::missing;
 use crate::before::{Before, stem};
@@ -50,12 +50,12 @@ pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> 
     } else {
         (detect(ctx, level, state, &wanted).await?, BTreeMap::new())
     };
-    let (mut found, mut dropped) = filter_boxes(found, &ctx.settings.filters);
+    let (mut found, mut dropped) = filter_boxes(found, size, &ctx.settings.filters);
     if !with_boxes {
         let (missing, named) = ask_missing(ctx, level, state, &wanted, &found).await?;
         hosts = named;
         // A box around two that were found singly is none of one that was not.
-        let (all, more) = filter_boxes(found.into_iter().chain(missing).collect(), &ctx.settings.filters);
+        let (all, more) = filter_boxes(found.into_iter().chain(missing).collect(), size, &ctx.settings.filters);
         found = all;
         dropped.extend(more);
     }
@@ -122,11 +122,8 @@ pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> 
     Ok(Found { kept, dropped, rejected, hosts })
 }
 
-/// Names what was found, with numbers that earlier levels have not taken, and writes the level's files.
-///
-/// # Errors
-/// Unwritable files.
-pub fn name(ctx: &PhaseCtx<'_>, level: Level, found: Found, before: &Before) -> Result<Vec<Object>, PhaseError> {
+/// Names what was found, with numbers that earlier levels have not taken.
+pub fn name(level: Level, found: Found, before: &Before) -> Vec<Object> {
     let mut counters = before.counts();
     let mut taken: BTreeSet<ObjectId> = before.ids().cloned().collect();
     let mut candidates = Vec::new();
@@ -144,8 +141,7 @@ pub fn name(ctx: &PhaseCtx<'_>, level: Level, found: Found, before: &Before) -> 
         let host_hint = found.hosts.get(&host_key(&detection)).cloned().and_then(|h: String| ObjectId::new(&h).ok());
         candidates.push(Object { mask_score, host_hint, ..Object::found(id, level, detection, mask) });
     }
-    write_files(ctx, &candidates, &found.dropped)?;
-    Ok(candidates)
+    candidates
 }
 
 /// The pictures that go with a list question.
@@ -329,22 +325,38 @@ async fn detect(
     Ok(found)
 }
 
-fn write_files(ctx: &PhaseCtx<'_>, candidates: &[Object], dropped: &[Dropped]) -> Result<(), PhaseError> {
-    let rows: Vec<_> = candidates
-        .iter()
-        .map(|c| {
-            json!({
-                "id": c.id, "label": c.detection.label, "phrase": c.detection.phrase, "box": c.detection.bounds,
-                "score": c.detection.score, "mask": format!("masks/{}.png", c.id), "mask_score": c.mask_score,
-                "mask_pixels": c.mask.count(),
-            })
-        })
-        .collect();
+/// Writes what became of a level's candidates, and the masks of those that an inspection kept: what was refused leaves no
+/// mask behind, as in the paper.
+///
+/// # Errors
+/// Unwritable files.
+pub fn write_files(
+    ctx: &PhaseCtx<'_>,
+    candidates: &[Object],
+    dropped: &[Dropped],
+    kept: &[Object],
+) -> Result<(), PhaseError> {
+    let wanted: BTreeSet<&ObjectId> = kept.iter().map(|object| &object.id).collect();
+    let rows: Vec<Value> = candidates.iter().map(|c| row(c, wanted.contains(&c.id))).collect();
     ctx.write_json(&ctx.record("detections.json"), &json!({ "kept": rows, "dropped": dropped }))?;
-    for c in candidates {
-        harmony_io::save_mask(&ctx.file(&format!("masks/{}.png", c.id))?, &c.mask)?;
+    for object in kept {
+        harmony_io::save_mask(&ctx.file(&mask_file(&object.id))?, &object.mask)?;
     }
     Ok(())
+}
+
+/// A candidate's row in `detections.json`.
+fn row(c: &Object, has_mask: bool) -> Value {
+    json!({
+        "id": c.id, "label": c.detection.label, "phrase": c.detection.phrase, "box": c.detection.bounds,
+        "score": c.detection.score, "mask": has_mask.then(|| mask_file(&c.id)), "mask_score": c.mask_score,
+        "mask_pixels": c.mask.count(),
+    })
+}
+
+/// File of an object's mask in its phase's folder.
+fn mask_file(id: &ObjectId) -> String {
+    format!("masks/{id}.png")
 }
 
 /// The photo with boxes and ids of candidates, for the inspect question.
@@ -386,6 +398,17 @@ mod tests {
         // More than listed is not too few of another kind.
         let missing = missing_of(&wanted, &found);
         assert_eq!(missing, BTreeMap::from([("nightstand".to_owned(), 1), ("lamp".to_owned(), 1)]));
+    }
+
+    #[test]
+    fn what_an_inspection_refused_has_a_row_and_no_mask() {
+        let id = ObjectId::numbered("chair", 1);
+        let mask = Mask::from_fn(ImageSize::new(20, 10), |x, _| x < 3);
+        let chair = Object::found(id, Level::Furniture, at("chair", 0.0, 3.0), mask);
+        assert_eq!(row(&chair, true)["mask"], "masks/chair_01.png");
+        let refused = row(&chair, false);
+        assert!(refused["mask"].is_null());
+        assert_eq!(refused["mask_pixels"], 30);
     }
 
     #[test]

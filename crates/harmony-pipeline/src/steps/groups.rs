@@ -7,7 +7,7 @@ use std::sync::Arc;
 use harmony_placement::ReviewAction;
 use harmony_prompts::{GroupsQuestion, MatchedSet};
 use harmony_roles::{Detection, Picture};
-use harmony_scene::{Level, ObjectId};
+use harmony_scene::{Level, ObjectId, WarningKind};
 use serde_json::json;
 
 use super::added::{self, Wanted};
@@ -34,9 +34,13 @@ pub async fn order(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> 
                 .map(|(caption, image)| Picture { caption: caption.into(), image: Arc::new(image) })
         })
         .await?;
-    let answer = ctx.ask("groups", GroupsQuestion { sets }, pictures.to_vec()).await?;
+    let question = GroupsQuestion { sets };
+    let answer = ctx.ask("groups", question.clone(), pictures.to_vec()).await?;
+    let sound = |complaint: Option<String>| {
+        complaint.map(|complaint| ctx.warn(WarningKind::AnswerRepaired, None, complaint)).is_none()
+    };
     let mut swaps = Vec::new();
-    for swap in &answer.swaps {
+    for swap in answer.swaps.iter().filter(|swap| sound(question.swap_complaint(swap))) {
         let (Ok(object), Ok(with)) = (ObjectId::new(&swap.id), ObjectId::new(&swap.with)) else { continue };
         let action = ReviewAction::Swap { object: object.clone(), with };
         let (kept, reason) = review::try_on(ctx, state, action, &object, "A swap within a set").await?;
@@ -45,6 +49,7 @@ pub async fn order(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> 
     let missing: Vec<Wanted> = answer
         .missing
         .iter()
+        .filter(|missing| sound(question.member_complaint(missing)))
         .filter_map(|missing| {
             let like = ObjectId::new(&missing.like).ok()?;
             let object = state.objects.get(&like)?;

@@ -7,7 +7,7 @@ use harmony_imaging::sheet::{Cell, LabelledBox, contact_sheet, draw_boxes, palet
 use harmony_placement::{Placed, ReviewAction};
 use harmony_prompts::{HostedObject, HostsQuestion};
 use harmony_roles::Picture;
-use harmony_scene::{Level, ObjectId, PixelBox, Support};
+use harmony_scene::{Level, ObjectId, PixelBox, Support, WarningKind};
 use image::{DynamicImage, RgbImage, RgbaImage};
 use serde_json::json;
 
@@ -44,8 +44,13 @@ pub async fn verify(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), Ph
         let (shown, rows) = (state.clone(), chunk.to_vec());
         let sheet = ctx.computed(move || sheet(&shown, &rows)).await?;
         let picture = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
-        let answer = ctx.ask(&name, HostsQuestion { objects: chunk.to_vec() }, vec![picture]).await?;
+        let question = HostsQuestion { objects: chunk.to_vec() };
+        let answer = ctx.ask(&name, question.clone(), vec![picture]).await?;
         for found in &answer.objects {
+            if let Some(complaint) = question.complaint(found) {
+                ctx.warn(WarningKind::AnswerRepaired, None, complaint);
+                continue;
+            }
             let (Ok(object), Ok(host)) = (ObjectId::new(&found.id), ObjectId::new(&found.host)) else { continue };
             if state.partial.find(&object).is_none_or(|p| on(p) == Some(&host)) {
                 continue;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use futures::future::join_all;
 use harmony_imaging::sheet::{Cell, contact_sheet, crop_rgba};
-use harmony_prompts::{DoubtedSize, InspectAnswer, InspectCandidate, InspectQuestion, InspectedObject, SizesQuestion};
+use harmony_prompts::{DoubtedSize, InspectCandidate, InspectQuestion, InspectedObject, SizesQuestion};
 use harmony_roles::Picture;
 use harmony_scene::{Level, Mask, ObjectId, Size, WarningKind};
 use image::RgbaImage;
@@ -48,12 +48,17 @@ pub async fn all(
 ) -> Result<Inspection, PhaseError> {
     let programs = programs::wanted(ctx, &before.state, &candidates);
     let modelled: BTreeSet<&ObjectId> = programs.iter().flat_map(|(_, objects)| objects).map(|o| &o.id).collect();
-    let modelled = &modelled;
-    let answers = join_all(candidates.chunks(CANDIDATES_PER_QUESTION).enumerate().map(|(part, chunk)| async move {
+    let mut questions = Vec::new();
+    // All pictures are drawn before the first question is asked, so that the questions come in their order.
+    for (part, chunk) in candidates.chunks(CANDIDATES_PER_QUESTION).enumerate() {
         let name = if part == 0 { "inspect".to_owned() } else { format!("inspect_{}", part + 1) };
-        ask(ctx, level, before, chunk, modelled, &name).await
-    }))
-    .await;
+        let (shown, listed) = (Arc::clone(&before.state), chunk.to_vec());
+        let pictures = ctx.computed(move || pictures(&shown, &listed)).await?;
+        questions.push((name, question(ctx, level, before, chunk, &modelled), pictures));
+    }
+    let asked =
+        questions.into_iter().map(|(name, question, pictures)| async move { ctx.ask(&name, question, pictures).await });
+    let answers = join_all(asked).await;
     let mut inspection = Inspection::default();
     let mut said = BTreeMap::new();
     for answer in answers {
@@ -134,16 +139,15 @@ pub fn is_unusual(object: &Object) -> bool {
     size.cmplt(low.as_vec() * BEYOND.0).any() || size.cmpgt(high.as_vec() * BEYOND.1).any()
 }
 
-async fn ask(
+fn question(
     ctx: &PhaseCtx<'_>,
     level: Level,
     before: &Before,
     candidates: &[Object],
     modelled: &BTreeSet<&ObjectId>,
-    name: &str,
-) -> Result<InspectAnswer, PhaseError> {
+) -> InspectQuestion {
     let state = &before.state;
-    let question = InspectQuestion {
+    InspectQuestion {
         level,
         room_type: state.layout.answer.room.room_type.clone(),
         room: views::room_summary(state),
@@ -163,10 +167,7 @@ async fn ask(
         placed: before.objects(),
         templates: harmony_catalogue::templates().map(str::to_owned).collect(),
         with_models: !ctx.can().makes_shapes,
-    };
-    let (shown, listed) = (Arc::clone(state), candidates.to_vec());
-    let pictures = ctx.computed(move || pictures(&shown, &listed)).await?;
-    ctx.ask(name, question, pictures).await
+    }
 }
 
 /// The photo with the candidates, the empty room, and sheets of crops.

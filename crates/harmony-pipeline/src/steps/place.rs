@@ -223,3 +223,35 @@ pub async fn write_files(
 fn support(s: &Support) -> Value {
     json!(s)
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::testing::{add, empty_room};
+
+    #[test]
+    fn sills_mantels_and_radiators_can_be_hosts_and_rugs_and_pendants_cannot() {
+        let mut state = empty_room();
+        let things = [
+            ("window_01", Level::Wall),
+            ("fireplace_mantel_01", Level::Wall),
+            ("radiator_01", Level::Wall),
+            ("rug_01", Level::Furniture),
+            ("sideboard_01", Level::Furniture),
+            ("pendant_01", Level::Ceiling),
+            ("vase_01", Level::Decoration),
+        ];
+        for (k, (name, level)) in things.into_iter().enumerate() {
+            let at = DVec3::new(0.3 + 0.5 * k as f64, 0.0, 1.0);
+            add(&mut state, name, level, DVec3::splat(0.3), at, Support::Floor);
+        }
+        state.partial.placed.pop();
+        let of = |name: &str, level| item(level, &state, &state.objects[&ObjectId::new(name).unwrap()]).unwrap();
+        let hosts: Vec<String> =
+            of("vase_01", Level::Decoration).host_candidates.iter().map(ToString::to_string).collect();
+        assert_eq!(hosts, ["window_01", "fireplace_mantel_01", "radiator_01", "sideboard_01"]);
+        assert!(of("sideboard_01", Level::Furniture).host_candidates.is_empty());
+    }
+}

@@ -57,7 +57,7 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
             &json!({ "issues": answer.issues, "converged": answer.converged, "actions": came.records, "kept": kept }),
         )?;
         // What moved is drawn in its colours in the next round.
-        texture::level(ctx, state, level).await?;
+        texture::bare(ctx, state).await?;
         if answer.converged || kept == 0 {
             return Ok(());
         }

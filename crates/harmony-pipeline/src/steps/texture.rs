@@ -22,14 +22,25 @@ const THIN: f64 = 0.35;
 /// # Errors
 /// None of its own; the type is that of the steps.
 pub async fn level(ctx: &PhaseCtx<'_>, state: &mut SceneState, level: Level) -> Result<(), PhaseError> {
-    let ids: Vec<ObjectId> = state
-        .partial
-        .placed
-        .iter()
-        .filter(|p| p.item.level == level && state.objects.get(&p.item.id).is_some_and(|o| o.look.textured.is_none()))
-        .map(|p| p.item.id.clone())
-        .collect();
+    let ids = untextured(state, |of| of == level);
     bake(ctx, state, ids).await
+}
+
+/// Textures what has no texture, on whatever level: another host, turn or place in a set makes objects of earlier levels bare
+/// as well, and who reviews should see them in their colours.
+///
+/// # Errors
+/// None of its own; the type is that of the steps.
+pub async fn bare(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
+    let ids = untextured(state, |_| true);
+    bake(ctx, state, ids).await
+}
+
+/// Placed objects without texture whose level is wanted.
+fn untextured(state: &SceneState, wanted: impl Fn(Level) -> bool) -> Vec<ObjectId> {
+    let bare = |id: &ObjectId| state.objects.get(id).is_some_and(|o| o.look.textured.is_none());
+    let placed = state.partial.placed.iter().map(|p| &p.item).filter(|item| wanted(item.level) && bare(&item.id));
+    placed.map(|item| item.id.clone()).collect()
 }
 
 /// Textures every object anew: masks of later levels have taken pixels away from earlier ones.
@@ -193,6 +204,21 @@ mod tests {
         };
         assert!(thin_of(DVec3::splat(0.8)).is_empty());
         assert_eq!(thin_of(DVec3::new(0.01, 0.9, 0.01)), ["box"]);
+    }
+
+    #[test]
+    fn what_moved_is_bare_whatever_its_level() {
+        let mut state = empty_room();
+        let size = DVec3::splat(0.5);
+        let sofa = add(&mut state, "sofa_01", Level::Furniture, size, DVec3::new(1.0, 0.0, 1.0), Support::Floor);
+        let vase = add(&mut state, "vase_01", Level::Decoration, size, DVec3::new(3.0, 0.0, 1.0), Support::Floor);
+        for id in [&sofa, &vase] {
+            let mesh = Arc::clone(state.mesh_of(id).unwrap());
+            state.set_textured(id, mesh);
+        }
+        state.forget_look(&sofa);
+        assert_eq!(untextured(&state, |_| true), [sofa]);
+        assert!(untextured(&state, |level| level == Level::Decoration).is_empty());
     }
 
     #[test]

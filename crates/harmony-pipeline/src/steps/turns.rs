@@ -34,12 +34,7 @@ pub async fn quarters(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), 
     if !ctx.is_looked_at("orient") {
         return Ok(());
     }
-    let paper = ctx.settings.asked_looks().turns;
-    let asked = |p: &Placed| {
-        let soft = p.item.traits.soft && !paper;
-        p.item.level == Level::Decoration && p.item.traits.has_front && !soft && (!paper || is_seen(state, p))
-    };
-    let turning: Vec<usize> = (0..state.partial.placed.len()).filter(|i| asked(&state.partial.placed[*i])).collect();
+    let turning = to_turn(state, ctx.settings.asked_looks().turns);
     if turning.is_empty() {
         return Ok(());
     }
@@ -108,6 +103,15 @@ pub async fn fine(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> R
     if results.is_empty() { Ok(()) } else { ctx.write_json("turns.json", &results) }
 }
 
+/// Decorations with a front of which the photo shows enough to tell it; soft ones only where they are asked about too.
+fn to_turn(state: &SceneState, soft_too: bool) -> Vec<usize> {
+    let asked = |p: &Placed| {
+        let firm = soft_too || !p.item.traits.soft;
+        p.item.level == Level::Decoration && p.item.traits.has_front && firm && is_seen(state, p)
+    };
+    (0..state.partial.placed.len()).filter(|i| asked(&state.partial.placed[*i])).collect()
+}
+
 /// Whether the photo shows enough of an object to tell its turn.
 fn is_seen(state: &SceneState, p: &Placed) -> bool {
     p.item.mask.count() as f64 >= SEEN_SHARE * state.partial.camera.size.pixels() as f64
@@ -141,4 +145,29 @@ fn sheet(state: &SceneState, turning: &[usize], panels: &[(String, f64)]) -> (Rg
     }
     let cells: Vec<Cell<'_>> = pictures.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
     (contact_sheet(&cells, 1 + panels.len() as u32, CELL), shown)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::testing::{add, empty_room, said};
+
+    #[test]
+    fn what_is_hardly_seen_is_not_asked_about_and_soft_things_only_when_they_are_wanted() {
+        let mut state = empty_room();
+        let floor = || Support::Floor;
+        for (name, size, x) in [("clock_01", 0.4, 1.0), ("remote_01", 0.04, 2.0), ("pillow_01", 0.4, 3.0)] {
+            let at = DVec3::new(x, 0.0, 1.5);
+            let id = add(&mut state, name, Level::Decoration, DVec3::splat(size), at, floor());
+            said(&mut state, &id, |item| {
+                item.traits.has_front = true;
+                item.traits.soft = name == "pillow_01";
+            });
+        }
+        assert!(state.partial.placed[1].item.mask.count() > 0, "a little of it is seen");
+        assert_eq!(to_turn(&state, false), [0]);
+        assert_eq!(to_turn(&state, true), [0, 2]);
+    }
 }

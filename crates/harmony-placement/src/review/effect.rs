@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use harmony_scene::{ObjectId, Support, Vec3};
 
-use super::ReviewAction;
+use super::{ReviewAction, members_of_set};
 use crate::scene::attachment::angle_between;
 use crate::{PartialScene, Placed};
 
@@ -24,9 +24,19 @@ struct Asked {
     relocated: bool,
 }
 
-/// What the actions ask for and the scene after them does not show, in words.
-pub(super) fn missed(before: &PartialScene, after: &PartialScene, actions: &[ReviewAction]) -> Option<String> {
+/// What the actions ask for and the scene after them does not show, in words. `added`: the new objects, each with the one that
+/// it is a copy of, in the order of the actions that added them.
+///
+/// What is to go is gone and a set is of one size whatever its supports do: of these there is nothing to check but that a set
+/// was not of one size already.
+pub(super) fn missed(
+    before: &PartialScene,
+    after: &PartialScene,
+    actions: &[ReviewAction],
+    added: &[(ObjectId, ObjectId)],
+) -> Option<String> {
     let mut asked: BTreeMap<&ObjectId, Asked> = BTreeMap::new();
+    let mut copies = added.iter();
     for action in actions {
         match action {
             ReviewAction::Move { object, by_m } => asked.entry(object).or_default().by += Vec3::from_array(*by_m),
@@ -39,14 +49,47 @@ pub(super) fn missed(before: &PartialScene, after: &PartialScene, actions: &[Rev
                 (of.host, of.relocated) = (Some(host.clone()), true);
             }
             ReviewAction::Swap { object, with } => {
-                for id in [object, with] {
+                for (id, other) in [(object, with), (with, object)] {
                     asked.entry(id).or_default().relocated = true;
+                    if let Some(stays) = stayed(id, before.find(id)?, after.find(id)?, before.find(other)?) {
+                        return Some(stays);
+                    }
                 }
             }
-            ReviewAction::Equalize { .. } | ReviewAction::Add { .. } | ReviewAction::Remove { .. } => {}
+            ReviewAction::Equalize { object } => {
+                if let Some(same) = of_one_size(before, object) {
+                    return Some(same);
+                }
+            }
+            ReviewAction::Add { at_m, yaw_deg, .. } => {
+                let (id, like) = copies.next()?;
+                let (old, new) = (before.find(like)?, after.find(id)?);
+                let by = Vec3::from_array(*at_m) - old.pose.position;
+                let asked = Asked { by, turn: yaw_deg.to_radians() - old.pose.yaw, ..Asked::default() };
+                if let Some(elsewhere) = of_one(id, &asked, old, new) {
+                    return Some(elsewhere);
+                }
+            }
+            ReviewAction::Remove { .. } => {}
         }
     }
     asked.iter().find_map(|(id, asked)| of_one(id, asked, before.find(id)?, after.find(id)?))
+}
+
+/// Whether one of two that were to exchange their places is still nearer to its own.
+fn stayed(id: &ObjectId, old: &Placed, new: &Placed, other: &Placed) -> Option<String> {
+    let far = |place: &Placed| new.pose.position.distance(place.pose.position);
+    let apart = old.pose.position.distance(other.pose.position);
+    (apart > HARDLY[0] && far(old) < far(other))
+        .then(|| format!("{id} would stay near its place, for what is seen of {} is there", other.item.id))
+}
+
+/// Whether all members of an object's matched set have one size already.
+fn of_one_size(scene: &PartialScene, object: &ObjectId) -> Option<String> {
+    let members = members_of_set(scene, object)?;
+    let sizes: Vec<Vec3> = members.iter().map(|k| scene.placed[*k].size().as_vec().map(f64::ln)).collect();
+    let alike = sizes.iter().all(|size| (*size - sizes[0]).abs().max_element() <= HARDLY[2]);
+    alike.then(|| format!("the set of {object} is of one size already"))
 }
 
 fn of_one(id: &ObjectId, asked: &Asked, old: &Placed, new: &Placed) -> Option<String> {

@@ -3,6 +3,7 @@ use std::sync::Arc;
 use harmony_scene::{Pose, Wall, WallAffinity};
 
 use super::*;
+use crate::Placed;
 use crate::scene::attachment::angle_between;
 use crate::testing::{add, boxed, empty_room, of_boxes, seen};
 
@@ -273,17 +274,34 @@ fn exchanged_objects_take_masks_and_places_and_keep_shapes_and_what_rests_there_
     assert!(matches!(apply(&after.scene, &[on_itself], &settings), Err(ActionError::NotExchangeable { .. })));
 }
 
-#[test]
-fn a_set_gets_the_median_of_its_sizes() {
+/// Chairs of one set, so many metres high.
+fn set_of_chairs(heights: &[f64]) -> PartialScene {
     let mut scene = empty_room();
-    for (k, height) in [0.8, 0.9, 1.3].into_iter().enumerate() {
-        let at = Vec3::new(0.8 + k as f64, 0.0, 2.0);
-        let mut item = boxed(&scene, Vec3::new(0.5, height, 0.5), at, 0.0);
+    for (k, height) in heights.iter().enumerate() {
+        let at = Vec3::new(0.8 + 0.7 * k as f64, 0.0, 2.0);
+        let mut item = boxed(&scene, Vec3::new(0.5, *height, 0.5), at, 0.0);
         item.id = ObjectId::numbered("chair", k);
         item.relations.matched_set = Some("chairs".to_owned());
         let (pose, support) = (Pose::new(at, 0.0, 1.0), Support::Floor);
         scene.placed.push(Placed { item: Arc::new(item), pose, support, evidence: Evidence::default() });
     }
+    scene
+}
+
+#[test]
+fn a_set_of_an_even_number_meets_between_its_middle_two() {
+    let settings = PlacementSettings::default();
+    let equalize = [ReviewAction::Equalize { object: ObjectId::numbered("chair", 0) }];
+    for heights in [&[0.8, 0.9][..], &[0.8, 1.3, 0.5, 0.9][..]] {
+        let after = apply(&set_of_chairs(heights), &equalize, &settings).unwrap();
+        let wanted = (0.8_f64 * 0.9).sqrt();
+        assert!(after.scene.placed.iter().all(|p| (p.size().height - wanted).abs() < 1e-6), "{heights:?}");
+    }
+}
+
+#[test]
+fn a_set_gets_the_median_of_its_sizes() {
+    let mut scene = set_of_chairs(&[0.8, 0.9, 1.3]);
     let settings = PlacementSettings::default();
     let object = ObjectId::numbered("chair", 2);
     let after = apply(&scene, &[ReviewAction::Equalize { object: object.clone() }], &settings).unwrap();
@@ -388,4 +406,45 @@ fn what_a_person_hides_is_no_edge_of_its_own() {
     assert!(free(&scene), "nobody is known to hide it");
     scene.nobodys = Some(Arc::new(person));
     assert!(!free(&scene));
+}
+
+#[test]
+fn a_set_of_one_size_is_not_equalized_again() {
+    let equalize = ReviewAction::Equalize { object: ObjectId::numbered("chair", 0) };
+    let v = verdict(&set_of_chairs(&[0.8, 0.81]), &equalize);
+    assert!(!v.kept && v.reason.contains("one size already"), "{v:?}");
+    let apart = apply(&set_of_chairs(&[0.8, 0.9]), &[equalize], &PlacementSettings::default()).unwrap();
+    assert_eq!(apart.missed, None);
+}
+
+#[test]
+fn a_copy_that_its_wall_keeps_from_its_place_is_not_kept() {
+    let mut scene = empty_room();
+    let at = Vec3::new(2.0, 1.2, 0.02);
+    let mut item = boxed(&scene, Vec3::new(0.8, 0.6, 0.03), at, 0.0);
+    item.level = harmony_scene::Level::Wall;
+    item.relations.wall_affinity = Wall::Back.into();
+    let (like, support) = (item.id.clone(), Support::Wall { wall: Wall::Back });
+    let pose = Pose::new(at, 0.0, 1.0);
+    scene.placed.push(Placed { item: Arc::new(item), pose, support, evidence: Evidence::default() });
+    let missed = |at_m| {
+        let add = ReviewAction::Add { like: like.clone(), at_m, yaw_deg: 0.0 };
+        apply(&scene, &[add], &PlacementSettings::default()).unwrap().missed
+    };
+    assert_eq!(missed([3.2, 1.2, 0.0]), None);
+    let on_another_wall = missed([0.0, 1.2, 2.5]);
+    assert!(on_another_wall.is_some_and(|why| why.contains("held by the back wall")));
+}
+
+#[test]
+fn a_swap_after_which_one_stands_where_it_stood_is_not_kept() {
+    let mut scene = scene();
+    let [a, b] = [0, 1].map(|k| scene.placed[k].item.id.clone());
+    let swap = ReviewAction::Swap { object: a, with: b };
+    assert!(verdict(&scene, &swap).kept);
+    // The other one stands far from its mask, which is beside the first one.
+    let beside = boxed(&scene, Vec3::new(0.8, 0.6, 0.5), Vec3::new(1.3, 0.0, 2.2), 0.0);
+    Arc::make_mut(&mut scene.placed[1].item).mask = beside.mask;
+    let v = verdict(&scene, &swap);
+    assert!(!v.kept && v.reason.contains("box_00 would stay near its place"), "{v:?}");
 }

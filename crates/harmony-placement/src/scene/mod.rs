@@ -1,5 +1,6 @@
 //! The scene as far as it is built.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use harmony_scene::{
@@ -105,6 +106,8 @@ pub struct PartialScene {
     pub posterior: Option<RoomPosterior>,
     /// Pixels that are nobody's and may hide anybody: a person, a watermark, an undistorted picture's empty frame.
     pub nobodys: Option<Arc<Mask>>,
+    /// How far [`PartialScene::fit_loose_walls`] has moved each wall out, metres (inward: negative).
+    grown: BTreeMap<Wall, f64>,
 }
 
 impl PartialScene {
@@ -123,6 +126,7 @@ impl PartialScene {
             placed: Vec::new(),
             posterior: None,
             nobodys: None,
+            grown: BTreeMap::new(),
         }
     }
 
@@ -134,8 +138,9 @@ impl PartialScene {
         wall != Wall::Back && !self.room.seen.is_empty() && !self.room.seen.contains(&wall.surface())
     }
 
-    /// Moves the loose walls: out to hold everything that was placed, and to the backs of what is said to stand at
-    /// them. Returns the shift along x of everything, metres: not 0 when the left wall, the frame's origin, has moved.
+    /// Moves the loose walls: out to hold everything that was placed, to the backs of what is said to stand at them, and
+    /// back to where they were guessed as far as they are not needed farther out any more: an object's first length may
+    /// have been too large. Returns the shift along x of everything, metres: not 0 when the left wall, the frame's origin, has moved.
     pub fn fit_loose_walls(&mut self) -> f64 {
         let mut shift = 0.0;
         for wall in [Wall::Right, Wall::Front, Wall::Left] {
@@ -151,6 +156,7 @@ impl PartialScene {
                     p.pose.position -= wall.normal() * by;
                 }
             }
+            *self.grown.entry(wall).or_default() += by;
             let old = self.room.extents;
             match wall {
                 Wall::Front => self.room.extents.depth += by,
@@ -183,14 +189,15 @@ impl PartialScene {
             .filter(|p| p.support == Support::Floor && p.item.relations.wall_affinity.wall() == Some(wall))
             .map(nearest)
             .fold(f64::INFINITY, f64::min);
+        let back = self.grown.get(&wall).map_or(0.0, |grown| grown.max(0.0));
         // Points and camera stay inside.
-        let seen = self.points.as_ref().filter(|p| p.is_dense()).map_or(0.0, |points| {
+        let seen = self.points.as_ref().filter(|p| p.is_dense()).map_or(back, |points| {
             let mut far: Vec<f64> = points.xyz.iter().filter(|p| p.is_finite()).map(|p| inward(*p)).collect();
             let k = far.len() / 200;
             if far.is_empty() { 0.0 } else { *far.select_nth_unstable_by(k, f64::total_cmp).1 }
         });
         let bound = seen.min(inward(self.camera.centre()) - 0.2).min(least - LOOSE_GAP);
-        if at_wall.is_finite() { -bound.min(at_wall - LOOSE_GAP) } else { -bound.min(0.0) }
+        if at_wall.is_finite() { -bound.min(at_wall - LOOSE_GAP) } else { -bound.min(back) }
     }
 
     /// Moves everything: camera, points, objects, anchor. The room's extents stay.
@@ -256,6 +263,18 @@ mod tests {
             let now = scene.camera.project(p.pose.position);
             assert!(now.zip(before).is_none_or(|(a, b)| a.distance(b) < 1e-6));
         }
+        // What needs less room gives it back, and no more than was taken.
+        let (from, to) = (scene.room.extents.width, scene.placed[0].pose.position.x);
+        scene.placed[0].pose.position.x += 0.3;
+        assert!((scene.fit_loose_walls() + 0.3).abs() < 1e-6);
+        assert!((scene.room.extents.width - (from - 0.3)).abs() < 1e-6);
+        assert!((scene.placed[0].pose.position.x - to).abs() < 1e-6, "it is as far from its wall as it was");
+        for p in &mut scene.placed {
+            p.pose.position.x = 2.0;
+        }
+        scene.fit_loose_walls();
+        assert!((scene.room.extents.width - width).abs() < 1e-6, "{}", scene.room.extents.width);
+        assert_eq!(scene.fit_loose_walls(), 0.0);
         // Walls that were seen stay where they are.
         scene.room.seen = Surface::ALL.to_vec();
         scene.placed[0].pose.position.x = -1.0;

@@ -456,6 +456,37 @@ mod tests {
     }
 
     #[test]
+    fn sills_mantels_and_radiators_carry_what_is_said_to_stand_on_them() {
+        let pane = (Vec3::new(1.0, 1.1, 0.04), Vec3::Y * 0.04);
+        let sill = (Vec3::new(1.1, 0.04, 0.24), Vec3::Z * 0.1);
+        let wall_things = [
+            ("window", vec![pane, sill], Vec3::new(2.0, 0.9, 0.03), 0.94),
+            ("mantel", vec![(Vec3::new(1.4, 0.15, 0.24), Vec3::ZERO)], Vec3::new(2.0, 1.0, 0.122), 1.15),
+            ("radiator", vec![(Vec3::new(1.0, 0.6, 0.16), Vec3::ZERO)], Vec3::new(2.0, 0.1, 0.082), 0.7),
+        ];
+        for (name, parts, at, top) in wall_things {
+            let mut scene = empty_room();
+            let (shape, pose) = (of_boxes(&parts), Pose::new(at, 0.0, 1.0));
+            let mut host = boxed(&scene, shape.extent(), at, 0.0);
+            (host.id, host.level) = (ObjectId::numbered(name, 1), Level::Wall);
+            host.mask = seen(&scene, &shape, &pose).into();
+            host.shape = std::sync::Arc::new(shape);
+            let (item, support) = (std::sync::Arc::new(host), Support::Wall { wall: Wall::Back });
+            scene.placed.push(Placed { item, pose, support, evidence: Evidence::default() });
+            let stands_at = Vec3::new(2.15, top, if name == "window" { 0.18 } else { at.z });
+            let mut vase = boxed(&scene, Vec3::new(0.12, 0.25, 0.12), stands_at, 0.0);
+            vase.level = Level::Decoration;
+            vase.relations.on_top_of = Some(ObjectId::numbered(name, 1));
+            let settings = PlacementSettings::default();
+            let window = Window::new(&scene, &vase, None, &[], &settings).unwrap();
+            let found = solve(&scene, &vase, &window, &settings);
+            let on_it = Support::Object { id: ObjectId::numbered(name, 1) };
+            assert_eq!(found.objective.constraint.support(), on_it, "{name}");
+            assert!(found.pose.position.distance(stands_at) < 0.08, "{name}: {:?}", found.pose);
+        }
+    }
+
+    #[test]
     fn a_member_of_a_set_starts_as_large_as_the_one_that_is_seen_well() {
         let mut scene = empty_room();
         let size = Vec3::new(0.5, 0.9, 0.5);

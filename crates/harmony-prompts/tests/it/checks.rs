@@ -1,8 +1,10 @@
 //! What the checks accept, and what they complain about.
 
 use harmony_prompts::{
-    CompletedAnswer, CompletedObject, InspectAnswer, InspectedObject, InspectedSize, LayoutAnswer, ListAnswer,
-    ListQuestion, ListedItem, Question, ReviewActionAnswer, ReviewActionKind, ReviewAnswer,
+    Ask, CompletedAnswer, CompletedObject, CountedKind, CountsAnswer, CountsQuestion, GroupSwap, GroupsAnswer,
+    GroupsQuestion, HostedObject, HostsAnswer, HostsObject, HostsQuestion, InspectAnswer, InspectedObject,
+    InspectedSize, LayoutAnswer, ListAnswer, ListQuestion, ListedItem, MatchedSet, Question, ReviewActionAnswer,
+    ReviewActionKind, ReviewAnswer,
 };
 use serde_json::{Value, json};
 
@@ -204,4 +206,47 @@ fn actions_of_a_review_carry_what_they_need() {
     assert!(complaint(check(onto("shelf_09"))).contains("no object"));
     let many = ReviewAnswer { actions: vec![action(ReviewActionKind::Remove); 61], ..ReviewAnswer::default() };
     assert!(complaint(many.check(&known)).contains("at most 60"));
+}
+
+#[test]
+fn one_unknown_id_costs_its_entry_and_more_than_half_the_answer() {
+    let id = |text: &str| harmony_scene::ObjectId::new(text).unwrap();
+    let sets = [("chairs", ["chair_01", "chair_02"]), ("stools", ["stool_01", "stool_02"])];
+    let sets = sets.map(|(name, members)| MatchedSet { name: name.into(), members: members.map(id).to_vec() });
+    let groups = GroupsQuestion { sets: sets.to_vec() };
+    let swap = |a: &str, b: &str| GroupSwap { id: a.into(), with: b.into() };
+    let swaps = |swaps: Vec<GroupSwap>| groups.check(&GroupsAnswer { swaps, missing: vec![] });
+    let right = || swap("chair_01", "chair_02");
+    for wrong in [swap("chair_09", "chair_01"), swap("chair_01", "chair_09"), swap("chair_01", "stool_01")] {
+        assert!(groups.swap_complaint(&wrong).is_some());
+        assert_eq!(swaps(vec![right(), wrong.clone()]), Ok(()));
+        assert!(swaps(vec![right(), wrong.clone(), wrong]).is_err());
+    }
+    assert_eq!(groups.swap_complaint(&right()), None);
+
+    let candidates = ["desk_01", "shelf_01"].map(id).to_vec();
+    let hosted = HostedObject { id: id("vase_01"), about: "vase".into(), current: None, candidates };
+    let hosts = HostsQuestion { objects: vec![hosted] };
+    let onto = |object: &str, host: &str| HostsObject { id: object.into(), host: host.into(), reason: String::new() };
+    let (right, wrong) = (onto("vase_01", "desk_01"), [onto("vase_01", "sofa_01"), onto("vase_09", "desk_01")]);
+    assert_eq!(hosts.complaint(&right), None);
+    for wrong in wrong {
+        assert!(hosts.complaint(&wrong).is_some());
+        assert_eq!(hosts.check(&HostsAnswer { objects: vec![right.clone(), wrong.clone()] }), Ok(()));
+        assert!(hosts.check(&HostsAnswer { objects: vec![wrong] }).is_err());
+    }
+
+    let Some(counts) = questions().into_iter().find_map(|(_, question)| match question {
+        Question::Counts(counts) => Some(counts),
+        _ => None,
+    }) else {
+        panic!("the samples have no counts")
+    };
+    let surplus = |surplus: &[&str]| {
+        let (kind, level, surplus) = ("stool".to_owned(), harmony_scene::Level::Furniture, ids(surplus));
+        let kind = CountedKind { kind, level, photo: 0, scene: 1, missing: vec![], surplus };
+        CountsQuestion::check(&counts, &CountsAnswer { kinds: vec![kind] })
+    };
+    assert_eq!(surplus(&["desk_01", "stool_09"]), Ok(()));
+    assert!(complaint(surplus(&["desk_01", "stool_08", "stool_09"])).contains("stool_09"));
 }

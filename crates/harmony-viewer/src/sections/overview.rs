@@ -31,7 +31,12 @@ pub(crate) fn overview(scene: &Scene, report: &ReportData) -> String {
     );
     let placed = scene.objects.len();
     let seconds: f64 = report.phases.iter().map(|p| p.seconds).filter(|s| s.is_finite()).sum();
-    let cost: f64 = report.calls.iter().filter_map(|c| c.cost_usd).filter(|c| c.is_finite()).sum();
+    let costs: Vec<f64> = report.calls.iter().filter_map(|c| c.cost_usd).filter(|c| c.is_finite()).collect();
+    let cost = if costs.is_empty() {
+        ("–".to_owned(), "no price of a model call is known".to_owned())
+    } else {
+        (dollars(costs.iter().sum()), "for model calls".to_owned())
+    };
     let per_object = |n: usize| {
         if placed > 0 { format!("calls, {:.1} a placed object", n as f64 / placed as f64) } else { "calls".to_owned() }
     };
@@ -40,7 +45,7 @@ pub(crate) fn overview(scene: &Scene, report: &ReportData) -> String {
         (report.dropped.len().to_string(), "looked for, not placed".to_owned()),
         (scene.warnings.len().to_string(), "warnings".to_owned()),
         (report.calls.len().to_string(), per_object(report.calls.len())),
-        (dollars(cost), "for model calls".to_owned()),
+        cost,
         (duration(seconds), "for players' answers".to_owned()),
     ];
     for (value, name) in tiles {

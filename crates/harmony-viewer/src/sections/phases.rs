@@ -27,12 +27,21 @@ pub(crate) fn phases(scene: &Scene, report: &ReportData) -> String {
             1..=3 => format!("<div class=\"more\">{list}</div>"),
             n => format!("<details class=\"more\"><summary>{n} warnings</summary>{list}</details>"),
         };
-        let time = if phase.seconds > 0.0 { duration(phase.seconds) } else { String::new() };
+        let time = match (phase.own_seconds, phase.waited_seconds) {
+            (Some(own), Some(waited)) => format!(
+                "<span class=\"time\">own work <span>{}</span><br>waiting for players <span>{}</span></span>",
+                duration(own),
+                duration(waited)
+            ),
+            _ => {
+                let time = if phase.seconds > 0.0 { duration(phase.seconds) } else { String::new() };
+                format!("<span class=\"time\" title=\"what the players' answers took\">{time}</span>")
+            }
+        };
         let _ = write!(
             out,
             "<div class=\"phase\"><b class=\"{class}\" title=\"{word}\">{sign}</b><span><b>{}</b> <span \
-             class=\"soft\">{word}</span> {}</span><span class=\"time\" title=\"what the players' \
-             answers took\">{time}</span>{more}</div>",
+             class=\"soft\">{word}</span> {}</span>{time}{more}</div>",
             esc(&phase.name.replace('_', " ")),
             esc(&phase.outcome),
         );

@@ -1,0 +1,86 @@
+//! A run that asks as often as the paper asks, from the photo to the scene.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use harmony_bench::generate::{GeneratorSettings, RoomKind, generate, write};
+use harmony_bench::metrics::similarity::Looking;
+use harmony_bench::oracle::{NoiseLevel, Oracle};
+use harmony_bench::run::{Play, judged};
+use harmony_bench::truth::TruthRoom;
+use harmony_calls::{BookOptions, CallBook};
+use harmony_pipeline::{Phase, ProgressSink, Questions, Settings};
+use harmony_roles::Role;
+use harmony_scene::{ImageSize, Level};
+
+/// A dining room: its chairs are a matched set, its table carries decorations.
+fn dining_room(folder: &std::path::Path) -> TruthRoom {
+    let settings = GeneratorSettings {
+        kinds: vec![RoomKind::DiningRoom],
+        image: Some(ImageSize::new(400, 300)),
+        min_objects: 8,
+        max_objects: 9,
+        points: 2000,
+        shell_points: 500,
+        ..GeneratorSettings::default()
+    };
+    write(&generate(7, &settings), folder).unwrap();
+    TruthRoom::load(folder).unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_asks_as_often_as_the_paper_and_ends_with_a_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = dining_room(&folder.path().join("room"));
+    let out = folder.path().join("run");
+    let play = Play {
+        truth: &truth,
+        oracle: Arc::new(Oracle::new(truth.clone(), NoiseLevel::Real.noise(), 1, true)),
+        settings: Settings { questions: Questions::Paper, working_px: 400, ..Settings::default() },
+        until: Phase::Objects(Level::Decoration),
+        path_tracer: false,
+        profile: "oracle".to_owned(),
+        further_inputs: String::new(),
+    };
+    let silent: ProgressSink = Arc::new(|_| {});
+    let outcome = Box::pin(play.run(&out, &harmony_players::flat_cast(), &silent)).await.unwrap();
+    assert!(outcome.failure.is_none(), "{:?}", outcome.failure.map(|failure| failure.to_string()));
+    let scene = outcome.scene.unwrap();
+    assert!(scene.objects.len() >= 5, "{} objects", scene.objects.len());
+
+    let time = outcome.file.phases["3_furniture"].time.unwrap();
+    assert!(time.own_s > 0.0 && time.waited_s > 0.0, "{time:?}");
+
+    let book = CallBook::open(&out, BookOptions::default()).unwrap();
+    let asked: Vec<String> =
+        book.log().unwrap().into_iter().filter(|c| c.role == Role::VisionLanguage).map(|c| c.name).collect();
+    let table = scene.objects.iter().find(|o| o.label.contains("table")).unwrap();
+    let missing = format!("5_decoration/missing/{}", table.id);
+    for name in [missing.as_str(), "3_furniture/turn_1", "3_furniture/groups", "5_decoration/counts"] {
+        assert!(asked.iter().any(|asked| asked == name), "{name} is not among {asked:#?}");
+    }
+    let rounds = |level: Level| {
+        let review = format!("{}/review_", level.folder());
+        asked.iter().filter(|name| name.starts_with(&review)).count()
+    };
+    assert!(Level::ALL.map(rounds).iter().all(|count| *count <= 3), "{asked:#?}");
+    let per_object = asked.len() as f64 / scene.objects.len() as f64;
+    assert!((outcome.file.questions_per_object - per_object).abs() < 1e-9);
+    let [score, _] = judged(&truth, &out, 0, 1.0, None, &Looking::default());
+    assert_eq!(score.questions_per_object, Some(outcome.file.questions_per_object));
+
+    // Masks are there of what an inspection kept, and of nothing else.
+    for level in Level::ALL {
+        let phase = out.join(level.folder());
+        let Ok(rows) = harmony_io::read_json::<serde_json::Value>(&phase.join("detections.json")) else { continue };
+        let has_mask: BTreeMap<String, bool> = rows["kept"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|row| (row["id"].as_str().unwrap().to_owned(), row["mask"].is_string()))
+            .collect();
+        for (id, wanted) in has_mask {
+            assert_eq!(phase.join(format!("masks/{id}.png")).is_file(), wanted, "{id}");
+        }
+    }
+}
