@@ -4,6 +4,7 @@ use harmony_scene::{Pose, Wall, WallAffinity};
 
 use super::*;
 use crate::Placed;
+use crate::observe::Window;
 use crate::scene::attachment::angle_between;
 use crate::testing::{add, boxed, empty_room, of_boxes, seen};
 

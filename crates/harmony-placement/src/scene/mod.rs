@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use harmony_scene::{
-    Camera, Confidence, ImageSize, ObjectId, PointMap, PointMapKind, Pose, Room, Similarity, Size, Support, Vec2, Vec3,
-    Wall,
+    Camera, Confidence, ImageSize, Mask, ObjectId, PointMap, PointMapKind, Pose, Room, Similarity, Size, Support, Vec2,
+    Vec3, Wall,
 };
 
 use harmony_geometry::RoomPosterior;
