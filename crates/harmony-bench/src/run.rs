@@ -248,7 +248,7 @@ pub fn judged(
             let s = score(truth, run, ScoreOptions { align_scale, points });
             let (n_clip, lpips) = (alike.n_clip, alike.lpips);
             let failure = failure.map(str::to_owned);
-            RoomScore { seconds, failure, n_clip, lpips, questions_per_object, ..s }
+            RoomScore { n_clip, lpips, questions_per_object, seconds, failure, ..s }
         }
         Err(error) => RoomScore::failed(truth, seconds, failure.map_or_else(|| error.to_string(), str::to_owned)),
     })

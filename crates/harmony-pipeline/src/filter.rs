@@ -83,13 +83,11 @@ impl Region {
 
     /// Areas of this one, the other one and both, pixels: of the outlines where both have one, of the boxes otherwise.
     fn areas(&self, other: &Self) -> [f64; 3] {
-        match (&self.filled, &other.filled) {
-            (Some(own), Some(others)) => [own.count(), others.count(), own.and(others).count()].map(|n| n as f64),
-            _ => {
-                let both = self.bounds.intersection(&other.bounds);
-                [self.bounds, other.bounds, both].map(|bounds| bounds.area())
-            }
+        if let (Some(own), Some(others)) = (&self.filled, &other.filled) {
+            return [own.count(), others.count(), own.and(others).count()].map(|n| n as f64);
         }
+        let both = self.bounds.intersection(&other.bounds);
+        [self.bounds, other.bounds, both].map(|bounds| bounds.area())
     }
 
     /// Share of this one that the other one covers.

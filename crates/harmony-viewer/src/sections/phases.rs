@@ -27,16 +27,14 @@ pub(crate) fn phases(scene: &Scene, report: &ReportData) -> String {
             1..=3 => format!("<div class=\"more\">{list}</div>"),
             n => format!("<details class=\"more\"><summary>{n} warnings</summary>{list}</details>"),
         };
-        let time = match (phase.own_seconds, phase.waited_seconds) {
-            (Some(own), Some(waited)) => format!(
-                "<span class=\"time\">own work <span>{}</span><br>waiting for players <span>{}</span></span>",
-                duration(own),
-                duration(waited)
-            ),
-            _ => {
-                let time = if phase.seconds > 0.0 { duration(phase.seconds) } else { String::new() };
-                format!("<span class=\"time\" title=\"what the players' answers took\">{time}</span>")
-            }
+        let time = if let (Some(own), Some(waited)) = (phase.own_seconds, phase.waited_seconds) {
+            let (own, waited) = (duration(own), duration(waited));
+            format!(
+                "<span class=\"time\">own work <span>{own}</span><br>waiting for players <span>{waited}</span></span>"
+            )
+        } else {
+            let time = if phase.seconds > 0.0 { duration(phase.seconds) } else { String::new() };
+            format!("<span class=\"time\" title=\"what the players' answers took\">{time}</span>")
         };
         let _ = write!(
             out,
