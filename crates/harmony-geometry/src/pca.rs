@@ -40,7 +40,7 @@ pub fn pca(points: &[Vec3]) -> Option<Axes> {
     Some(Axes { centre, axes: [a, b, a.cross(b)], spread })
 }
 
-/// Largest tilt that de-tilting takes back, radians (DESIGN 6.2: "within 45 degrees").
+/// Largest tilt that de-tilting takes back, radians: beyond half a right angle another axis is nearer to up.
 pub const DETILT_LIMIT: f64 = std::f64::consts::FRAC_PI_4;
 
 /// The rotation that turns the principal axis nearest to +Y onto +Y, if it is within 45 degrees; else none.

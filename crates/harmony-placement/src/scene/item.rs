@@ -38,7 +38,7 @@ pub struct Traits {
     pub has_front: bool,
 }
 
-/// What is known of an object's yaw (radians, room constraint) before placement.
+/// What is known of an object's yaw (radians, room frame) before placement.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum YawHint {
     /// Nothing beyond the relations.

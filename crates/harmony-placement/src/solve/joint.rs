@@ -1,4 +1,4 @@
-//! All poses, the camera, the room and the scale together (beyond the paper; DESIGN section 8).
+//! All poses, the camera, the room and the scale together (beyond the paper; decision 0012).
 //!
 //! Placing objects one after the other in a fixed camera leaves each with its own errors, and all with those of the
 //! camera and the walls. Here everything is one least squares over the terms of `terms`: the outlines of all masks in
