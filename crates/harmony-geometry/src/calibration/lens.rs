@@ -80,7 +80,6 @@ impl Lens {
             return out;
         }
         out.pins.edges.iter_mut().flat_map(|e| &mut e.points).for_each(|p| *p = self.centred(*p));
-        out.pins.corners.iter_mut().for_each(|c| c.point = self.centred(c.point));
         out.camera.corner_px = out.camera.corner_px.map(|p| self.centred(Vec2::from_array(p)).to_array());
         let height = f64::from(self.photo.height.max(1));
         out.camera.floor_junction_y_frac =

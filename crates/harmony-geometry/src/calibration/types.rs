@@ -29,7 +29,7 @@ impl Default for CalibrationSettings {
 pub enum CalibrationMethod {
     /// Algorithm 1 of the paper.
     Manhattan,
-    /// Pinned edges and corners of the prior; the scale of the points from the box.
+    /// Pinned edges of the prior; the scale of the points from the box.
     Pins,
     /// The prior's camera; the scale of the points from the box.
     PriorCamera,

@@ -280,7 +280,7 @@ fn pins_off(room: &Room, by: f64) -> LayoutPins {
             edges.push(PinnedEdge { edge, points });
         }
     }
-    LayoutPins { edges, corners: vec![] }
+    LayoutPins { edges }
 }
 
 /// Where the map shows no surface and the pins are rough as well, its depths and the photo's lines still find the room:

@@ -386,7 +386,7 @@ pub fn layout_prior(answer: &LayoutAnswer, size: ImageSize) -> LayoutPrior {
             }),
             floor_junction_y_frac: Some(c.floor_junction_y_frac),
         },
-        pins: LayoutPins { edges, corners: Vec::new() },
+        pins: LayoutPins { edges },
         passages: passage_hints(answer, size).into_iter().map(|hint| hint.face).collect(),
     }
 }

@@ -73,9 +73,6 @@ impl Service {
         Self::Meshy,
     ];
 
-    /// Those that make meshes for money.
-    pub const HOSTED_MESHES: [Self; 4] = [Self::Fal, Self::Replicate, Self::Tripo, Self::Meshy];
-
     /// First part of its paths here: all services share one port.
     pub fn prefix(self) -> &'static str {
         match self {
