@@ -1,4 +1,9 @@
 //! Principal axes and de-tilting of meshes (paper Sec. 3.2, "Mesh Canonicalization").
+//!
+//! The axes are the eigenvectors of the points' covariance, so that every vertex counts the same: finely meshed parts
+//! weigh more. The de-tilt turns the axis nearest to +Y onto it by the shortest rotation. Known weak regime: things
+//! that lean by their form, such as chairs, whose principal axes are not upright; by default meshes are set upright by
+//! their faces (decision 0011).
 
 use harmony_scene::{Mat3, Vec3};
 use nalgebra::{Matrix3, SymmetricEigen};

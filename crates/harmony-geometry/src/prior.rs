@@ -1,4 +1,8 @@
 //! What is believed about a room before it is measured.
+//!
+//! A language model's answer, a default, or a person's pins, in one form: size of the room, hints of the camera, points
+//! on room edges. Pixels are those of the photo at `photo` size, lengths metres of the room frame, angles degrees where
+//! the name says so. Every part may be missing or wrong; who uses it gives it a sigma.
 
 use harmony_scene::{Extents, ImageSize, Vec2, Vec3};
 use serde::{Deserialize, Serialize};

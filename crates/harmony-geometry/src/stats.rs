@@ -1,4 +1,8 @@
 //! Medians, percentiles and a mean that outliers don't move.
+//!
+//! For measurements with strays: values that are no numbers are left out, order statistics interpolate, and the robust
+//! mean rejects by the median absolute deviation until nothing changes. In the unit of the values. It holds up to about
+//! a third of strays; two equal heaps have no middle, and which of them wins is chance.
 
 /// Consistency factor that makes the MAD of a normal distribution its standard deviation.
 pub const MAD_TO_SIGMA: f64 = 1.4826;

@@ -1,5 +1,9 @@
-//! A given lens: what the photo shows, in the pixels of a camera that has its principal point in the middle of the image
-//! and square pixels. The least squares know no other camera.
+//! A given lens: what the photo shows, in the pixels of a camera that has its principal point in the middle of the
+//! image and square pixels.
+//!
+//! The least squares know no other camera. A sensor's map comes with a lens of its own, whose principal point may lie
+//! anywhere; pins, lines and hints are moved to where the centred camera would see them, and the solved camera gets the
+//! lens back. Pixels are those of the photo. Lenses distort nothing here: pictures are taken as rectified.
 
 use harmony_scene::{Camera, ImageSize, Intrinsics, PointMap, PointMapKind, Vec2};
 
