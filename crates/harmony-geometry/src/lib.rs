@@ -29,7 +29,8 @@ mod vanishing;
 
 pub use calibration::{
     AnchorKind, Calibration, CalibrationError, CalibrationEvidence, CalibrationMethod, CalibrationSettings,
-    JointEvidence, PlaneEvidence, RoomPosterior, calibrate, calibrate_with_photo, room_from_unknowns, room_unknowns,
+    JointEvidence, PlaneEvidence, RIGHT_POSITION_M, RIGHT_ROTATION_DEG, RoomPosterior, calibrate, calibrate_with_photo,
+    room_from_unknowns, room_unknowns,
 };
 pub use image::{GrayImage, ImageError};
 pub use lines::{LineSegment, detect_segments};
@@ -38,7 +39,7 @@ pub use prior::{CameraHints, LayoutPins, LayoutPrior, PinnedEdge, RoomEdge, Wall
 pub use room_box::{RoomBox, RoomBoxEvidence, RoomBoxMethod, SolveError, estimate_room_box, solve_from_pins};
 pub use room_openings::{PassageHint, measure_passages, rise_of};
 pub use room_shape::{MapInRoom, MeasuredShape, ShapeHint, ShapeKind, measure_shape};
-pub use stats::{median, median_absolute_deviation, percentile, robust_mean_scalar};
+pub use stats::{MAD_TO_SIGMA, median, median_absolute_deviation, percentile, robust_mean_scalar};
 pub use vanishing::{
     FocalPrior, FocalSource, ViewEstimate, camera_rotation, estimate_view, estimate_view_from_segments,
 };

@@ -259,7 +259,7 @@ impl<'a> Problem<'a> {
         let loose = [Wall::Left, Wall::Right].map(|wall| scene.is_loose(wall));
         let (information, mut mean) = match &scene.posterior {
             Some(posterior) => {
-                let posterior = posterior.with_hints_doubted(size_inflation).with_height_known_to(noise.height);
+                let posterior = posterior.with_hints_inflated(size_inflation).with_height_known_to(noise.height);
                 (posterior.information, posterior.mean)
             }
             None => (unknown_room(noise), now),
