@@ -16,6 +16,7 @@ pub(crate) mod shape;
 pub(crate) mod subtree;
 pub(crate) mod support;
 
+pub(crate) use evidence::TRUSTED_IOU;
 pub use evidence::{Energy, Evidence, Spread};
 pub use item::{Item, Traits, YawHint};
 pub use shape::Shape;
