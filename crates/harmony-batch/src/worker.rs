@@ -202,7 +202,7 @@ impl Worker {
             let ending = wanted > Stopping::No || failure.is_some();
             let mut empty = true;
             while !ending && tasks.len() < self.options.slots {
-                let Some((job, folder)) = self.heard(self.next().await)?.flatten() else { break };
+                let Some((job, folder)) = self.tolerating_outage(self.next().await)?.flatten() else { break };
                 empty = false;
                 self.begin(&mut tasks, job, folder);
             }
@@ -229,7 +229,7 @@ impl Worker {
     }
 
     /// What a queue that may be away said; `None` when it is.
-    fn heard<T>(&self, said: Result<T, BatchError>) -> Result<Option<T>, BatchError> {
+    fn tolerating_outage<T>(&self, said: Result<T, BatchError>) -> Result<Option<T>, BatchError> {
         let mut away = self.away.lock().unwrap_or_else(PoisonError::into_inner);
         match said {
             Ok(value) => {
@@ -291,11 +291,11 @@ impl Worker {
     /// Whether nothing is left that this worker could do, now or later.
     async fn is_idle(&self) -> Result<bool, BatchError> {
         *self.sets.lock().unwrap_or_else(PoisonError::into_inner) = None;
-        let Some(sets) = self.heard(self.sets().await)? else { return Ok(false) };
+        let Some(sets) = self.tolerating_outage(self.sets().await)? else { return Ok(false) };
         for set in sets {
             let goes_on = set.state == SetState::Running && self.folder(&set).is_some();
             // Scenes of others count: they may come back.
-            if goes_on && self.heard(self.queue.is_open(set.id).await)?.unwrap_or(true) {
+            if goes_on && self.tolerating_outage(self.queue.is_open(set.id).await)?.unwrap_or(true) {
                 return Ok(false);
             }
         }
@@ -355,7 +355,7 @@ impl Worker {
         let mut wait = Duration::from_millis(100);
         let begun = Instant::now();
         loop {
-            match self.heard(self.queue.finish(job, ended, bill).await)? {
+            match self.tolerating_outage(self.queue.finish(job, ended, bill).await)? {
                 Some(JobResult::Kept) => return Ok(()),
                 Some(JobResult::NotOurs) => {
                     tracing::info!("{}: another worker has it by now", job.scene);
@@ -375,7 +375,7 @@ impl Worker {
         loop {
             tick.tick().await;
             // An error that does not pass is seen by the main loop too.
-            let _ = self.heard(self.one_beat().await);
+            let _ = self.tolerating_outage(self.one_beat().await);
         }
     }
 

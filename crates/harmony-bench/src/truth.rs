@@ -1,6 +1,5 @@
 //! A room with known truth: the folder format of the photo-like rooms and of the generated ones.
 
-use harmony_catalogue::Trait;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -339,11 +338,6 @@ impl TruthObject {
     /// Whether its yaw means something: it stands at a wall, faces something, or is of a kind with a front.
     pub fn has_front(&self) -> bool {
         self.facing.is_some() || self.wall.is_some() || harmony_catalogue::has_front(&self.label)
-    }
-
-    /// A slab on a wall.
-    pub fn is_planar(&self) -> bool {
-        self.level == Level::Wall && harmony_catalogue::has(&self.label, Trait::Planar)
     }
 
     /// The box of some pixels, if any.

@@ -49,6 +49,8 @@ pub struct Kind {
     pub mass_kg: f64,
     /// Thickness of its walls, panels or cloth, metres, where it is not the material's.
     pub wall_thickness_m: Option<f64>,
+    /// Share of the mass in the lowest fifth of the height, 0 to 1, where it stands by a heavy foot.
+    pub heavy_foot: Option<f64>,
     /// What holds of it.
     #[serde(default)]
     pub traits: BTreeSet<Trait>,
@@ -146,6 +148,12 @@ pub enum Trait {
     Transmits,
     /// Its texture is a picture of what is seen in it or through it.
     Pictured,
+    /// It is screwed, plumbed or built in where it stands.
+    Fixed,
+    /// A lamp hangs over its middle where it has one: tables.
+    LitFromAbove,
+    /// A seat for one with a back: what somebody draws out, or sits down on.
+    Chair,
 }
 
 /// What a back has that a front has not.

@@ -85,6 +85,13 @@ pub fn opening(label: &str) -> Option<OpeningKind> {
     kind(label).and_then(|k| k.opening)
 }
 
+/// Whether a door slides: its kind does, or its label says so.
+pub fn slides(label: &str) -> bool {
+    let leaf_slides = |k: &Kind| k.joints.iter().any(|j| j.motion == Motion::Slide);
+    kind(label).is_some_and(|k| k.opening == Some(OpeningKind::Door) && leaf_slides(k))
+        || words(label).iter().any(|word| word == "sliding")
+}
+
 /// The template's slot that shines, for light sources.
 pub fn light_slot(label: &str) -> Option<&'static str> {
     kind(label).and_then(|k| k.light_slot.as_deref())

@@ -22,6 +22,7 @@ fn every_row_is_sound() {
         }
         assert!((1.0..3000.0).contains(&k.box_density()), "{}: {} kg/m3", k.name, k.box_density());
         assert!(k.wall_thickness_m.is_none_or(|t| 0.0 < t && t < 0.2), "{}", k.name);
+        assert!(k.heavy_foot.is_none_or(|share| (0.2..=1.0).contains(&share)), "{}", k.name);
         assert!(k.bulb_at.is_none_or(|share| (0.0..=1.0).contains(&share)), "{}", k.name);
         assert!(k.light_slot.is_none() || k.template.is_some(), "{} has a slot of no template", k.name);
         assert!(k.joints.iter().all(|j| !j.part.is_empty()), "{}", k.name);
@@ -225,4 +226,27 @@ fn labels_have_their_usual_material_and_mass() {
     assert!(table(M::Stone) > 5.0 * table(M::Wood), "of another material");
     assert_eq!(box_density("contraption", M::Metal), material(M::Metal).box_density_kg_m3);
     assert_eq!((wall_thickness("door", M::Wood), wall_thickness("desk", M::Wood)), (0.04, 0.02));
+}
+
+#[test]
+fn doors_slide_by_their_kind_or_by_what_is_said_of_them() {
+    for (label, wanted) in [
+        ("sliding glass door", true),
+        ("barn door", true),
+        ("sliding patio doors", true),
+        ("interior door", false),
+        ("French doors", false),
+        ("chest of drawers", false),
+    ] {
+        assert_eq!(slides(label), wanted, "{label}");
+    }
+}
+
+#[test]
+fn lamps_hang_over_tables_and_not_over_what_stands_on_them() {
+    for (label, wanted) in
+        [("round dining table", true), ("coffee table", true), ("table lamp", false), ("tablecloth", false)]
+    {
+        assert_eq!(has(label, Trait::LitFromAbove), wanted, "{label}");
+    }
 }

@@ -30,14 +30,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let found = calibrate(&map, &LayoutPrior::unknown(size), &CalibrationSettings::default())?;
     println!("{colour}: {:?}", start.elapsed());
     println!(
-        "  box {:.2}, camera {:.2}, forward {:.2}, seen {:?}, anchor {:?} {:?}, confidence {:.2}",
+        "  box {:.2}, camera {:.2}, forward {:.2}, seen {:?}, anchor {:?} {:?}",
         found.extents.as_vec(),
         found.camera.centre(),
         found.camera.forward(),
         found.seen,
         found.evidence.anchor_kind,
         found.evidence.anchor_px,
-        found.evidence.confidence,
     );
     println!(
         "  {:?}, axes within {:.1} deg, support {:.2}, height ratio {:?}, {:?}",

@@ -1,4 +1,9 @@
 //! The closed-form similarity from the point map into the room.
+//!
+//! Rotation by the oriented Manhattan axes, scale by one vertical edge whose length in metres is known, translation by
+//! its lower end (paper Sec. 3.1, Alg. 1). From the `points` frame (any unit, any pose) to the `room` frame (metres, +X
+//! width, +Y up, +Z off the back wall). Exact and without weighing: an error of the edge is an error of the whole room,
+//! which the joint refinement may take back.
 
 use harmony_scene::{Camera, ImageSize, Intrinsics, Mat3, Similarity, Vec3};
 

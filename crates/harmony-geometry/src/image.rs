@@ -1,4 +1,8 @@
 //! Grey images for the line detector.
+//!
+//! sRGB-encoded luma in 0 to 1, row-major, averaged down by areas so that edges stay where they are to a fraction of a
+//! pixel; the centre of the first pixel is (0.5, 0.5). A thumbnail keeps the colours of the same view. Files are not
+//! read here: whoever has a decoded picture hands over its bytes.
 
 use harmony_scene::ImageSize;
 

@@ -6,14 +6,13 @@
 //! * [`estimate_room_box`], [`solve_from_pins`]: view + prior (+ pinned room edges) -> camera and box in metres;
 //! * [`measure_shape`]: blocks, niches and slopes of rooms that are not boxes;
 //! * [`measure_openings`], [`rise_of`]: openings that were outlined, rounded tops;
-//! * small tools: homography, PCA, de-tilt, robust means, Levenberg-Marquardt.
+//! * small tools: PCA, de-tilt, robust means, Levenberg-Marquardt.
 //!
 //! Nothing here knows that models exist: what a model said arrives as a [`LayoutPrior`].
 //! Frames, units and signs are those of `harmony_scene`.
 
 pub mod align;
 mod calibration;
-mod homography;
 mod image;
 pub mod least_squares;
 mod lines;
@@ -30,17 +29,17 @@ mod vanishing;
 
 pub use calibration::{
     AnchorKind, Calibration, CalibrationError, CalibrationEvidence, CalibrationMethod, CalibrationSettings,
-    JointEvidence, PlaneEvidence, RoomPosterior, calibrate, calibrate_with_photo, room_from_unknowns, room_unknowns,
+    JointEvidence, PlaneEvidence, RIGHT_POSITION_M, RIGHT_ROTATION_DEG, RoomPosterior, calibrate, calibrate_with_photo,
+    room_from_unknowns, room_unknowns,
 };
-pub use homography::{Homography, homography_from_quad};
 pub use image::{GrayImage, ImageError};
 pub use lines::{LineSegment, detect_segments};
 pub use pca::{Axes, detilt, pca};
-pub use prior::{CameraHints, LayoutPins, LayoutPrior, PinnedCorner, PinnedEdge, RoomCorner, RoomEdge, WallSide};
+pub use prior::{CameraHints, LayoutPins, LayoutPrior, PinnedEdge, RoomEdge, WallSide};
 pub use room_box::{RoomBox, RoomBoxEvidence, RoomBoxMethod, SolveError, estimate_room_box, solve_from_pins};
 pub use room_openings::{OpeningHint, measure_openings, rise_of};
 pub use room_shape::{MapInRoom, MeasuredShape, ShapeHint, ShapeKind, measure_shape};
-pub use stats::{front_surface_mean, median, median_absolute_deviation, percentile, robust_mean, robust_mean_scalar};
+pub use stats::{MAD_TO_SIGMA, median, median_absolute_deviation, percentile, robust_mean_scalar};
 pub use vanishing::{
     FocalPrior, FocalSource, ViewEstimate, camera_rotation, estimate_view, estimate_view_from_segments,
 };

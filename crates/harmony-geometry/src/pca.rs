@@ -1,4 +1,9 @@
 //! Principal axes and de-tilting of meshes (paper Sec. 3.2, "Mesh Canonicalization").
+//!
+//! The axes are the eigenvectors of the points' covariance, so that every vertex counts the same: finely meshed parts
+//! weigh more. The de-tilt turns the axis nearest to +Y onto it by the shortest rotation. Known weak regime: things
+//! that lean by their form, such as chairs, whose principal axes are not upright; by default meshes are set upright by
+//! their faces (decision 0011).
 
 use harmony_scene::{Mat3, Vec3};
 use nalgebra::{Matrix3, SymmetricEigen};
@@ -40,7 +45,7 @@ pub fn pca(points: &[Vec3]) -> Option<Axes> {
     Some(Axes { centre, axes: [a, b, a.cross(b)], spread })
 }
 
-/// Largest tilt that de-tilting takes back, radians (DESIGN 6.2: "within 45 degrees").
+/// Largest tilt that de-tilting takes back, radians: beyond half a right angle another axis is nearer to up.
 pub const DETILT_LIMIT: f64 = std::f64::consts::FRAC_PI_4;
 
 /// The rotation that turns the principal axis nearest to +Y onto +Y, if it is within 45 degrees; else none.

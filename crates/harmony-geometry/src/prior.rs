@@ -1,4 +1,8 @@
 //! What is believed about a room before it is measured.
+//!
+//! A language model's answer, a default, or a person's pins, in one form: size of the room, hints of the camera, points
+//! on room edges. Pixels are those of the photo at `photo` size, lengths metres of the room frame, angles degrees where
+//! the name says so. Every part may be missing or wrong; who uses it gives it a sigma.
 
 use harmony_scene::{Extents, ImageSize, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -57,20 +61,6 @@ pub enum RoomEdge {
     BackRight,
 }
 
-/// A corner of the back wall.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RoomCorner {
-    /// (0, 0, 0).
-    FloorBackLeft,
-    /// (W, 0, 0).
-    FloorBackRight,
-    /// (0, H, 0).
-    CeilingBackLeft,
-    /// (W, H, 0).
-    CeilingBackRight,
-}
-
 impl RoomEdge {
     /// All eight.
     pub const ALL: [Self; 8] = [
@@ -100,22 +90,6 @@ impl RoomEdge {
     }
 }
 
-impl RoomCorner {
-    /// All four.
-    pub const ALL: [Self; 4] =
-        [Self::FloorBackLeft, Self::FloorBackRight, Self::CeilingBackLeft, Self::CeilingBackRight];
-
-    /// Where it is, room frame.
-    pub fn point(self, e: &Extents) -> Vec3 {
-        match self {
-            Self::FloorBackLeft => Vec3::ZERO,
-            Self::FloorBackRight => Vec3::new(e.width, 0.0, 0.0),
-            Self::CeilingBackLeft => Vec3::new(0.0, e.height, 0.0),
-            Self::CeilingBackRight => Vec3::new(e.width, e.height, 0.0),
-        }
-    }
-}
-
 /// Points seen on one edge, photo pixels. One point already helps; two far apart fix the line.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PinnedEdge {
@@ -125,29 +99,18 @@ pub struct PinnedEdge {
     pub points: Vec<Vec2>,
 }
 
-/// A corner seen in the photo (it may lie outside the image), photo pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct PinnedCorner {
-    /// Which corner.
-    pub corner: RoomCorner,
-    /// Where, photo pixels.
-    pub point: Vec2,
-}
-
-/// Where room edges and corners are in the photo.
+/// Where room edges are in the photo.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct LayoutPins {
     /// Edges.
     pub edges: Vec<PinnedEdge>,
-    /// Corners.
-    pub corners: Vec<PinnedCorner>,
 }
 
 impl LayoutPins {
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
-        self.corners.is_empty() && self.edges.iter().all(|e| e.points.is_empty())
+        self.edges.iter().all(|e| e.points.is_empty())
     }
 }
 
@@ -162,7 +125,7 @@ pub struct LayoutPrior {
     pub ceiling_seen: bool,
     /// Camera.
     pub camera: CameraHints,
-    /// Room edges and corners in the photo.
+    /// Room edges in the photo.
     pub pins: LayoutPins,
     /// Outlines of what the photo shows of other rooms, through openings without a leaf: no evidence for this one.
     pub passages: Vec<Vec<Vec2>>,

@@ -5,7 +5,7 @@ use harmony_export::World;
 use harmony_export::world::{Face, Item};
 use harmony_mesh::is_left_out;
 use harmony_render::{Instance, OUTSIDE, RenderOptions, canonical_camera, render};
-use harmony_scene::{Camera, ImageSize, Intrinsics, Level, SceneObject, Support, Surface};
+use harmony_scene::{Camera, ImageSize, Intrinsics, Level, OpeningKind, SceneObject, Support, Surface};
 use image::{DynamicImage, RgbImage};
 
 use crate::merge::Merged;
@@ -60,7 +60,7 @@ pub fn canonical(merged: &Merged, size: ImageSize) -> RgbImage {
     // What hangs on a wall that is left out, or under a ceiling, would float.
     // A door stays: its wall is seen from the other side.
     let floats = |object: &SceneObject| match object.support {
-        Support::Wall { wall } if !object.label.contains("door") => {
+        Support::Wall { wall } if !is_door(&object.label) => {
             wall.normal().dot(eye - merged.world.scene.room.extents.as_vec() / 2.0) < 0.0
         }
         _ => false,
@@ -68,6 +68,11 @@ pub fn canonical(merged: &Merged, size: ImageSize) -> RgbImage {
     let faces = merged.world.shell.iter().filter(|f| !is_left_out(&f.name, &hidden));
     let items = merged.world.items.iter().filter(|i| i.object.level != Level::Ceiling && !floats(&i.object));
     drawn(&camera, faces, items)
+}
+
+/// Whether a label names what fills a door of a room.
+fn is_door(label: &str) -> bool {
+    harmony_catalogue::opening(label) == Some(OpeningKind::Door)
 }
 
 /// A room in the canonical view of runs.
@@ -92,4 +97,18 @@ fn drawn<'a>(
     }));
     let options = RenderOptions { multisample: true, background: OUTSIDE, ..RenderOptions::default() };
     DynamicImage::ImageRgba8(render(camera, &instances, &options).color).to_rgb8()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn doors_of_rooms_are_doors_and_those_of_cupboards_are_not() {
+        for (label, door) in
+            [("interior door", true), ("French doors", true), ("cabinet door", false), ("doorbell", false)]
+        {
+            assert_eq!(is_door(label), door, "{label}");
+        }
+    }
 }

@@ -10,7 +10,7 @@ use harmony_imaging::inpaint::{FillSettings, Sources, fill};
 use harmony_imaging::rectify::{SurfaceRect, min_area_quad, rectify_quad, surface_texture};
 use harmony_imaging::regions::{RegionSettings, propose_regions, surface_labels};
 use harmony_imaging::sheet::{self, Cell, LabelledBox};
-use harmony_imaging::tile::{TextureSettings, complete_surface, make_tile};
+use harmony_imaging::tile::{TextureSettings, complete_surface};
 use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Mask, Mat3, Surface, Vec3};
 
 fn camera(value: &serde_json::Value) -> Option<Camera> {
@@ -57,7 +57,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let started = Instant::now();
     let regions = propose_regions(&photo, &labels, &RegionSettings::default());
     println!("{} regions in {:.1?}", regions.len(), started.elapsed());
-    let masks: Vec<&Mask> = regions.iter().map(|r| &r.mask).collect();
     let boxes: Vec<LabelledBox> = regions
         .iter()
         .enumerate()
@@ -67,7 +66,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             color: sheet::palette(i),
         })
         .collect();
-    sheet::draw_boxes(&sheet::overlay_masks(&photo, &masks, &[]), &boxes).save(save("regions"))?;
+    sheet::draw_boxes(&photo, &boxes).save(save("regions"))?;
     let crops: Vec<_> = regions.iter().filter_map(|r| sheet::crop_rgba(&photo, &r.mask, 0.05)).collect();
     let cells: Vec<Cell<'_>> = crops
         .iter()
@@ -97,21 +96,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         let rectified = started.elapsed();
         let started = Instant::now();
         let whole = complete_surface(&texture, &TextureSettings::default());
-        let completed = started.elapsed();
-        let started = Instant::now();
-        let tile = make_tile(&texture, 256, &TextureSettings::default());
-        println!(
-            "{}: rectified in {rectified:.1?}, completed in {completed:.1?}, tile in {:.1?}",
-            surface.name(),
-            started.elapsed()
-        );
-        let tiled = image::RgbaImage::from_fn(512, 512, |x, y| *tile.get_pixel(x % 256, y % 256));
-        let cells = [
-            Cell { label: "observed".into(), image: &texture },
-            Cell { label: "completed".into(), image: &whole },
-            Cell { label: "tile 2 x 2".into(), image: &tiled },
-        ];
-        sheet::contact_sheet(&cells, 3, 560).save(save(surface.name()))?;
+        println!("{}: rectified in {rectified:.1?}, completed in {:.1?}", surface.name(), started.elapsed());
+        let cells =
+            [Cell { label: "observed".into(), image: &texture }, Cell { label: "completed".into(), image: &whole }];
+        sheet::contact_sheet(&cells, 2, 560).save(save(surface.name()))?;
     }
 
     let list = json(&scene.join("objects.json"))?;

@@ -130,10 +130,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         if let Some(folder) = folders.get(1) {
             let name = scene.file_name().and_then(|n| n.to_str()).unwrap_or("scene");
-            let masks: Vec<&Mask> = all_boxes.iter().map(|r| &r.mask).collect();
-            sheet::overlay_masks(&photo, &masks, &[]).save(Path::new(folder).join(format!("{name}_boxes.png")))?;
-            let masks: Vec<&Mask> = all_outlines.iter().map(|a| &a.mask).collect();
-            let mut picture = sheet::overlay_masks(&photo, &masks, &[]);
+            let traced = |all: &[Segmented]| {
+                all.iter().enumerate().fold(photo.clone(), |picture, (i, one)| {
+                    let points = trace_outline(&one.mask, 0.0);
+                    sheet::draw_polyline(&picture, &points, sheet::LineEnds::Closed, sheet::palette(i), 2.0)
+                })
+            };
+            traced(&all_boxes).save(Path::new(folder).join(format!("{name}_boxes.png")))?;
+            let mut picture = traced(&all_outlines);
             for (i, prompt) in outlines.iter().enumerate() {
                 let points = prompt.outline.as_deref().unwrap_or(&[]);
                 picture = sheet::draw_polyline(&picture, points, sheet::LineEnds::Closed, sheet::palette(i), 1.0);

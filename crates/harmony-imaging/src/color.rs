@@ -5,15 +5,6 @@ use std::sync::LazyLock;
 use harmony_scene::Mask;
 use image::RgbImage;
 
-/// A colour that covers a share of an area.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DominantColor {
-    /// sRGB.
-    pub color: [u8; 3],
-    /// Share of the area, 0 to 1.
-    pub share: f64,
-}
-
 /// Linear light (0 to 1) of an sRGB value (0 to 1). IEC 61966-2-1.
 pub fn linear_from_srgb(value: f32) -> f32 {
     if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
@@ -95,73 +86,9 @@ pub fn median_color(photo: &RgbImage, mask: &Mask) -> Option<[u8; 3]> {
     })
 }
 
-/// Up to `count` colours that make up the masked area, largest share first.
-///
-/// k-means in Lab over at most some thousand evenly spaced pixels, started from the most distant colours; clusters
-/// nearer than 6 Lab units are merged. Each colour is its cluster's mean.
-pub fn dominant_colors(photo: &RgbImage, mask: &Mask, count: usize) -> Vec<DominantColor> {
-    let mask = crate::fitted(mask, photo);
-    let total = mask.count();
-    if total == 0 || count == 0 {
-        return Vec::new();
-    }
-    let step = total.div_ceil(4096);
-    let labs: Vec<[f32; 3]> = photo
-        .pixels()
-        .zip(mask.bits())
-        .filter(|(_, on)| **on)
-        .step_by(step)
-        .map(|(pixel, _)| lab_from_rgb8(pixel.0))
-        .collect();
-    let mut clusters = cluster(&labs, count);
-    clusters.sort_by_key(|c| std::cmp::Reverse(c.1));
-    clusters
-        .into_iter()
-        .map(|(lab, n)| DominantColor { color: rgb8_from_lab(lab), share: n as f64 / labs.len() as f64 })
-        .collect()
-}
-
 /// Squared distance of two Lab colours.
 pub(crate) fn distance_squared(a: [f32; 3], b: [f32; 3]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
-}
-
-/// k-means: centres and sizes of the non-empty clusters, near ones merged.
-fn cluster(labs: &[[f32; 3]], count: usize) -> Vec<([f32; 3], usize)> {
-    let mut centres = farthest_points(labs, count);
-    let mut sizes = vec![0_usize; centres.len()];
-    for _ in 0..12 {
-        let mut sums = vec![[0.0_f64; 3]; centres.len()];
-        sizes.fill(0);
-        for lab in labs {
-            let k = nearest(&centres, *lab);
-            sizes[k] += 1;
-            for (s, c) in sums[k].iter_mut().zip(lab) {
-                *s += f64::from(*c);
-            }
-        }
-        for ((centre, sum), n) in centres.iter_mut().zip(&sums).zip(&sizes) {
-            if *n > 0 {
-                *centre = sum.map(|s| (s / *n as f64) as f32);
-            }
-        }
-    }
-    let mut merged: Vec<([f32; 3], usize)> = Vec::new();
-    let mut order: Vec<usize> = (0..centres.len()).filter(|k| sizes[*k] > 0).collect();
-    order.sort_by(|a, b| sizes[*b].cmp(&sizes[*a]));
-    for k in order {
-        match merged.iter_mut().find(|(c, _)| distance_squared(*c, centres[k]) < 36.0) {
-            Some((c, n)) => {
-                let share = sizes[k] as f32 / (*n + sizes[k]) as f32;
-                for (a, b) in c.iter_mut().zip(centres[k]) {
-                    *a += (b - *a) * share;
-                }
-                *n += sizes[k];
-            }
-            None => merged.push((centres[k], sizes[k])),
-        }
-    }
-    merged
 }
 
 /// Start centres: the median-lightness colour, then each time the colour farthest from all chosen.
@@ -230,16 +157,11 @@ mod tests {
     }
 
     #[test]
-    fn colours_of_a_two_colour_area_come_with_their_shares() {
+    fn the_median_of_a_two_colour_area_is_the_larger_one() {
         let size = ImageSize::new(40, 10);
         let photo = RgbImage::from_fn(40, 10, |x, _| image::Rgb(if x < 30 { [200, 30, 30] } else { [20, 40, 180] }));
         let all = Mask::from_fn(size, |_, _| true);
         assert_eq!(median_color(&photo, &all), Some([200, 30, 30]));
-        let found = dominant_colors(&photo, &all, 4);
-        assert_eq!(found.len(), 2);
-        assert!((found[0].share - 0.75).abs() < 1e-9);
-        assert!(lab_distance(found[1].color, [20, 40, 180]) < 1.0);
         assert_eq!(median_color(&photo, &Mask::empty(size)), None);
-        assert!(dominant_colors(&photo, &Mask::empty(size), 3).is_empty());
     }
 }

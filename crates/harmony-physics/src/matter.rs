@@ -28,23 +28,6 @@ pub const FARTHEST_MASS: f64 = 5.0;
 pub const FARTHEST_FRICTION: f64 = 3.0;
 /// Nothing that moves is lighter, kilograms: solvers lose their footing with much less.
 pub const LIGHTEST_KG: f64 = 0.02;
-/// Kinds that are screwed, plumbed or built in, beside what hangs on walls and ceilings.
-const FIXED: [&str; 8] = ["kitchen_base", "dishwasher", "fireplace", "mantel", "toilet", "bathtub", "sink", "radiator"];
-/// Kinds that stand by a heavy foot: share of the mass in the lowest fifth of the height. A plant's pot is full of earth,
-/// a floor lamp has a plate of iron under it; without it both fall over in every simulator, and in life.
-const HEAVY_FOOT: [(&str, f64); 11] = [
-    ("plant", 0.85),
-    ("flowers", 0.8),
-    ("vase", 0.6),
-    ("floor_lamp", 0.7),
-    ("arc_lamp", 0.85),
-    ("table_lamp", 0.6),
-    ("desk_lamp", 0.7),
-    ("coat_rack", 0.6),
-    ("fan", 0.7),
-    ("office_chair", 0.5),
-    ("monitor", 0.5),
-];
 
 /// Whether an object moves.
 pub fn motion(object: &SceneObject) -> Motion {
@@ -52,7 +35,7 @@ pub fn motion(object: &SceneObject) -> Motion {
     let on_something = matches!(object.support, Support::Floor | Support::Object { .. });
     let hung = matches!(object.level, Level::Wall | Level::Ceiling) || !on_something;
     let of_the_room = kind.is_some_and(|k| {
-        k.opening.is_some() || k.has(Trait::Flat) || k.has(Trait::Hangs) || FIXED.contains(&k.name.as_str())
+        k.opening.is_some() || [Trait::Flat, Trait::Hangs, Trait::Fixed].into_iter().any(|own| k.has(own))
     });
     if hung || of_the_room { Motion::Static } else { Motion::Dynamic }
 }
@@ -117,8 +100,7 @@ pub fn restitution(object: &SceneObject) -> f64 {
 
 /// Share of the mass in the lowest fifth of the height, for kinds with a heavy foot.
 pub fn heavy_foot(object: &SceneObject) -> Option<f64> {
-    let name = kind(&object.label)?.name.as_str();
-    HEAVY_FOOT.iter().find(|(kind, _)| *kind == name).map(|(_, share)| *share)
+    kind(&object.label)?.heavy_foot
 }
 
 #[cfg(test)]

@@ -386,7 +386,7 @@ pub fn report_data(state: &SceneState, scene: &Scene, log: &[CallSummary], run: 
             .collect(),
         room: Evidence {
             method: state.layout.method.clone(),
-            confidence: Some(state.layout.confidence),
+            confidence: state.layout.confidence,
             because: state.layout.because.clone(),
             facts: vec![
                 Fact::new("type", scene.room.room_type.clone()),
@@ -399,7 +399,7 @@ pub fn report_data(state: &SceneState, scene: &Scene, log: &[CallSummary], run: 
         },
         camera: Evidence {
             method: state.layout.method.clone(),
-            confidence: Some(state.layout.confidence),
+            confidence: state.layout.confidence,
             because: state.layout.because.clone(),
             facts: vec![
                 Fact::new("horizontal field of view", format!("{:.1} deg", camera.horizontal_fov().to_degrees())),
@@ -444,6 +444,7 @@ mod tests {
     use image::RgbaImage;
 
     use super::*;
+    use crate::testing::{add, empty_room};
 
     fn door(pbr: PbrFactors) -> SceneObject {
         let physical = Physical { weight_kg: 20.0, thickness_m: 0.04, elasticity: 0.1, rigid: None };
@@ -508,5 +509,49 @@ mod tests {
         leaf.texture = Some(Arc::new(RgbaImage::new(2, 2)));
         let one = with_material(&Arc::new(Mesh { materials: vec![leaf], ..Mesh::default() }), &door(steel), false);
         assert!(one.materials[0].metallic <= PICTURED_METAL && one.materials[0].roughness >= PICTURED_ROUGHNESS);
+    }
+
+    #[test]
+    fn yaws_are_written_within_half_a_turn() {
+        use std::f64::consts::PI;
+        for (yaw, wanted) in [(0.5, 0.5), (PI, PI), (-PI, PI), (1.5 * PI, -0.5 * PI), (-5.0 * PI - 0.25, PI - 0.25)] {
+            assert!((half_turn(yaw) - wanted).abs() < 1e-12, "{yaw}: {}", half_turn(yaw));
+        }
+    }
+
+    #[test]
+    fn a_scene_has_what_was_modelled_and_speaks_of_the_photo_as_it_was() {
+        let mut state = empty_room();
+        let at = glam::DVec3::new(2.0, 0.0, 2.0);
+        let chair = add(&mut state, "chair_01", Level::Furniture, glam::DVec3::splat(0.5), at, Support::Floor);
+        let other = add(&mut state, "stool_01", Level::Furniture, glam::DVec3::splat(0.4), at, Support::Floor);
+        state.objects.get_mut(&other).unwrap().model = None;
+        let original = ImageSize::new(3200, 2400);
+        let scene = scene(&state, original, &[]);
+        assert_eq!(scene.objects.iter().map(|o| &o.id).collect::<Vec<_>>(), [&chair]);
+        assert_eq!(scene.objects[0].mesh, format!("{}/meshes/chair_01.glb", Level::Furniture.folder()));
+        assert_eq!(scene.camera.size, original);
+        let fx = state.partial.camera.intrinsics.fx;
+        assert!((harmony_scene::Camera::from(&scene.camera).intrinsics.fx - 10.0 * fx).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_files_of_a_run_are_there_and_lit_pictures_only_where_somebody_traced() {
+        let mut state = empty_room();
+        let at = glam::DVec3::new(2.0, 0.0, 2.0);
+        add(&mut state, "chair_01", Level::Furniture, glam::DVec3::splat(0.5), at, Support::Floor);
+        let size = state.partial.camera.size;
+        let lit = LitPictures { photo_view: image::RgbImage::new(size.width, size.height), canonical: None };
+        for (lit, there) in [(None, false), (Some(&lit), true)] {
+            let run = tempfile::tempdir().unwrap();
+            write(run.path(), &state, size, lit, &[]).unwrap();
+            let is = |path: &str| run.path().join(path).is_file();
+            for path in ["scene.json", "camera.json", "objects.json", "scene_full.glb", "segmentation.png"] {
+                assert!(is(path), "{path}");
+            }
+            assert!(is("render_flat.png") && is("render_canonical.png"));
+            assert!(is(&format!("{}/meshes/chair_01.glb", Level::Furniture.folder())));
+            assert_eq!((is("render_lit.png"), is("render_lit_canonical.png")), (there, false));
+        }
     }
 }

@@ -402,3 +402,100 @@ fn working_photo(photo: &Photo, longest: u32) -> RgbImage {
     }
     imageops::resize(&photo.image, size.width, size.height, imageops::FilterType::CatmullRom)
 }
+
+#[cfg(test)]
+mod tests {
+    use harmony_calls::StopReason;
+
+    use super::*;
+    use crate::testing::{Desk, photo};
+
+    fn request(desk: &Desk) -> RunRequest {
+        RunRequest {
+            photo: photo(),
+            title: "a wall".to_owned(),
+            run: desk.run.path().to_owned(),
+            profile: "offline".to_owned(),
+            settings: Settings { working_px: 256, ..Settings::default() },
+            until: Phase::Layout,
+            path_tracer: false,
+            further_inputs: String::new(),
+        }
+    }
+
+    async fn run_at(desk: &Desk, request: &RunRequest) -> RunOutcome {
+        run(request, &desk.calls, &desk.warnings, &desk.progress).await.unwrap()
+    }
+
+    fn states(file: &RunFile) -> Vec<PhaseState> {
+        Phase::ALL.iter().map(|p| file.phases[p.folder()].state).collect()
+    }
+
+    #[tokio::test]
+    async fn a_run_marks_its_phases_and_the_same_one_again_has_nothing_to_do() {
+        let desk = Desk::new();
+        let asked = request(&desk);
+        let first = run_at(&desk, &asked).await;
+        assert_eq!(first.failure, None);
+        let mut wanted = vec![PhaseState::Pending; Phase::ALL.len()];
+        wanted[0] = PhaseState::Done;
+        assert_eq!(states(&first.file), wanted);
+        assert_eq!(RunFile::read(&asked.run).unwrap(), first.file, "run.json is what the outcome says");
+        assert!(!first.nothing_to_do && first.scene.is_some());
+        for path in REQUIRED {
+            assert!(first.file.files.contains_key(path), "{path} has a hash");
+        }
+        assert_eq!(std::fs::read(asked.run.join("input.png")).unwrap(), asked.photo.bytes);
+
+        let desk = Desk::at(desk.run);
+        let again = run_at(&desk, &asked).await;
+        assert!(again.nothing_to_do && again.scene == first.scene && desk.events.lock().unwrap().is_empty());
+        // A file that is not as it was left is made anew, by records alone.
+        std::fs::write(asked.run.join("scene.json"), "{}").unwrap();
+        let mended = run_at(&desk, &asked).await;
+        assert!(!mended.nothing_to_do && desk.calls.counts().asked == 0);
+        assert_eq!(mended.file.files, first.file.files);
+        // Another photo, title, or mask file is another run.
+        let other = RunRequest { further_inputs: "masks".to_owned(), ..request(&desk) };
+        assert!(!run_at(&desk, &other).await.nothing_to_do);
+    }
+
+    #[tokio::test]
+    async fn a_stopped_run_names_its_phase_and_goes_on_when_it_is_started_again() {
+        let desk = Desk::new();
+        let asked = request(&desk);
+        desk.calls.stop().close(StopReason::Interrupted("somebody wanted it so".to_owned()));
+        let stopped = run_at(&desk, &asked).await;
+        let failure = stopped.failure.unwrap();
+        assert_eq!(failure.phase, Some(Phase::Layout));
+        assert!(failure.hint.as_ref().is_some_and(|h| h.contains("run the same command again")), "{failure:?}");
+        assert!(failure.to_string().starts_with(Phase::Layout.folder()), "{failure}");
+        assert_eq!(stopped.scene, None);
+        let kept = RunFile::read(&asked.run).unwrap();
+        assert_eq!(states(&kept)[..2], [PhaseState::Failed, PhaseState::Pending]);
+        let entry = &kept.phases[Phase::Layout.folder()];
+        assert!(entry.outcome.contains("somebody wanted it so") && entry.hint == failure.hint, "{entry:?}");
+        let failed = |e: &ProgressEvent| matches!(e, ProgressEvent::PhaseFailed { .. });
+        assert_eq!(desk.events.lock().unwrap().iter().filter(|e| failed(e)).count(), 1);
+
+        let desk = Desk::at(desk.run);
+        let resumed = run_at(&desk, &asked).await;
+        assert_eq!((resumed.failure, states(&resumed.file)[0]), (None, PhaseState::Done));
+    }
+
+    #[tokio::test]
+    async fn settings_out_of_range_are_refused_before_anything_is_written() {
+        let desk = Desk::new();
+        let mut asked = request(&desk);
+        asked.settings.working_px = 8;
+        let error = run(&asked, &desk.calls, &desk.warnings, &desk.progress).await.unwrap_err();
+        assert!(matches!(&error, RunError::Settings(what) if what.contains("working_px")), "{error}");
+        assert!(error.hint().is_some() && !asked.run.join("run.json").exists());
+    }
+
+    #[test]
+    fn a_failure_of_no_phase_is_one_of_the_files() {
+        let failure = Failure { phase: None, reason: "not written: report.html".to_owned(), hint: None };
+        assert_eq!(failure.to_string(), "files: not written: report.html");
+    }
+}

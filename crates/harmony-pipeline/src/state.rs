@@ -170,8 +170,9 @@ pub struct Layout {
     pub evidence: Value,
     /// Method in words.
     pub method: String,
-    /// 0 to 1.
-    pub confidence: f64,
+    /// 0 to 1; with a point map the probability that the camera is right ([`harmony_geometry::Calibration::confidence`]),
+    /// `None` where nobody knows.
+    pub confidence: Option<f64>,
     /// What speaks for and against it, in words.
     pub because: String,
 }

@@ -1,11 +1,13 @@
-//! A small scene of boxes for the tests of this crate.
+//! A small scene of boxes, and what a phase needs to run offline, for the tests of this crate.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use glam::DVec3;
+use harmony_calls::{BookOptions, CallBook, CallOptions, Calls};
 use harmony_mesh::{Group, Material, Mesh};
 use harmony_placement::{Evidence, Item, PartialScene, Placed, Shape, Traits, YawHint};
+use harmony_players::offline_cast;
 use harmony_prompts::LayoutAnswer;
 use harmony_render::{Instance, RenderOptions, render_depth_ids};
 use harmony_roles::Detection;
@@ -16,8 +18,85 @@ use harmony_scene::{
 use image::{Rgb, RgbImage};
 use serde_json::Value;
 
+use crate::ctx::{PhaseCtx, Warnings};
+use crate::progress::{ProgressEvent, ProgressSink};
 use crate::state::{Layout, Look, Model, Object, SceneState};
 use crate::views::Gallery;
+use crate::{Phase, Settings};
+
+/// A run folder, the offline players, and all that is told.
+pub struct Desk {
+    /// The run folder.
+    pub run: tempfile::TempDir,
+    /// Calls, recorded in the run folder.
+    pub calls: Calls,
+    /// Settings.
+    pub settings: Settings,
+    /// Warnings.
+    pub warnings: Warnings,
+    /// Progress, in order.
+    pub events: Arc<Mutex<Vec<ProgressEvent>>>,
+    /// Collects them.
+    pub progress: ProgressSink,
+}
+
+impl Desk {
+    /// An empty run folder.
+    pub fn new() -> Self {
+        Self::at(tempfile::tempdir().unwrap())
+    }
+
+    /// The program started again on a run folder.
+    pub fn at(run: tempfile::TempDir) -> Self {
+        let book = Arc::new(CallBook::open(run.path(), BookOptions::default()).unwrap());
+        let events: Arc<Mutex<Vec<ProgressEvent>>> = Arc::default();
+        let all = Arc::clone(&events);
+        Self {
+            run,
+            calls: Calls::new(book, offline_cast(), offline_cast(), CallOptions::default()),
+            settings: Settings::default(),
+            warnings: Warnings::default(),
+            events,
+            progress: Arc::new(move |event| all.lock().unwrap().push(event)),
+        }
+    }
+
+    /// What a phase is given; there is no path tracer.
+    pub fn ctx(&self, phase: Phase) -> PhaseCtx<'_> {
+        PhaseCtx {
+            run: self.run.path(),
+            phase,
+            within: None,
+            calls: &self.calls,
+            path_tracer: false,
+            settings: &self.settings,
+            warnings: &self.warnings,
+            progress: &self.progress,
+        }
+    }
+
+    /// A JSON file of the run folder.
+    pub fn json(&self, path: &str) -> Value {
+        serde_json::from_slice(&std::fs::read(self.run.path().join(path)).unwrap()).unwrap()
+    }
+}
+
+/// A photo of a back wall and a floor, 256 pixels wide.
+pub fn photo() -> harmony_io::Photo {
+    let image = RgbImage::from_fn(256, 192, |_, y| if y < 110 { Rgb([220, 215, 205]) } else { Rgb([120, 90, 70]) });
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    harmony_io::Photo {
+        image,
+        bytes: bytes.into_inner(),
+        extension: "png",
+        original_size: ImageSize::new(256, 192),
+        orientation: 1,
+        focal_px: None,
+        focal_source: None,
+        warnings: Vec::new(),
+    }
+}
 
 /// An empty room of 4 x 2.5 x 5 metres in a grey photo.
 pub fn empty_room() -> SceneState {
@@ -44,7 +123,7 @@ pub fn empty_room() -> SceneState {
             answer: LayoutAnswer { walls: Vec::new(), ..LayoutAnswer::example() },
             evidence: Value::Null,
             method: "made up".to_owned(),
-            confidence: 1.0,
+            confidence: Some(1.0),
             because: String::new(),
         },
         partial: PartialScene::new(room, camera, None, None),

@@ -1,4 +1,10 @@
 //! One level, from items to placed objects.
+//!
+//! The items are ordered, each gets hypotheses and a local solve in the scene as it is by then, all are solved together
+//! with camera, room and scale, and what that leaves is projected onto support and contact. Passes that follow one
+//! another may only take back what costs energy: objects are held where they were, or placed anew, by the rule of
+//! `accept`. No file, no model, no clock: the same items give the same scene. What could not be placed is in the report
+//! with its reason, not an error.
 
 use std::sync::Arc;
 
@@ -14,7 +20,7 @@ use crate::observe::{Contour, Window, drop_strangers, neighbours};
 use crate::propose::between_curtains;
 use crate::scene::attachment::{PoseConstraint, YawRule, angle_between, attachment_of};
 use crate::scene::subtree::{subtree, take_along};
-use crate::solve::joint::{LOST, refine_globally};
+use crate::solve::joint::refine_globally;
 use crate::solve::local::solve;
 use crate::terms::placed_energy;
 use crate::{Evidence, Item, OrderReport, PartialScene, Placed, PlacementSettings, YawHint};
@@ -23,10 +29,6 @@ use crate::{Evidence, Item, OrderReport, PartialScene, Placed, PlacementSettings
 const LOW_CONFIDENCE: f64 = 0.05;
 /// So does a level whose named sizes are believed less by more than this factor.
 const TOLD_INFLATION: f64 = 1.3;
-/// Probability that something hangs in the air.
-const IN_THE_AIR: f64 = 1e-4;
-/// Probability that a window whose ends are hidden is not in the middle of the curtains that hide them.
-const OFF_CURTAINS: f64 = 0.1;
 
 /// How deep an earlier object may come into others when it is placed anew, metres: they are parted after it.
 const MAX_INTO_M: f64 = 0.1;
@@ -146,7 +148,7 @@ pub fn place_level(
     let scale = report.global.filter(|g| g.kept).map_or(1.0, |g| g.scale);
     finished.hold(scene, scale, 0.0, settings);
     // What all of them together, and what stands in what, moved too far from what is seen of it: a cushion onto an arm.
-    each.hold(scene, scale, LOST, settings);
+    each.hold(scene, scale, settings.noise.joint_slack, settings);
     report.shifted_x = scene.fit_loose_walls();
     settle_all(scene, settings);
     hang_in_layers(scene, settings);
@@ -342,7 +344,7 @@ fn centre_windows(scene: &mut PartialScene, settings: &PlacementSettings) {
         let before = placed_energy(scene, i, settings).unwrap_or_default().total();
         let old = std::mem::replace(&mut scene.placed[i].pose, pose);
         let after = placed_energy(scene, i, settings).unwrap_or_default().total();
-        if !accepts(before, after, odds(OFF_CURTAINS)) {
+        if !accepts(before, after, odds(settings.noise.off_curtains)) {
             scene.placed[i].pose = old;
         }
     }
@@ -362,7 +364,7 @@ fn follow_hosts(scene: &mut PartialScene, settings: &PlacementSettings) {
         let was = energy(scene);
         let before = (scene.placed[i].pose, scene.placed[i].support.clone());
         (scene.placed[i].pose, scene.placed[i].support) = (pose, support);
-        if hangs_in_the_air(scene, i) || !accepts(was, energy(scene), odds(IN_THE_AIR)) {
+        if hangs_in_the_air(scene, i) || !accepts(was, energy(scene), odds(settings.noise.in_the_air)) {
             (scene.placed[i].pose, scene.placed[i].support) = before;
             continue;
         }
@@ -510,16 +512,17 @@ mod tests {
         }
         let finished = Finished::of(&scene);
         let settings = PlacementSettings::default();
+        let slack = settings.noise.joint_slack;
         // A later level shifts both.
         let shift = Vec3::new(0.25, 0.0, 0.0);
         scene.placed.iter_mut().for_each(|p| p.pose.position += shift);
         let mut slightly = scene.clone();
         slightly.placed.iter_mut().for_each(|p| p.pose.position -= shift * 0.9);
         let there = slightly.placed[0].pose.position;
-        finished.hold(&mut slightly, 1.0, LOST, &settings);
-        assert!(slightly.placed[0].pose.position.distance(there) < 1e-6, "a few centimetres are no {LOST} nats");
+        finished.hold(&mut slightly, 1.0, slack, &settings);
+        assert!(slightly.placed[0].pose.position.distance(there) < 1e-6, "a few centimetres are no {slack} nats");
         let mut far = scene.clone();
-        finished.hold(&mut far, 1.0, LOST, &settings);
+        finished.hold(&mut far, 1.0, slack, &settings);
         assert!(far.placed[0].pose.position.distance(at) < 1e-6, "{:?}", far.placed[0].pose);
         finished.hold(&mut scene, 1.0, 0.0, &settings);
         assert!(scene.placed[0].pose.position.distance(at) < 1e-6, "{:?}", scene.placed[0].pose);

@@ -1,4 +1,10 @@
 //! Measuring what is placed: agreement, contact, and the posterior's uncertainty.
+//!
+//! Evidence belongs to a scene: an object's silhouette depends on what stands before it, its gap on its host, its
+//! spread on everything. So all objects are measured again whenever the scene has changed, those of earlier levels too.
+//! Energies are in nats by the objective of what was *said* (`terms::told_objective`), whatever hypothesis the solve
+//! took; gaps and penetrations in metres. Spreads come with [`measure_posterior`] alone, for they need the information
+//! matrix of the whole scene.
 
 use rayon::prelude::*;
 

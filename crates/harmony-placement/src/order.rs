@@ -1,4 +1,10 @@
 //! In which order objects are placed. Paper Sec. 3.3 "VLM Placement Order Reasoning", App. C "Placement order".
+//!
+//! Hosts come before what they carry (a need), what is faced before who faces it (a wish); the rest goes from the
+//! deepest floor corner along the walls and then from the far end to the camera. A given order is kept where it agrees
+//! with the needs. The sort is stable and goes depth-first along dependants; circles are broken at wishes first, and
+//! told. Distances are metres on the floor, of places estimated from mask and map alone: meshes are not asked, so that
+//! they are rough.
 
 use std::sync::Arc;
 

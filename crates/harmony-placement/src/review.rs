@@ -1,5 +1,10 @@
-//! Review actions: typed, tried, measured, kept only if the evidence does not speak against them and the scene then shows what was
-//! asked for.
+//! Review actions: typed, tried, measured, kept only if the evidence does not speak against them and the scene then
+//! shows what was asked for.
+//!
+//! An action is tried on a copy of the scene (`edit`, one function each), put onto support and contact again, and
+//! judged by the energy of the whole scene (`verdict`) against the odds of who asks for it. Positions, turns and
+//! factors are of the room frame, in metres, degrees and ratios. An action that its support undoes has not come about,
+//! and is told so (`effect`).
 
 mod edit;
 mod effect;

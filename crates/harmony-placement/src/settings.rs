@@ -1,4 +1,7 @@
 //! What can be switched and tuned.
+//!
+//! Switches are the rows of the paper's ablation and of ours, limits bound the work; everything that says how far off
+//! something can be is in [`Noise`]. The defaults are the program; a run's record holds the values that it had.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

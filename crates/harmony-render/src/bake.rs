@@ -1,4 +1,4 @@
-//! Textures for part models from the object's own pixels (DESIGN section 7).
+//! Textures for part models from the object's own pixels (beyond the paper).
 //!
 //! Every texel of the unwrap knows its surface point. What it looks like by its slot's material (colour or metric tile),
 //! in the robust mean colour that the photo shows of the slot, is the base. The photo adds to it where the point is seen
@@ -169,19 +169,6 @@ fn recolour(material: &mut Material, base: &Base, seen: &SlotColour) {
 /// Linear mean colour of each material, by colour and pattern.
 pub(crate) fn mean_color(mesh: &Mesh) -> Vec<[f32; 3]> {
     base::of(mesh).iter().map(Base::linear).collect()
-}
-
-/// Median photo colour of each slot as visible in the pose, to recolour a part model without baking.
-pub fn slot_colors(
-    mesh: &Mesh,
-    pose: &Pose,
-    camera: &Camera,
-    photo: &RgbImage,
-    visible: &Mask,
-    options: &BakeOptions,
-) -> Vec<SlotColour> {
-    let named: Vec<[f32; 3]> = base::of(mesh).iter().map(Base::named).collect();
-    medians(mesh, &named, View::new(mesh, pose, camera, photo, visible, options, &named).as_ref())
 }
 
 /// Takes the photo's colour of a texel.

@@ -36,7 +36,7 @@ mod shade;
 mod shading;
 mod srgb;
 
-pub use bake::{BakeOptions, BakedMesh, SlotColour, bake_texture, slot_colors};
+pub use bake::{BakeOptions, BakedMesh, SlotColour, bake_texture};
 pub use cameras::{OUTSIDE, RoomView, canonical_camera, mesh_view_camera, orbit_cameras};
 pub use frame::{DepthFrame, Frame, Glass, Instance, Lighting, RenderOptions, Window, WindowFrame};
 pub use glass::{SOLID, opacity};

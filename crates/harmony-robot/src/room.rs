@@ -313,8 +313,7 @@ impl Surroundings {
 
     /// Chairs, by what they are called.
     pub fn chairs(&self) -> Vec<usize> {
-        let is = |label: &str| harmony_catalogue::kind(label).is_some_and(|k| k.name.ends_with("chair"));
-        (0..self.things.len()).filter(|k| is(&self.things[*k].label)).collect()
+        (0..self.things.len()).filter(|k| harmony_catalogue::has(&self.things[*k].label, Trait::Chair)).collect()
     }
 
     /// What an object is in when it is moved, walls before other objects; what it meets where it stands does not count.

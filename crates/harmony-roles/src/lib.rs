@@ -1,6 +1,6 @@
 //! Roles: what the pipeline asks of models, as traits, with their request and answer types.
 //!
-//! Every model is a role behind a trait and a *profile* says who plays it (DESIGN section 4); the pipeline never
+//! Every model is a role behind a trait and a *profile* says who plays it (`ARCHITECTURE.md`); the pipeline never
 //! knows which. A player answers one request at a time and says in its [`PlayerCard`] who it is. Names, records,
 //! replay, retries and budgets are wrapped around any player by `harmony-calls`.
 

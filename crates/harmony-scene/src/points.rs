@@ -89,9 +89,4 @@ impl PointMap {
     pub fn camera_centre(&self) -> DVec3 {
         -(self.rotation.transpose() * self.translation)
     }
-
-    /// Camera viewing direction in the `points` frame.
-    pub fn camera_forward(&self) -> DVec3 {
-        self.rotation.transpose() * DVec3::Z
-    }
 }

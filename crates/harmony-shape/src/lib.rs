@@ -1,4 +1,4 @@
-//! Shape trees: the typed form of everything that a modelling program yields (`DESIGN.md` section 7).
+//! Shape trees: the typed form of everything that a modelling program yields (decision 0026).
 //!
 //! A program (crate `harmony-program`) calls modelling functions; each call makes one [`Node`] of a [`ShapeTree`]. No
 //! mesh exists until the program ends: the tree is what is checked, stored, edited and meshed.

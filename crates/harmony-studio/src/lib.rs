@@ -2,7 +2,7 @@
 //! their wire formats, limits and quirks, and answers from the truth of one room.
 //!
 //! It is a means of tests and no part of the shipped program: nothing in the program knows of it, and what reaches it is
-//! what would reach the real services. [`mind`] tells how it finds out from that what is asked.
+//! what would reach the real services. [`truth_oracle`] tells how it finds out from that what is asked.
 //!
 //! * [`Studio`]: a running one; [`StudioOptions::faults`] lets things go wrong;
 //! * [`ledger`]: what was asked and paid;
@@ -15,7 +15,6 @@ pub mod glb;
 pub mod http;
 pub mod ledger;
 pub mod limits;
-pub mod mind;
 pub mod players;
 pub mod profile;
 pub mod reading;
@@ -23,6 +22,7 @@ pub mod rooms;
 pub mod services;
 pub mod soak;
 pub mod strict;
+pub mod truth_oracle;
 
 use std::io;
 use std::net::SocketAddr;
@@ -36,8 +36,8 @@ use tokio::task::JoinHandle;
 
 use crate::faults::FaultPlan;
 use crate::ledger::Ledger;
-use crate::mind::Mind;
 use crate::services::{Service, Services};
+use crate::truth_oracle::TruthOracle;
 
 /// The key that all services accept unless told otherwise. It is no secret: it opens nothing but a studio.
 pub const KEY: &str = "studio-key-that-opens-nothing-else";
@@ -89,13 +89,13 @@ impl Studio {
     ///
     /// # Errors
     /// A port that cannot be had.
-    pub async fn start(mind: Arc<Mind>, options: StudioOptions, port: u16) -> io::Result<Self> {
+    pub async fn start(truth_oracle: Arc<TruthOracle>, options: StudioOptions, port: u16) -> io::Result<Self> {
         let listener = TcpListener::bind(("127.0.0.1", port)).await?;
         let address = listener.local_addr()?;
         // Another host, to which nobody should ever go.
         let other = TcpListener::bind(("127.0.0.1", 0)).await?;
         let elsewhere = Arc::new(AtomicU64::new(0));
-        let services = Arc::new(Services::new(mind, options, address, other.local_addr()?));
+        let services = Arc::new(Services::new(truth_oracle, options, address, other.local_addr()?));
         let ledger = Arc::clone(&services.ledger);
         let visits = Arc::clone(&elsewhere);
         let tasks = vec![

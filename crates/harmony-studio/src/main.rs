@@ -11,9 +11,9 @@ use clap::{Parser, Subcommand};
 use harmony_bench::oracle::NoiseLevel;
 use harmony_bench::truth::TruthRoom;
 use harmony_bench::wall_clock::Pace;
-use harmony_studio::mind::Mind;
 use harmony_studio::profile::{Profile, config};
 use harmony_studio::soak::{self, SoakOptions};
+use harmony_studio::truth_oracle::TruthOracle;
 use harmony_studio::{KEY, Studio, StudioOptions};
 
 /// Plays the services of the profiles on loopback, from a room's truth.
@@ -85,10 +85,10 @@ fn serve(args: &Serve) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("starting")?;
     runtime.block_on(async {
         let room = TruthRoom::load(&args.room)?;
-        let mind = Arc::new(Mind::new(room, args.noise.noise(), args.seed, false)?);
+        let truth_oracle = Arc::new(TruthOracle::new(room, args.noise.noise(), args.seed, false)?);
         // How many at a time is the program's choice, not ours.
         let pace = args.like_real.map(|faster| Pace::like_real(faster, 0));
-        let studio = Studio::start(mind, StudioOptions { pace, ..StudioOptions::default() }, args.port).await?;
+        let studio = Studio::start(truth_oracle, StudioOptions { pace, ..StudioOptions::default() }, args.port).await?;
         std::fs::write(&args.config, config(&studio, args.profile)).context("writing the configuration")?;
         let mut out = std::io::stdout();
         writeln!(out, "playing; {} leads here. Keys:", args.config.display())?;

@@ -14,10 +14,10 @@ use harmony_scene::ImageSize;
 use image::{DynamicImage, Rgba, RgbaImage};
 
 use crate::glb;
-use crate::mind::Mind;
+use crate::truth_oracle::TruthOracle;
 
 /// Plays what the oracle does not, and has the oracle answer from the question's own fields, not from its text.
-struct Inside(Arc<Mind>);
+struct Inside(Arc<TruthOracle>);
 
 fn card(model: &str) -> PlayerCard {
     PlayerCard { player: "truth".to_owned(), model: model.to_owned(), offline: false, concurrency: 0 }
@@ -86,9 +86,9 @@ impl MeshGenerator for Inside {
 }
 
 /// The truth as a cast: all roles that a room's truth can play.
-pub fn inside(mind: &Arc<Mind>, offline: &Cast) -> Cast {
-    let oracle: Arc<Oracle> = Arc::clone(&mind.oracle);
-    let player = Arc::new(Inside(Arc::clone(mind)));
+pub fn inside(truth_oracle: &Arc<TruthOracle>, offline: &Cast) -> Cast {
+    let oracle: Arc<Oracle> = Arc::clone(&truth_oracle.oracle);
+    let player = Arc::new(Inside(Arc::clone(truth_oracle)));
     Cast {
         vision_language: player.clone(),
         image_editor: player.clone(),

@@ -34,8 +34,8 @@ use harmony_scene::WarningKind;
 use serde::{Deserialize, Serialize};
 
 use crate::faults::{Fault, FaultPlan, Part, drawn};
-use crate::mind::Mind;
 use crate::services::Service;
+use crate::truth_oracle::TruthOracle;
 use crate::{KEY, Studio, StudioOptions, rooms};
 
 /// Longest time of one try, and of its silences: scaled down from minutes.
@@ -339,8 +339,9 @@ pub fn quick_settings() -> Settings {
 /// # Errors
 /// A folder that cannot be written, a studio that cannot be started.
 pub async fn one(room: &TruthRoom, seed: u64, faults: FaultPlan, out: &Path) -> anyhow::Result<Ended> {
-    let mind = Arc::new(Mind::new(room.clone(), NoiseLevel::Real.noise(), seed, false)?);
-    let studio = Studio::start(Arc::clone(&mind), StudioOptions { faults, ..StudioOptions::default() }, 0).await?;
+    let truth_oracle = Arc::new(TruthOracle::new(room.clone(), NoiseLevel::Real.noise(), seed, false)?);
+    let studio =
+        Studio::start(Arc::clone(&truth_oracle), StudioOptions { faults, ..StudioOptions::default() }, 0).await?;
     let who = players(&studio, seed)?;
     let offline = flat_cast();
     let cast = Cast {
@@ -349,7 +350,7 @@ pub async fn one(room: &TruthRoom, seed: u64, faults: FaultPlan, out: &Path) -> 
         mesh_generator: Arc::clone(&who.mesh.1),
         detector: Arc::clone(&who.detector.1),
         // These two have no service: the truth itself plays.
-        ..mind.oracle.cast(&offline)
+        ..truth_oracle.oracle.cast(&offline)
     };
     std::fs::create_dir_all(out)?;
     let book = CallBook::open(out, BookOptions { without_images: true, ..BookOptions::default() })?;

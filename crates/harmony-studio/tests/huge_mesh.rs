@@ -15,9 +15,9 @@ use harmony_players::mesh::trellis::{Host, TrellisOptions, TrellisPlayer};
 use harmony_roles::{MeshGenerator, MeshRequest, MeshSettings};
 use harmony_scene::{Level, Size};
 use harmony_studio::faults::{Fault, FaultPlan, Part};
-use harmony_studio::mind::Mind;
 use harmony_studio::services::Service;
 use harmony_studio::soak::{forget_peak, one, status_mib};
+use harmony_studio::truth_oracle::TruthOracle;
 use harmony_studio::{Studio, StudioOptions, glb, rooms};
 use image::{Rgba, RgbaImage};
 
@@ -61,11 +61,11 @@ async fn measured<T>(what: &str, work: impl Future<Output = T>) -> (T, u64, Dura
 async fn five_million_faces_are_brought_to_the_budget_in_bounded_memory_and_time() {
     let folder = tempfile::tempdir().unwrap();
     let room = rooms::small(folder.path()).unwrap();
-    let mind = Arc::new(Mind::new(room.clone(), NoiseLevel::Clean.noise(), 1, false).unwrap());
+    let truth_oracle = Arc::new(TruthOracle::new(room.clone(), NoiseLevel::Clean.noise(), 1, false).unwrap());
     let always = Some((Part::Mesh, Fault::HugeMesh));
     let faults = FaultPlan { seed: 1, always, ..FaultPlan::default() };
     let options = StudioOptions { faults: faults.clone(), ..StudioOptions::default() };
-    let studio = Studio::start(mind, options, 0).await.unwrap();
+    let studio = Studio::start(truth_oracle, options, 0).await.unwrap();
     let http = Http::new(None, Duration::from_secs(5)).unwrap();
     // Base64 makes the file of a TRELLIS server a third larger than the usual limit.
     let limits = HttpLimits { answer_bytes: 128 << 20, ..HttpLimits::default() };

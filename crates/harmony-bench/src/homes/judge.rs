@@ -8,7 +8,7 @@ use harmony_home::merge::merge;
 use harmony_home::moved::poses;
 use harmony_home::rooms::RoomRun;
 use harmony_mesh::Mesh;
-use harmony_scene::{Extents, Level, Pose, QuarterTurn, SceneObject, Wall};
+use harmony_scene::{Extents, Level, OpeningKind, Pose, QuarterTurn, SceneObject, Wall};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::path::Path;
@@ -187,7 +187,7 @@ fn found(
             let Some(n) = own.world.items.iter().position(|i| i.object.id.as_str() == s.id) else { continue };
             // Of a door seen from two rooms one leaf is left: doors have figures of their own.
             let Some((id, _)) = merged.objects[index].iter().find(|(_, of)| of.as_str() == s.id) else { continue };
-            if t.label.contains("door") {
+            if harmony_catalogue::opening(&t.label) == Some(OpeningKind::Door) {
                 continue;
             }
             let item = merged.world.items.iter().find(|i| i.object.id == *id).expect("merged objects are in the scene");

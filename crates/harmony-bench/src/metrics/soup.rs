@@ -125,22 +125,6 @@ pub fn depth_soup(depth: &[f32], intrinsics: &Intrinsics, valid: &Mask) -> Vec<T
     triangles
 }
 
-/// The triangles of a camera-frame soup whose corners all project among valid pixels.
-///
-/// A corner is among valid pixels when the up to four pixels around it, which bilinear interpolation would read, are.
-pub fn within_valid(triangles: &[Triangle], intrinsics: &Intrinsics, valid: &Mask) -> Vec<Triangle> {
-    let inside = |p: &DVec3| {
-        if p.z <= 0.0 || !p.is_finite() {
-            return false;
-        }
-        let x = intrinsics.fx * p.x / p.z + intrinsics.cx - 0.5;
-        let y = intrinsics.fy * p.y / p.z + intrinsics.cy - 0.5;
-        let around = |v: f64| [v.floor() as i64, v.ceil() as i64];
-        around(y).iter().all(|y| around(x).iter().all(|x| valid.get(*x, *y)))
-    };
-    triangles.iter().copied().filter(|t| t.iter().all(inside)).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -212,8 +196,5 @@ mod tests {
         assert!((total(&wall) - 12.0 * 0.04).abs() <= 1e-9, "4 x 3 cells of 0.2 m");
         let holed = Mask::from_fn(size, |x, y| (x, y) != (1, 1));
         assert_eq!(depth_soup(&[2.0; 20], &k, &holed).len(), 24 - 6);
-        // Bilinear reading at an exact pixel centre needs that pixel alone.
-        assert_eq!(within_valid(&wall, &k, &holed).len(), 24 - 6);
-        assert!(within_valid(&wall, &k, &Mask::empty(size)).is_empty());
     }
 }

@@ -130,7 +130,7 @@ pub(crate) fn hinged_left(world: &World, opening: &Opening) -> bool {
 /// Whether it is said of a door that it slides.
 pub(crate) fn slides(world: &World, opening: &Opening) -> bool {
     let item = opening.object.as_ref().and_then(|id| world.item(id));
-    item.is_some_and(|i| i.object.label.contains("sliding"))
+    item.is_some_and(|i| harmony_catalogue::slides(&i.object.label))
 }
 
 /// The sheet.

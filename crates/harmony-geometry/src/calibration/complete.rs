@@ -1,4 +1,9 @@
 //! The faces that the photo doesn't show.
+//!
+//! Measured faces stay where they are. The others come from the prior's size, but the box always holds the camera and
+//! nearly all points; an unmeasured back wall is sought where points are densest near the expected place, for those
+//! beyond it may be seen through a door. Coordinates along the Manhattan axes, unit of the map; the scale makes metres
+//! of them. What is completed is a guess, and is not among the faces that count as seen.
 
 use harmony_scene::{Mat3, Surface, Vec3};
 

@@ -1,4 +1,8 @@
 //! When the points carry no frame: the prior's camera, refined by its pins.
+//!
+//! The room box of the pins (or of the photo's lines, or of the prior alone) gives camera and room in metres, and the
+//! map is scaled so that most of its points lie within the box. Axes on which the map's surfaces agree, if there are
+//! some, win over the prior's angles. The result is as good as prior and pins; no face counts as measured.
 
 use harmony_scene::{Camera, Mat3, PointMap, PointMapKind, Similarity, Surface, Vec2, Vec3};
 
@@ -87,7 +91,6 @@ pub(super) fn calibrate_by_prior(
         }
         .to_owned(),
         height_ratio: None,
-        confidence: 0.5 * room.confidence,
         fallbacks,
     };
     Calibration {

@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::creases::{Depths, pins_on_creases};
 use super::edge_lines::{EdgeLine, Reach, line_on_edge};
 use super::lens::Lens;
+use super::posterior::RoomPosterior;
 use super::types::{AnchorKind, Calibration, CalibrationMethod};
 use crate::least_squares::{Solution, differences, minimise};
 use crate::room_box::pins::{FLOOR_LOGIT, LN_BACK, LN_FOCAL, LN_LEFT, LN_RIGHT, Pin, ROLL, TILT, YAW, pins};
@@ -115,56 +116,6 @@ impl JointEvidence {
     }
 }
 
-/// How surely camera, room and the map's scale are known: the information matrix of the joint refinement over
-/// `ln focal, yaw, tilt, roll, ln left, ln right, logit(floor / height), ln back, ln height, ln scale` (radians;
-/// distances of the camera to the faces, metres), row by row.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct RoomPosterior {
-    /// 10 x 10 values.
-    pub information: Vec<f64>,
-    /// The unknowns at which it holds; the scale is that of the points as they are delivered, so that its logarithm
-    /// is 0 until somebody scales them.
-    pub mean: [f64; 10],
-    /// The part of it that a model's guesses of lengths have (camera height, distance to the back wall, width, and of pins
-    /// alone how far left the camera stands): each
-    /// one's derivatives and how far it is off at `mean`, in units of its sigma.
-    pub hints: Vec<([f64; 10], f64)>,
-}
-
-impl RoomPosterior {
-    /// The same where the height that gave the map its metres is known to `sigma` (logarithm) and not exactly.
-    #[must_use]
-    pub fn with_height_known_to(mut self, sigma: f64) -> Self {
-        let k = LN_HEIGHT * self.mean.len() + LN_HEIGHT;
-        let told = TOLD_HEIGHT_SIGMA.powi(-2);
-        // Where it was not told, a metric map or a sensor knows better.
-        if self.information[k] >= told {
-            self.information[k] += sigma.powi(-2) - told;
-        }
-        self
-    }
-
-    /// The same with the hints `factor` times less sure; unchanged where nothing would be left to hold the room.
-    #[must_use]
-    pub fn with_hints_doubted(&self, factor: f64) -> Self {
-        const N: usize = 10;
-        let less = 1.0 - factor.powi(-2);
-        let mut information = DMatrix::from_column_slice(N, N, &self.information);
-        let mut pull = DVector::zeros(N);
-        for (slopes, off) in &self.hints {
-            let g = DVector::from_column_slice(slopes);
-            information -= &g * g.transpose() * less;
-            pull += g * (*off * less);
-        }
-        let mut mean = self.mean;
-        let Some(moved) = information.clone().cholesky().map(|c| c.solve(&pull)) else { return self.clone() };
-        for (m, by) in mean.iter_mut().zip(moved.iter()) {
-            *m += by;
-        }
-        Self { information: information.iter().copied().collect(), mean, hints: self.hints.clone() }
-    }
-}
-
 /// The ten unknowns of [`RoomPosterior`] for a camera in a room; focal length in pixels of its image.
 pub fn room_unknowns(camera: &Camera, extents: &Extents, scale: f64) -> [f64; 10] {
     let view = ViewEstimate {
@@ -194,7 +145,7 @@ pub fn room_from_unknowns(unknowns: &[f64], size: ImageSize) -> (Camera, Extents
 }
 
 /// Two more unknowns after those of the pins.
-const LN_HEIGHT: usize = 8;
+pub(super) const LN_HEIGHT: usize = 8;
 const LN_SCALE: usize = 9;
 type Unknowns = [f64; 10];
 const STEPS: Unknowns = [1e-5; 10];
@@ -383,7 +334,7 @@ impl<'a> Problem<'a> {
     }
 
     /// The information matrix where the line along an edge may be another thing's.
-    fn with_lines_doubted(&mut self, p: &Unknowns) -> Vec<f64> {
+    fn with_lines_inflated(&mut self, p: &Unknowns) -> Vec<f64> {
         self.pins.iter_mut().filter(|pin| !pin.given).for_each(|pin| pin.sigma *= LINES_OF_ROUGH_PINS);
         let mut residuals = Vec::new();
         self.residuals(p, LIMIT, &mut residuals);
@@ -563,7 +514,7 @@ impl<'a> Problem<'a> {
         };
         refined.evidence.joint = Some(evidence);
         if self.accuracy.pins_as_they_fit {
-            information = self.with_lines_doubted(&p);
+            information = self.with_lines_inflated(&p);
         }
         let mean = room_unknowns(&camera, &extents, 1.0);
         refined.posterior = Some(RoomPosterior { information, mean, hints: self.hints(&p) });
@@ -684,31 +635,5 @@ impl DepthCells {
     /// Those in which depths spread little.
     fn smooth(&self, most_spread: f64) -> Vec<Cell> {
         self.cells.iter().filter(|(_, spread)| *spread <= most_spread).map(|(cell, _)| *cell).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{LN_BACK, RoomPosterior};
-
-    /// ln back: a map says 0 with a sigma of 0.1, a hint 0.3 with the same; everything else is known by itself.
-    #[test]
-    fn a_hint_that_is_doubted_pulls_less() {
-        let mut information = vec![0.0; 100];
-        for i in 0..10 {
-            information[i * 10 + i] = 100.0;
-        }
-        information[LN_BACK * 10 + LN_BACK] = 200.0;
-        let (mut mean, mut slopes) = ([0.0; 10], [0.0; 10]);
-        mean[LN_BACK] = 0.15;
-        slopes[LN_BACK] = 10.0;
-        let posterior = RoomPosterior { information, mean, hints: vec![(slopes, (0.15 - 0.3) / 0.1)] };
-        assert_eq!(posterior.with_hints_doubted(1.0), posterior);
-        // With a sigma of 0.2 the hint weighs a quarter of the map.
-        let doubted = posterior.with_hints_doubted(2.0);
-        assert!((doubted.mean[LN_BACK] - 0.06).abs() < 1e-12, "{:?}", doubted.mean);
-        assert!((doubted.information[LN_BACK * 10 + LN_BACK] - 125.0).abs() < 1e-9);
-        assert_eq!(doubted.mean[..LN_BACK], posterior.mean[..LN_BACK]);
-        assert!(posterior.with_hints_doubted(3.0).mean[LN_BACK] < doubted.mean[LN_BACK]);
     }
 }

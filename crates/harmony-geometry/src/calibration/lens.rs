@@ -1,5 +1,9 @@
-//! A given lens: what the photo shows, in the pixels of a camera that has its principal point in the middle of the image
-//! and square pixels. The least squares know no other camera.
+//! A given lens: what the photo shows, in the pixels of a camera that has its principal point in the middle of the
+//! image and square pixels.
+//!
+//! The least squares know no other camera. A sensor's map comes with a lens of its own, whose principal point may lie
+//! anywhere; pins, lines and hints are moved to where the centred camera would see them, and the solved camera gets the
+//! lens back. Pixels are those of the photo. Lenses distort nothing here: pictures are taken as rectified.
 
 use harmony_scene::{Camera, ImageSize, Intrinsics, PointMap, PointMapKind, Vec2};
 
@@ -80,7 +84,6 @@ impl Lens {
             return out;
         }
         out.pins.edges.iter_mut().flat_map(|e| &mut e.points).for_each(|p| *p = self.centred(*p));
-        out.pins.corners.iter_mut().for_each(|c| c.point = self.centred(c.point));
         out.camera.corner_px = out.camera.corner_px.map(|p| self.centred(Vec2::from_array(p)).to_array());
         let height = f64::from(self.photo.height.max(1));
         out.camera.floor_junction_y_frac =

@@ -1,4 +1,9 @@
 //! From a point map to the camera in the room (paper Sec. 3.1, App. B.2, Algorithm 1).
+//!
+//! Algorithm 1 runs first: normals, Manhattan frame, six planes, deepest floor corner, one similarity. Then
+//! photo and map are refined together ([`joint`], decision 0010), from which the posterior of camera and room comes.
+//! From the `points` frame (free unit) to the `room` frame (metres). It fails only on maps that are none: without a
+//! frame or a plane the prior's camera stands in, and `evidence.fallbacks` says so.
 
 mod complete;
 mod creases;
@@ -6,6 +11,7 @@ mod edge_lines;
 mod fallback;
 mod joint;
 mod lens;
+mod posterior;
 mod scale;
 mod types;
 
@@ -13,8 +19,9 @@ use harmony_scene::{Camera, Extents, Mat3, PointMap, PointMapKind, Surface, Vec2
 
 pub(crate) use joint::TOLD_HEIGHT_SIGMA;
 use joint::{DepthCells, Refinement, refine_jointly};
-pub use joint::{JointEvidence, RoomPosterior, room_from_unknowns, room_unknowns};
+pub use joint::{JointEvidence, room_from_unknowns, room_unknowns};
 use lens::Lens;
+pub use posterior::{RIGHT_POSITION_M, RIGHT_ROTATION_DEG, RoomPosterior};
 pub use types::{
     AnchorKind, Calibration, CalibrationError, CalibrationEvidence, CalibrationMethod, CalibrationSettings,
     PlaneEvidence,
@@ -311,7 +318,7 @@ fn measure(
         axes = polish_axes(surfels, &axes, &faces);
         faces = fit_faces(surfels, &axes, settings);
     }
-    doubt_floor(points, prior, &axes, &mut faces, &mut notes);
+    reject_raised_floor(points, prior, &axes, &mut faces, &mut notes);
     // The camera is inside the room, so a plane on its wrong side is furniture or a reflection.
     let camera = axes.r_align() * points.camera_centre();
     for face in faces.iter_mut().flatten() {
@@ -334,7 +341,7 @@ fn measure(
 /// A "floor" much nearer below the camera than the prior's camera height is a table or a bed.
 ///
 /// It needs the metric scale: the map's own, or the one that floor and ceiling would give.
-fn doubt_floor(
+fn reject_raised_floor(
     points: &PointMap,
     prior: &LayoutPrior,
     axes: &ManhattanAxes,
@@ -419,7 +426,6 @@ fn solve(points: &PointMap, surfels: &Surfels, prior: &LayoutPrior, m: &Measured
         joint: None,
         scale_source: scale.source.clone(),
         height_ratio: scale.height_ratio,
-        confidence: confidence(m, &anchor, scale.certainty),
         fallbacks,
     };
     let seen = Surface::ALL.into_iter().filter(|s| m.face(*s).is_some()).collect();
@@ -520,19 +526,6 @@ fn reprojection(camera: &Camera, anchor: Vec3, prior: &LayoutPrior) -> Option<f6
     let hinted = Vec2::from_array(prior.camera.corner_px?);
     let seen = camera.resized(prior.photo).project(anchor)?;
     Some(seen.distance(hinted)).filter(|d| d.is_finite())
-}
-
-fn confidence(m: &Measured, anchor: &Anchor, scale_certainty: f64) -> f64 {
-    let support = (m.frame.support / 0.6).min(1.0);
-    let floor = if m.face(Surface::Floor).is_some() { 1.0 } else { 0.6 };
-    let walls = [Surface::Back, Surface::Left, Surface::Right].iter().filter(|s| m.face(**s).is_some()).count();
-    let walls = [0.4, 0.8, 1.0, 1.0][walls];
-    let corner = match anchor.kind {
-        AnchorKind::FloorCorner => 1.0,
-        AnchorKind::WallEnd => 0.9,
-        AnchorKind::Prior => 0.7,
-    };
-    support * floor * walls * corner * scale_certainty
 }
 
 /// A hint that is a number in range.

@@ -1,4 +1,9 @@
 //! The metric scale of a point map.
+//!
+//! Where floor and ceiling are both measured, the told height over the length of the anchor edge is the scale (paper
+//! Sec. 3.1). Without one of them it is the mean of what is left, camera height, width, distance to the back wall,
+//! weighted by their sigmas (logarithms). A metric map keeps its own, and says how far the told height was off. Metres
+//! a unit of the map. Where the ceiling is not seen it is known to a tenth or so; later, sizes of objects correct it.
 
 use harmony_scene::{PointMapKind, Surface, Vec3};
 
@@ -18,8 +23,6 @@ const SIGMA_LOWEST_POINT: f64 = 0.35;
 pub(super) struct Scale {
     pub value: f64,
     pub source: String,
-    /// 0..=1.
-    pub certainty: f64,
     /// Measured room height over the prior's, with a metric map that sees floor and ceiling.
     pub height_ratio: Option<f64>,
     pub notes: Vec<String>,
@@ -40,19 +43,17 @@ pub(super) fn metric_scale(
     let edge = m.offset(Surface::Floor).zip(m.offset(Surface::Ceiling)).map(|(f, c)| c - f);
     if kind == PointMapKind::Metric {
         let ratio = edge.map(|e| e / height);
-        let certainty = if ratio.is_some_and(|r| !(0.7..=1.4).contains(&r)) { 0.8 } else { 1.0 };
         let notes = ratio
             .filter(|r| !(0.85..=1.18).contains(r))
             .map(|r| format!("the room measures {:.2} m in height, the prior says {height:.2} m", r * height))
             .into_iter()
             .collect();
-        return Scale { value: 1.0, source: "the map is metric".into(), certainty, height_ratio: ratio, notes };
+        return Scale { value: 1.0, source: "the map is metric".into(), height_ratio: ratio, notes };
     }
     if let Some(edge) = edge.filter(|e| *e > 0.0) {
         return Scale {
             value: height / edge,
             source: "room height over the anchor edge".into(),
-            certainty: 1.0,
             height_ratio: None,
             notes: vec![],
         };
@@ -115,5 +116,5 @@ fn from_cues(prior: &LayoutPrior, m: &Measured, camera: Vec3, range: &PointRange
             value = room_height / visible;
         }
     }
-    Scale { value, source, certainty: 1.0 - total.sqrt().recip().min(0.6), height_ratio: None, notes }
+    Scale { value, source, height_ratio: None, notes }
 }

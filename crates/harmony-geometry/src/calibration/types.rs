@@ -29,7 +29,7 @@ impl Default for CalibrationSettings {
 pub enum CalibrationMethod {
     /// Algorithm 1 of the paper.
     Manhattan,
-    /// Pinned edges and corners of the prior; the scale of the points from the box.
+    /// Pinned edges of the prior; the scale of the points from the box.
     Pins,
     /// The prior's camera; the scale of the points from the box.
     PriorCamera,
@@ -94,8 +94,6 @@ pub struct CalibrationEvidence {
     pub scale_source: String,
     /// Measured height over the prior's height, where both planes are seen (metric maps: the prior's error).
     pub height_ratio: Option<f64>,
-    /// 0 to 1.
-    pub confidence: f64,
     /// Every fallback that was used, in words.
     pub fallbacks: Vec<String>,
 }
@@ -118,6 +116,14 @@ pub struct Calibration {
     /// How surely camera, room and scale are known, when the joint refinement ran.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub posterior: Option<super::RoomPosterior>,
+}
+
+impl Calibration {
+    /// The probability that the camera is right ([`super::RoomPosterior::camera_confidence`]); `None` where nothing refined
+    /// it, so that nobody knows how far it is off.
+    pub fn confidence(&self) -> Option<f64> {
+        self.posterior.as_ref().map(super::RoomPosterior::camera_confidence)
+    }
 }
 
 /// Calibration is impossible.

@@ -1,4 +1,9 @@
 //! The room box of a photo without depth.
+//!
+//! Three ways, the surest first: least squares on pinned room edges ([`solve_from_pins`]), box edges fitted to the
+//! image's lines, the prior's own numbers on the measured view. Photo pixels in, a camera and a box in metres out, room
+//! frame. The metres come from told lengths, the height first of all; a photo alone has none. It never fails: the
+//! method and every fallback are in the evidence.
 
 mod appearance;
 mod edges;
@@ -24,7 +29,7 @@ const WEAK_VIEW: f64 = 0.15;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RoomBoxMethod {
-    /// Least squares on pinned edges and corners.
+    /// Least squares on pinned edges.
     Pins,
     /// Box edges fitted to the image's lines.
     Lines,

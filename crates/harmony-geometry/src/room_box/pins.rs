@@ -1,4 +1,4 @@
-//! The camera and the box from pinned room edges and corners.
+//! The camera and the box from pinned room edges.
 //!
 //! Nine unknowns (focal length, yaw, tilt, roll, and the distances to left, right, floor, ceiling and back) by
 //! robust least squares (Levenberg-Marquardt) on: distances of pins to the images of their edges; angles of the
@@ -22,8 +22,8 @@ use crate::calibration::TOLD_HEIGHT_SIGMA;
 use crate::least_squares::{differences, minimise, robust};
 use crate::vanishing::Search;
 use crate::{
-    FocalPrior, GrayImage, LayoutPrior, LineSegment, RoomCorner, RoomEdge, RoomPosterior, ViewEstimate, WallSide,
-    camera_rotation, median, room_unknowns,
+    FocalPrior, GrayImage, LayoutPrior, LineSegment, RoomEdge, RoomPosterior, ViewEstimate, WallSide, camera_rotation,
+    median, room_unknowns,
 };
 
 use RoomEdge as E;
@@ -77,8 +77,8 @@ pub(crate) struct Pin {
     pub given: bool,
 }
 
-/// Camera and box by least squares on pinned edges and corners, the view's vanishing directions and the prior
-/// (key `cam.pins`, beyond the paper; DESIGN 6.1 "the VLM's camera refined by corner pinning").
+/// Camera and box by least squares on pinned edges, the view's vanishing directions and the prior
+/// (key `cam.pins`, beyond the paper, whose Sec. 3.1 refines the camera of the language model by corner pinning).
 ///
 /// The hinted corner and junction row of `prior.camera` count as rough pins.
 ///
@@ -176,15 +176,6 @@ fn diagonal(size: ImageSize) -> f64 {
     f64::from(size.width).hypot(f64::from(size.height)).max(1.0)
 }
 
-fn corner_edges(corner: RoomCorner) -> [RoomEdge; 2] {
-    match corner {
-        RoomCorner::FloorBackLeft => [RoomEdge::FloorBack, RoomEdge::BackLeft],
-        RoomCorner::FloorBackRight => [RoomEdge::FloorBack, RoomEdge::BackRight],
-        RoomCorner::CeilingBackLeft => [RoomEdge::CeilingBack, RoomEdge::BackLeft],
-        RoomCorner::CeilingBackRight => [RoomEdge::CeilingBack, RoomEdge::BackRight],
-    }
-}
-
 /// Usable pins of a prior, then its hints.
 pub(crate) fn pins(prior: &LayoutPrior) -> Vec<Pin> {
     let (w, h) = (f64::from(prior.photo.width), f64::from(prior.photo.height));
@@ -202,12 +193,6 @@ pub(crate) fn pins(prior: &LayoutPrior) -> Vec<Pin> {
         out.extend(points.iter().map(|p| Pin { edge: pinned.edge, point: **p - centre, sigma, group, given: true }));
         group += 1;
     }
-    for pinned in prior.pins.corners.iter().filter(|c| usable(&c.point)) {
-        let at = pinned.point - centre;
-        let sigma = PIN_SIGMA * diagonal;
-        out.extend(corner_edges(pinned.corner).map(|edge| Pin { edge, point: at, sigma, group, given: true }));
-        group += 1;
-    }
     out.truncate(MOST_PINS);
 
     let hints = &prior.camera;
@@ -217,9 +202,9 @@ pub(crate) fn pins(prior: &LayoutPrior) -> Vec<Pin> {
             Some(WallSide::Left) => false,
             Some(WallSide::Both) | None => point.x < centre.x,
         };
-        let corner = if left_end { RoomCorner::FloorBackLeft } else { RoomCorner::FloorBackRight };
+        let upright = if left_end { RoomEdge::BackLeft } else { RoomEdge::BackRight };
         let (at, sigma) = (point - centre, HINT_SIGMA * diagonal);
-        out.extend(corner_edges(corner).map(|edge| Pin { edge, point: at, sigma, group, given: false }));
+        out.extend([RoomEdge::FloorBack, upright].map(|edge| Pin { edge, point: at, sigma, group, given: false }));
     }
     if let Some(row) = hint(hints.floor_junction_y_frac, 0.0, 1.5) {
         let at = Vec2::new(0.0, row * h - centre.y);

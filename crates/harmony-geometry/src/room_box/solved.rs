@@ -1,4 +1,9 @@
 //! The numbers of a room box around a camera.
+//!
+//! A camera's angles and focal length and its distances to five faces: the unknowns of the least squares as a value,
+//! and what follows from them (camera matrix, extents, images of edges). Radians, metres, pixels relative to the
+//! principal point. The front wall, which the camera has behind it, is not among them: its place is a choice of who
+//! asks for the extents.
 
 use harmony_scene::{Camera, Extents, ImageSize, Intrinsics, Mat3, Surface, Vec2, Vec3};
 

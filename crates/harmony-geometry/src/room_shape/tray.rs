@@ -1,4 +1,8 @@
 //! Trays: recesses in the ceiling, often with a light hidden behind their edge.
+//!
+//! An outline on the lower ceiling gives the sides, along the room's axes; the map's points inside give the height, or
+//! what was told does. Edges that the picture's border cuts are taken as symmetric to the opposite side. Room frame,
+//! metres. Rectangles only, with level ceilings; a tray too short, or too near to a wall, is none.
 
 use harmony_scene::{Niche, Surface, Vec2, Vec3};
 

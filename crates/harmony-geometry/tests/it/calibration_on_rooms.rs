@@ -9,9 +9,10 @@
 use crate::common::{Room, angle_deg, gray, rooms};
 use harmony_geometry::{
     AnchorKind, Calibration, CalibrationError, CalibrationMethod, CalibrationSettings, FocalPrior, LayoutPins,
-    LayoutPrior, PinnedEdge, RoomEdge, calibrate, calibrate_with_photo, estimate_view,
+    LayoutPrior, LineSegment, PinnedEdge, RIGHT_POSITION_M, RIGHT_ROTATION_DEG, RoomEdge, ViewEstimate, calibrate,
+    calibrate_with_photo, estimate_view,
 };
-use harmony_scene::{Extents, ImageSize, Mat3, PointMap, PointMapKind, Similarity, Surface, Vec2, Vec3};
+use harmony_scene::{Camera, Extents, ImageSize, Mat3, PointMap, PointMapKind, Similarity, Surface, Vec2, Vec3};
 
 struct Distortion {
     kind: PointMapKind,
@@ -184,7 +185,7 @@ fn a_shapeless_map_falls_back_to_the_prior() {
     let found = calibrate(&map, &prior, &CalibrationSettings::default()).unwrap();
     assert_ne!(found.evidence.method, CalibrationMethod::Manhattan);
     assert!(!found.evidence.fallbacks.is_empty());
-    assert!(found.evidence.confidence <= 0.2);
+    assert_eq!(found.confidence(), None, "nobody knows how far it is off");
     assert!((found.camera.centre().y - 1.4).abs() <= 1e-6);
     assert!((-found.camera.forward().y.asin().to_degrees() - 12.0).abs() <= 1e-6);
     // The similarity carries the map's camera onto this one.
@@ -280,7 +281,7 @@ fn pins_off(room: &Room, by: f64) -> LayoutPins {
             edges.push(PinnedEdge { edge, points });
         }
     }
-    LayoutPins { edges, corners: vec![] }
+    LayoutPins { edges }
 }
 
 /// Where the map shows no surface and the pins are rough as well, its depths and the photo's lines still find the room:
@@ -353,4 +354,70 @@ fn empty_maps_and_broken_maps_are_errors() {
     bad.extents.height = f64::NAN;
     map.xyz.push(glam::Vec3::NAN);
     assert!(matches!(calibrate(&map, &bad, &settings), Err(CalibrationError::BadPrior { .. })));
+}
+
+/// A small empty box, seen with its floor, its ceiling and two walls.
+fn empty_box() -> Room {
+    let extents = Extents { width: 3.4, height: 2.5, depth: 3.6 };
+    let size = ImageSize::new(800, 600);
+    let lens = harmony_scene::Intrinsics::from_horizontal_fov(size, 1.3);
+    let camera = Camera::looking(size, lens, Vec3::new(2.1, 1.5, 3.3), Vec3::new(-0.25, -0.12, -1.0));
+    let depth = |x: u32, y: u32| {
+        let ray = camera.ray(Vec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
+        extents.exit(&ray).map_or(0.0, |(_, at)| camera.depth(at)) as f32
+    };
+    let depth_m =
+        (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y))).map(|(x, y)| depth(x, y)).collect();
+    let (name, folder) = ("box".to_owned(), std::path::PathBuf::new());
+    Room {
+        name,
+        folder,
+        camera,
+        extents,
+        walls_visible: vec![Surface::Back, Surface::Left],
+        ceiling_visible: true,
+        depth_m,
+    }
+}
+
+/// The joints of tiles of half a metre on floor and back wall, as segments of the photo.
+fn joints(room: &Room) -> Vec<(LineSegment, Option<u8>)> {
+    let Extents { width, height, depth } = room.extents;
+    let steps = |length: f64| (1..(length / 0.5) as u32).map(|k| 0.5 * f64::from(k));
+    let along_depth = steps(width).map(|x| (Vec3::new(x, 0.0, 0.0), Vec3::new(x, 0.0, depth), 2));
+    let across = steps(depth).map(|z| (Vec3::new(0.0, 0.0, z), Vec3::new(width, 0.0, z), 0));
+    let upright = steps(width).map(|x| (Vec3::new(x, 0.0, 0.0), Vec3::new(x, height, 0.0), 1));
+    let seen = |(a, b, axis): (Vec3, Vec3, u8)| {
+        let inside = |k: &i32| {
+            let p = room.camera.project(a.lerp(b, f64::from(*k) / 40.0))?;
+            room.camera.contains(p).then_some(p)
+        };
+        let points: Vec<Vec2> = (0..=40).filter_map(|k| inside(&k)).collect();
+        let (start, end) = (*points.first()?, *points.last()?);
+        (start.distance(end) > 40.0).then_some((LineSegment { start, end, strength: 1.0 }, Some(axis)))
+    };
+    along_depth.chain(across).chain(upright).filter_map(seen).collect()
+}
+
+/// A good map, good pins and lines make the camera sure, and it is right; a shapeless map alone does not.
+#[test]
+fn a_camera_is_sure_where_map_and_pins_are_good_and_not_where_there_is_hardly_any_evidence() {
+    let room = empty_box();
+    let found = |smooth: f64, grain: f64, prior: &LayoutPrior, lines: &Vec<(LineSegment, Option<u8>)>| {
+        let distortion = Distortion { kind: PointMapKind::Relative, smooth, grain, frame: frame(0.4) };
+        let map = point_map(&room, ImageSize::new(518, 392), &distortion);
+        let mut view = ViewEstimate::from_hints(room.camera.size, room.camera.intrinsics, &prior.camera);
+        view.segments = lines.clone();
+        calibrate_with_photo(&map, prior, &view, &CalibrationSettings::default()).unwrap().0
+    };
+    let mut given = LayoutPrior { pins: pins_off(&room, 0.0005), ..prior(&room) };
+    given.camera.height_m = Some(1.5);
+    let good = found(0.004, 0.003, &given, &joints(&room));
+    let (rotation, centre) = errors(&good, &room);
+    println!("good: {rotation:.3} deg, {centre:.3} m, confidence {:?}", good.confidence());
+    assert!(rotation <= RIGHT_ROTATION_DEG && centre <= RIGHT_POSITION_M, "{rotation} {centre}");
+    assert!(good.confidence().is_some_and(|sure| sure > 0.9), "{:?}", good.confidence());
+    let poor = found(0.1, 0.4, &prior(&room), &Vec::new());
+    println!("poor: {:?}, confidence {:?}", errors(&poor, &room), poor.confidence());
+    assert!(poor.confidence().is_some_and(|sure| sure < 0.5), "{:?}", poor.confidence());
 }

@@ -116,30 +116,6 @@ pub fn draw_boxes(photo: &RgbImage, boxes: &[LabelledBox]) -> RgbImage {
     picture
 }
 
-/// The photo with masks tinted in their colours (half transparent) and outlined; `colors` are used cyclically, and
-/// [`palette`] when there are none.
-pub fn overlay_masks(photo: &RgbImage, masks: &[&Mask], colors: &[[u8; 3]]) -> RgbImage {
-    let mut picture = photo.clone();
-    let width = photo.width() as usize;
-    for (i, mask) in masks.iter().enumerate() {
-        let color = if colors.is_empty() { palette(i) } else { colors[i % colors.len()] };
-        let mask = crate::fitted(mask, photo);
-        for (j, on) in mask.bits().iter().enumerate() {
-            if !on {
-                continue;
-            }
-            let (x, y) = ((j % width) as i64, (j / width) as i64);
-            let edge = [(1, 0), (-1, 0), (0, 1), (0, -1)].iter().any(|(dx, dy)| !mask.get(x + dx, y + dy));
-            let share = if edge { 1.0 } else { 0.45 };
-            let pixel = picture.get_pixel_mut(x as u32, y as u32);
-            for (p, c) in pixel.0.iter_mut().zip(color) {
-                *p = (f32::from(*p) * (1.0 - share) + f32::from(c) * share).round() as u8;
-            }
-        }
-    }
-    picture
-}
-
 /// The photo with a line through the points (pixels), `width` pixels thick.
 pub fn draw_polyline(photo: &RgbImage, points: &[[f64; 2]], ends: LineEnds, color: [u8; 3], width: f64) -> RgbImage {
     let mut picture = photo.clone();

@@ -97,29 +97,6 @@ pub fn complete_surface(texture: &RgbaImage, settings: &TextureSettings) -> Rgba
     })
 }
 
-/// A square sample of the observed material whose left and right, top and bottom edges meet without a seam; opaque.
-///
-/// The large-scale colour is taken out first: the tile has the observed median everywhere. When no block of a useful
-/// size was observed whole, the blocks come from the completed surface; with hardly any observed texel the tile is the
-/// median colour with a little noise.
-pub fn make_tile(texture: &RgbaImage, tile_px: u32, settings: &TextureSettings) -> RgbaImage {
-    let texture = &without_odd_islands(texture);
-    let side = tile_px.clamp(1, 4096);
-    let observed: Vec<bool> = texture.pixels().map(|p| p.0[3] >= 128).collect();
-    let count = observed.iter().filter(|b| **b).count();
-    let tile = (count >= LEAST_OBSERVED).then(|| {
-        flat_tile(texture, &observed, side, settings.seed).or_else(|| {
-            let whole = complete_surface(texture, settings);
-            flat_tile(&whole, &vec![true; observed.len()], side, settings.seed)
-        })
-    });
-    if let Some(colors) = tile.flatten() {
-        return RgbaImage::from_fn(side, side, |x, y| opaque(colors[(y * side + x) as usize]));
-    }
-    let median = base::median(texture).unwrap_or([128.0; 3]);
-    grain(&RgbaImage::from_pixel(side, side, opaque(median)), settings.seed)
-}
-
 /// The texture without small islands of observed texels whose median is far from that of the whole.
 fn without_odd_islands(texture: &RgbaImage) -> RgbaImage {
     let (w, h) = (texture.width() as usize, texture.height() as usize);
@@ -150,21 +127,6 @@ fn without_odd_islands(texture: &RgbaImage) -> RgbaImage {
         }
     }
     kept
-}
-
-/// The quilted tile of a texture without its large-scale colour.
-fn flat_tile(texture: &RgbaImage, observed: &[bool], side: u32, seed: u64) -> Option<Vec<Color>> {
-    let base = Base::of(texture)?;
-    let colors: Vec<Color> = texture
-        .enumerate_pixels()
-        .map(|(x, y, p)| {
-            let d = detail(*p, base.at(x, y));
-            std::array::from_fn(|c| base.median[c] + d[c])
-        })
-        .collect();
-    let sample =
-        quilt::Sample { width: texture.width() as usize, height: texture.height() as usize, colors: &colors, observed };
-    quilt::quilt(&sample, side as usize, seed)
 }
 
 /// What a texel differs from the field by.

@@ -71,21 +71,27 @@ fn little_or_nothing_observed_gives_a_plain_surface() {
     let settings = TextureSettings::default();
     let mut texture = RgbaImage::from_pixel(64, 48, Rgba([90, 120, 60, 255]));
     hide(&mut texture, |x, y| x > 8 || y > 8);
-    for p in complete_surface(&texture, &settings).pixels().chain(make_tile(&texture, 32, &settings).pixels()) {
+    for p in complete_surface(&texture, &settings).pixels() {
         assert!(p.0[0].abs_diff(90) <= 3 && p.0[1].abs_diff(120) <= 3 && p.0[3] == 255);
     }
     let nothing = RgbaImage::new(64, 48);
     assert!(complete_surface(&nothing, &settings).pixels().all(|p| p.0[0].abs_diff(128) <= 3 && p.0[3] == 255));
-    assert_eq!(make_tile(&nothing, 16, &settings).dimensions(), (16, 16));
-    assert_eq!(make_tile(&RgbaImage::new(0, 0), 0, &settings).dimensions(), (1, 1));
     assert_eq!(complete_surface(&RgbaImage::new(0, 0), &settings).dimensions(), (0, 0));
 }
 
 #[test]
 fn a_tile_meets_itself_and_keeps_the_pattern() {
-    let mut texture = planks(420, 300);
-    hide(&mut texture, |x, y| x < 90 && y < 120);
-    let tile = make_tile(&texture, 96, &TextureSettings::default());
+    let texture = planks(420, 300);
+    let seen = |x: u32, y: u32| !(x < 90 && y < 120);
+    let observed: Vec<bool> = texture.enumerate_pixels().map(|(x, y, _)| seen(x, y)).collect();
+    // Without the light of `planks`: a quilt takes colours that light was taken out of.
+    let colors: Vec<Color> = texture
+        .enumerate_pixels()
+        .map(|(x, _, p)| std::array::from_fn(|c| f32::from(p.0[c]) - x as f32 / 420.0 * 30.0))
+        .collect();
+    let sample = quilt::Sample { width: 420, height: 300, colors: &colors, observed: &observed };
+    let tile = quilt::quilt(&sample, 96, 0x5eed).unwrap();
+    let tile = RgbaImage::from_fn(96, 96, |x, y| opaque(tile[(y * 96 + x) as usize]));
     let difference = |a: (u32, u32), b: (u32, u32)| -> f64 {
         tile.get_pixel(a.0, a.1).0.iter().zip(tile.get_pixel(b.0, b.1).0).map(|(a, b)| f64::from(a.abs_diff(b))).sum()
     };
@@ -93,7 +99,8 @@ fn a_tile_meets_itself_and_keeps_the_pattern() {
     let inside = (0..95).map(across).sum::<f64>() / 95.0;
     assert!(across(95) < 3.0 * inside + 6.0, "edge {} against {inside} inside", across(95));
     let mean = mean_of(&tile, |_, _| true);
-    let observed = mean_of(&texture, |x, y| !(x < 90 && y < 120));
+    let sample = RgbaImage::from_fn(420, 300, |x, y| opaque(colors[(y * 420 + x) as usize]));
+    let observed = mean_of(&sample, seen);
     for (a, b) in mean.iter().zip(observed) {
         assert!((a - b).abs() < 10.0);
     }

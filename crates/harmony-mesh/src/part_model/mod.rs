@@ -1,4 +1,4 @@
-//! Part models: meshes that are described instead of scanned (`DESIGN.md` section 7).
+//! Part models: meshes that are described instead of scanned (beyond the paper, which has a mesh generator only).
 //!
 //! A [`PartModel`] is a small bounded JSON document: colour slots and parts, each part a shape that fills a box given
 //! in fractions of the object (0 to 1 from left, bottom and back; z = 1 is the front). It holds no metres, so one model

@@ -173,7 +173,7 @@ struct Found {
     posterior: Option<RoomPosterior>,
     evidence: Value,
     method: String,
-    confidence: f64,
+    confidence: Option<f64>,
     because: String,
 }
 
@@ -199,6 +199,7 @@ fn from_points(ctx: &PhaseCtx<'_>, c: Calibration, map: PointMap, size: ImageSiz
         c.evidence.axis_agreement_deg,
         words(&json!(c.evidence.anchor_kind)),
     );
+    let confidence = c.confidence();
     Found {
         camera: c.camera.resized(size),
         extents: c.extents,
@@ -208,7 +209,7 @@ fn from_points(ctx: &PhaseCtx<'_>, c: Calibration, map: PointMap, size: ImageSiz
         posterior: c.posterior,
         evidence: json!(c.evidence),
         method: format!("closed form from the point map ({})", words(&json!(c.evidence.method))),
-        confidence: c.evidence.confidence,
+        confidence,
         because,
     }
 }
@@ -245,7 +246,7 @@ fn from_box(ctx: &PhaseCtx<'_>, found: RoomBox) -> Found {
         posterior: found.posterior,
         method: format!("room box from {}", words(&json!(e.method))),
         evidence: json!(found.evidence),
-        confidence: found.confidence,
+        confidence: Some(found.confidence),
         because,
     }
 }
@@ -413,7 +414,7 @@ pub fn layout_prior(answer: &LayoutAnswer, size: ImageSize) -> LayoutPrior {
             }),
             floor_junction_y_frac: Some(c.floor_junction_y_frac),
         },
-        pins: LayoutPins { edges, corners: Vec::new() },
+        pins: LayoutPins { edges },
         passages: opening_hints(answer, size).into_iter().map(|hint| hint.face).collect(),
     }
 }
@@ -445,6 +446,8 @@ fn write_files(ctx: &PhaseCtx<'_>, state: &SceneState) -> Result<(), PhaseError>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Phase;
+    use crate::testing::{Desk, photo};
 
     #[test]
     fn a_lens_that_calibration_changes_by_more_than_its_sigma_is_told() {
@@ -461,5 +464,47 @@ mod tests {
         let mask = ignored(&[notch], size);
         assert!(mask.get(30, 30) && mask.get(170, 60) && !mask.get(100, 80) && !mask.get(5, 5));
         assert_eq!(ignored(&[], size).count(), 0);
+    }
+
+    #[tokio::test]
+    async fn a_photo_that_shows_hardly_anything_gives_a_room_that_is_said_to_be_a_guess() {
+        let desk = Desk::new();
+        let mut photo = photo();
+        photo.image = RgbImage::from_pixel(256, 192, image::Rgb([128; 3]));
+        let working = Arc::new(photo.image.clone());
+        let state = run(&desk.ctx(Phase::Layout), &photo, working).await.unwrap();
+        let guess = desk.warnings.sorted().into_iter().find(|w| w.kind == WarningKind::LowConfidence).unwrap();
+        assert!(guess.message.contains("are a guess"), "{}", guess.message);
+        let sure = state.layout.confidence.unwrap();
+        assert!(sure < 0.35, "{sure}");
+        assert!(state.partial.points.is_none() && state.partial.room.extents.height > 1.0);
+        let folder = Phase::Layout.folder();
+        let camera = desk.json(&format!("{folder}/camera.json"));
+        assert_eq!(camera["confidence"].as_f64(), Some(sure));
+        for file in ["room.json", "layout_answer.json", "manhattan.json"] {
+            assert!(!desk.json(&format!("{folder}/{file}")).is_null(), "{file}");
+        }
+    }
+
+    #[test]
+    fn pins_are_pixels_of_the_photo_and_a_ceiling_is_seen_by_its_pins_or_whole_walls() {
+        let mut answer = LayoutAnswer::example();
+        answer.pins.retain(|pin| pin.edge == PinKind::FloorBack);
+        answer
+            .pins
+            .push(harmony_prompts::LayoutPin { edge: PinKind::FloorBack, points: vec![[0.0, 500.0], [1000.0, 250.0]] });
+        answer.room.ceiling_height_m = 2.5;
+        answer.camera.visible_wall_height_m = 2.0;
+        let size = ImageSize::new(400, 200);
+        let prior = layout_prior(&answer, size);
+        let last = prior.pins.edges.last().unwrap();
+        assert_eq!(last.edge, RoomEdge::FloorBack);
+        assert_eq!(last.points, [glam::DVec2::new(0.0, 100.0), glam::DVec2::new(400.0, 50.0)]);
+        assert!(!prior.ceiling_seen);
+        answer.camera.visible_wall_height_m = 2.5;
+        assert!(layout_prior(&answer, size).ceiling_seen, "the whole wall is seen");
+        answer.camera.visible_wall_height_m = 2.0;
+        answer.pins[0].edge = PinKind::CeilingBack;
+        assert!(layout_prior(&answer, size).ceiling_seen, "its edge is pinned");
     }
 }

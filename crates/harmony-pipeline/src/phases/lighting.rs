@@ -119,3 +119,82 @@ fn mean_luminance(photo: &RgbImage) -> f64 {
 fn mask_luminance(state: &SceneState, mask: &harmony_scene::Mask) -> Option<f64> {
     harmony_imaging::color::median_color(&state.photo, mask).map(luminance)
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use harmony_roles::Role;
+    use harmony_scene::{Level, Support};
+
+    use super::*;
+    use crate::Phase;
+    use crate::testing::{Desk, add, empty_room};
+
+    /// A room with a lamp and a screen.
+    fn lit_room() -> SceneState {
+        let mut state = empty_room();
+        let floor = DVec3::new(1.2, 0.0, 1.5);
+        add(&mut state, "floor_lamp_01", Level::Furniture, DVec3::new(0.3, 1.6, 0.3), floor, Support::Floor);
+        let desk = DVec3::new(2.6, 0.0, 1.5);
+        add(&mut state, "monitor_01", Level::Furniture, DVec3::new(0.6, 0.4, 0.1), desk, Support::Floor);
+        state
+    }
+
+    #[tokio::test]
+    async fn lamps_become_lights_and_the_missing_path_tracer_is_told_of() {
+        let desk = Desk::new();
+        let ctx = desk.ctx(Phase::Lighting);
+        let (state, lit) = run(&ctx, lit_room()).await.unwrap();
+        assert!(lit.is_none(), "nobody traces");
+        let lights = state.lighting.unwrap().lights;
+        let of = |id: &str| lights.iter().any(|l| l.object.as_ref().is_some_and(|o| o.as_str() == id));
+        assert!(of("floor_lamp_01"), "{lights:?}");
+        let told = desk.warnings.sorted();
+        assert!(told.iter().any(|w| w.kind == WarningKind::NotAvailable && w.message.contains("render_lit.png")));
+        let folder = Phase::Lighting.folder();
+        let written = desk.json(&format!("{folder}/lights.json"));
+        assert_eq!(written["lights"].as_array().unwrap().len(), lights.len());
+        let materials = desk.json(&format!("{folder}/materials.json"));
+        assert!(materials["floor_lamp_01"].is_object() && materials["monitor_01"].is_object(), "{materials}");
+        let name = harmony_calls::CallName::new(&ctx.call("lights")).unwrap();
+        assert!(desk.calls.book().record(Role::VisionLanguage, &name).is_some(), "somebody was asked about them");
+    }
+
+    #[tokio::test]
+    async fn nobody_is_asked_about_light_in_a_room_without_any() {
+        let desk = Desk::new();
+        let ctx = desk.ctx(Phase::Lighting);
+        let state = empty_room();
+        let mut lighting = lights_from_scene(&state.partial.room, &[], |_| unreachable!("no object"));
+        lighting.lights.clear();
+        ask_sources(&ctx, &state, &mut lighting).await.unwrap();
+        assert_eq!(desk.calls.counts().asked, 0);
+    }
+
+    #[test]
+    fn screens_are_no_windows() {
+        let mut state = lit_room();
+        let at = DVec3::new(2.0, 1.0, 0.1);
+        add(&mut state, "window_01", Level::Wall, DVec3::new(0.6, 0.4, 0.1), at, Support::Floor);
+        let objects = outputs::scene_objects(&state);
+        let emitter = |id: &ObjectId| Emitter { mesh: state.mesh_of(id).map(|mesh| &**mesh), bulb: None };
+        let all = lights_from_scene(&state.partial.room, &objects, emitter).lights;
+        let light = |id: &str| Light { object: ObjectId::new(id).ok(), ..all[0].clone() };
+        assert!(is_no_window(&objects, &light("monitor_01")) && !is_no_window(&objects, &light("window_01")));
+    }
+
+    #[test]
+    fn luminance_is_linear_light_of_the_pixels_in_question() {
+        let mut state = empty_room();
+        let mut photo = RgbImage::from_pixel(320, 240, image::Rgb([0; 3]));
+        for (x, _, p) in photo.enumerate_pixels_mut() {
+            p.0 = if x < 80 { [255; 3] } else { [0; 3] };
+        }
+        state.photo = std::sync::Arc::new(photo);
+        assert!((mean_luminance(&state.photo) - 0.25).abs() < 1e-6);
+        let size = harmony_scene::ImageSize::new(320, 240);
+        let white = harmony_scene::Mask::from_fn(size, |x, _| x < 80);
+        assert!((mask_luminance(&state, &white).unwrap() - 1.0).abs() < 1e-6);
+        assert_eq!(mask_luminance(&state, &harmony_scene::Mask::empty(size)), None);
+    }
+}

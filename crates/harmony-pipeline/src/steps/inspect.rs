@@ -13,13 +13,18 @@ use image::RgbaImage;
 use super::programs;
 use crate::before::Before;
 use crate::ctx::{PhaseCtx, PhaseError};
+use crate::settings::Questions;
 use crate::state::{DropReason, Left, Object, SceneState};
 use crate::views;
 
-/// Candidates on one question at most; more make several questions.
+/// Candidates on one question at most; more make several questions. Where often is asked, no more than one can keep in mind.
 const CANDIDATES_PER_QUESTION: usize = 24;
+const CANDIDATES_PER_SMALL_QUESTION: usize = 8;
 /// Crops on one contact sheet.
 const CROPS_PER_SHEET: usize = 12;
+/// Sides of a crop, pixels, and of a whole sheet: few crops are shown larger.
+const CROP_PX: [u32; 2] = [300, 480];
+const SHEET_PX: u32 = 1280;
 
 /// What was said about a level.
 #[derive(Debug, Clone, Default)]
@@ -50,7 +55,11 @@ pub async fn all(
     let modelled: BTreeSet<&ObjectId> = programs.iter().flat_map(|(_, objects)| objects).map(|o| &o.id).collect();
     let mut questions = Vec::new();
     // All pictures are drawn before the first question is asked, so that the questions come in their order.
-    for (part, chunk) in candidates.chunks(CANDIDATES_PER_QUESTION).enumerate() {
+    let most = match ctx.settings.questions {
+        Questions::Few => CANDIDATES_PER_QUESTION,
+        Questions::Paper => CANDIDATES_PER_SMALL_QUESTION,
+    };
+    for (part, chunk) in candidates.chunks(most).enumerate() {
         let name = if part == 0 { "inspect".to_owned() } else { format!("inspect_{}", part + 1) };
         let (shown, listed) = (Arc::clone(&before.state), chunk.to_vec());
         let pictures = ctx.computed(move || pictures(&shown, &listed)).await?;
@@ -192,7 +201,8 @@ fn sheets(state: &SceneState, candidates: &[Object], first: usize) -> Vec<Pictur
     let sheet = |(i, sheet): (usize, &[(String, RgbaImage)])| {
         let cells: Vec<Cell<'_>> = sheet.iter().map(|(label, image)| Cell { label: label.clone(), image }).collect();
         let columns = (cells.len() as u32).min(4);
-        let image = Arc::new(contact_sheet(&cells, columns, 300));
+        let crop = (SHEET_PX / columns.max(1)).clamp(CROP_PX[0], CROP_PX[1]);
+        let image = Arc::new(contact_sheet(&cells, columns, crop));
         Picture { caption: format!("IMAGE {}: crops", i + first), image }
     };
     crops.chunks(CROPS_PER_SHEET).enumerate().map(sheet).collect()

@@ -171,6 +171,7 @@ fn item(level: Level, state: &SceneState, object: &Object) -> Option<Item> {
             planar: is(Trait::Planar) && object.is_modelled(),
             opening: opening.is_some(),
             to_floor: opening == Some(OpeningKind::Door),
+            lit_from_above: is(Trait::LitFromAbove),
             hangs: level == Level::Ceiling || is(Trait::Hangs),
             may_stretch: object.is_modelled(),
             as_wide_as_deep: !is(Trait::Planar) && (o.size_m.width / o.size_m.depth - 1.0).abs() < 0.02,

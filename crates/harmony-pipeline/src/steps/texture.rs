@@ -5,12 +5,14 @@ use std::sync::Arc;
 use harmony_catalogue::Trait;
 use harmony_mesh::{Material, Mesh};
 use harmony_render::{BakeOptions, Instance, RenderOptions, SOLID, bake_texture, opacity, render_depth_ids};
-use harmony_scene::{Level, Mask, ObjectId, WarningKind};
+use harmony_scene::{Level, Mask, ObjectId, OpeningKind, WarningKind};
 
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Object, SceneState};
 use crate::views;
 
+/// Names of materials that the path tracer takes for panes, whatever is painted on them.
+const PANE_WORDS: [&str; 4] = ["glass", "pane", "glazing", "view"];
 /// Linear brightness up to which glass is black.
 const BLACK: f32 = 0.06;
 
@@ -95,7 +97,11 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
         let mirrors = |slot: &&String| {
             mesh.materials.iter().enumerate().any(|(k, m)| m.name == **slot && mesh.is_looking_glass(k))
         };
-        let plain = model.plain_slots.iter().filter(|slot| !mirrors(slot)).cloned();
+        // So does a window's pane the view, whoever made it.
+        let is_window = at_wall && harmony_catalogue::opening(&placed.item.label) == Some(OpeningKind::Window);
+        let is_pane = |m: &Material| PANE_WORDS.iter().any(|word| m.name.to_lowercase().contains(word)) && is_clear(m);
+        let panes = |slot: &&String| is_window && mesh.materials.iter().any(|m| m.name == **slot && is_pane(m));
+        let plain = model.plain_slots.iter().filter(|slot| !mirrors(slot) && !panes(slot)).cloned();
         let options = BakeOptions {
             plain_slots: plain.chain(clear).collect(),
             trusted: at_wall && harmony_catalogue::has(&placed.item.label, Trait::Planar),

@@ -1,5 +1,10 @@
 //! What hangs before what: curtains, sheers and blinds that share a stretch of wall, and other things on it that are in one
 //! another.
+//!
+//! Their places along the wall come from masks, their distances from it from nothing: two that share a stretch would be
+//! in one another. At the end of a level the one behind keeps its place and the one before it is moved off the wall, by
+//! a bounded distance in metres. Who is in front is read from the photo's pixels, else from what is see-through. It
+//! looks at pairs on one wall; what hangs from a ceiling is not asked.
 
 use harmony_scene::{Pose, Vec3, Wall};
 

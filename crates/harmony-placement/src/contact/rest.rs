@@ -1,4 +1,10 @@
 //! Support: everything lies on what carries it.
+//!
+//! Hosts are settled before what they carry, so that a tray on a table follows both. An object stands on its lowest
+//! points; the surfaces under them come from rays on the host's mesh (`scene::support`), and narrow rims from the edges
+//! of its faces, which rays miss. What hangs in the air beside its host is moved towards the host's middle, no farther
+//! than it must and never beyond a limit: then the host is wrong, not the place. Room frame, metres. Only level
+//! surfaces carry; nothing tips over or leans here.
 
 use harmony_scene::{PlacementType, Pose, Support, Vec3};
 

@@ -14,6 +14,9 @@ const SEAM: f64 = 5e-4;
 
 /// Makes narrower what stands side by side at a wall and is still in one another after everything was brought apart: a
 /// row of cupboards whose sizes, each a little off, are together longer than their wall. Tells which, and by what share.
+///
+/// Like the parting that comes before it this is the projection onto contact and no hypothesis: rigid things are not in one
+/// another whatever a mask says, so that the rule of `accept` is not asked. What bounds it is [`MAX_NARROWED`].
 pub(crate) fn narrow_rows(scene: &mut PartialScene, settings: &PlacementSettings) -> Vec<(ObjectId, f64)> {
     let mut narrowed: BTreeMap<usize, f64> = BTreeMap::new();
     for collision in collisions(scene, settings) {

@@ -1,4 +1,9 @@
 //! Convex parts in the room: do they meet, and how far must one go in a direction until they don't.
+//!
+//! Along a direction the displacements at which two convex parts meet are one interval, found by casting one against
+//! the other from outside on both sides (parry); those of two objects are the union over their pairs of parts. Room
+//! frame, metres; parts go to `f32` about their own centres. What is concave is as good as its parts: a hollow that
+//! they fill is solid. Depths are the shortest way out along sixteen level directions, up and down, not along any.
 
 use std::sync::{Arc, OnceLock};
 

@@ -1,4 +1,10 @@
 //! The outline of a mask, and why it ends where it does: ONE answer a sample, from which everything else is read.
+//!
+//! A mask's edge is walked at a bounded number of samples. At each the mask ends because the object does (free),
+//! because the image does (border), or because something nearer hides the rest (occluded): by the point map's depths on
+//! both sides, and where those do not tell by the masks of what may be nearer. Reaches in sixteen directions and free
+//! sides of boxes are majorities over samples. Image pixels, normals out of the mask. Known weak regime: without depths
+//! the mask of a neighbour that merely touches may count as hiding.
 
 use harmony_scene::{ImageSize, Level, Mask, PixelBox, Vec2};
 

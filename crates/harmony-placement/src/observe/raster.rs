@@ -30,7 +30,7 @@ pub(crate) struct Span {
 /// Buffers of one thread, so that a render allocates nothing.
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
-    /// Vertices in the camera's constraint.
+    /// Vertices in the camera's frame.
     pub(crate) points: Vec<DVec3>,
     corners: Vec<Corner>,
     /// Planar depth, 0 = nothing; a few unused ones follow the last row.
@@ -46,7 +46,7 @@ pub(crate) fn with_scratch<T>(work: impl FnOnce(&mut Scratch) -> T) -> T {
     SCRATCH.with_borrow_mut(work)
 }
 
-/// Vertices of a posed mesh in the camera's constraint.
+/// Vertices of a posed mesh in the camera's frame.
 pub(crate) fn to_camera(camera: &Camera, proxy: &Proxy, pose: &Pose, points: &mut Vec<DVec3>) {
     let linear = camera.rotation * pose.linear();
     let offset = camera.to_camera(pose.position);
@@ -93,7 +93,7 @@ impl Span {
     }
 }
 
-/// Draws a mesh whose vertices are in the camera's constraint, as inverse depth: that is linear in the window, so that no
+/// Draws a mesh whose vertices are in the camera's frame, as inverse depth: that is linear in the window, so that no
 /// pixel of a triangle costs a division.
 fn draw(camera: &Camera, proxy: &Proxy, points: &[DVec3], corners: &mut Vec<Corner>, inverse: &mut [f32]) -> Span {
     let k = camera.intrinsics;

@@ -1,4 +1,9 @@
 //! Pieces of a mask that lie where its object cannot be.
+//!
+//! Segmenters leave parts of one thing in the mask of another, and boxes, feet and outlines are read from where a mask
+//! ends. A small piece whose points lie farther on the floor plan from those of the largest piece than the object is
+//! wide and deep, by a factor and the map's error, is taken away (`docs/decisions/0025-sides-rows-pieces.md`). Room
+//! frame, metres, heights left out. It needs a dense point map; a large piece is never taken, however far it lies.
 
 use std::sync::Arc;
 

@@ -1,4 +1,10 @@
 //! The window in which one object is compared with its mask and the point map.
+//!
+//! A crop of the camera about the mask, at a resolution of its own, holds per pixel: mask, whether another object's
+//! mask could hide this one, the map's planar depth, and the depth of what is placed. A pose is drawn into it and
+//! compared: uncovered, beside and hidden areas over the length of the mask's edge (so that they are widths, image
+//! pixels), and relative depths in sigmas. Image pixels are those of the scene's camera; window pixels are scaled from
+//! them. It holds for the scene that it was made in: after others have moved a new one is needed.
 
 use std::sync::Arc;
 

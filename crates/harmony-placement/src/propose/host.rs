@@ -1,4 +1,10 @@
-//! First poses on furniture: the ray of the mask's base against the host's surfaces. Paper App. C "Decoration Placement". Key `deco.host`.
+//! First poses on furniture: the ray of the mask's base against the host's surfaces. Paper App. C "Decoration
+//! Placement". Key `deco.host`.
+//!
+//! A host has several level surfaces (shelves, a seat); those over which the mask's foot or middle lies are tried, and
+//! of a place that carries nothing the nearest one towards the camera that does. Hosts that nobody named are tried
+//! beside the given one, at the price of a wrong answer (nats). Room frame, metres. Poses here are starts: the local
+//! solve moves them, and what none of the tried surfaces carries is found nowhere else.
 
 use harmony_scene::{DepthPosition, Level, PixelBox, PlacementType, Pose, Support, SurfacePosition, Vec2, Vec3};
 
@@ -6,7 +12,6 @@ use super::{Hypothesis, Proposer};
 use crate::noise::surprise;
 use crate::scene::attachment::{Attachment, YawRule, reach, sag_of, size_of};
 use crate::scene::support::{self, Layer};
-use crate::terms::ENOUGH_SUPPORT;
 use crate::{Item, PartialScene, Placed, YawHint};
 
 /// Hosts tried for one object, at most.
@@ -179,8 +184,9 @@ fn yaws(proposer: &Proposer, host: &Placed, position: Vec3) -> Vec<YawRule> {
 fn before_it(proposer: &Proposer, host: usize, pose: &Pose, (level, at): (f64, Vec3)) -> Option<(f64, Vec3)> {
     let constraint =
         proposer.constraint(Attachment::OnHost { host, level }, YawRule::Fixed(proposer.scene.placed[host].pose.yaw));
-    let carried =
-        |at: Vec3| constraint.supported_share(&Pose { position: at.with_y(level), ..*pose }) >= ENOUGH_SUPPORT;
+    let carried = |at: Vec3| {
+        constraint.supported_share(&Pose { position: at.with_y(level), ..*pose }) >= proposer.settings.noise.support[0]
+    };
     if carried(at) {
         return None;
     }

@@ -1,5 +1,10 @@
-//! First poses on walls: the mask's centre as a ray against the walls, its extent projected onto the wall plane.
-//! Paper App. C "Wall-Mounted Object Placement". Key `wall.ray`.
+//! First poses on walls: the mask's centre as a ray against the walls, its extent projected onto the wall plane. Paper
+//! App. C "Wall-Mounted Object Placement". Key `wall.ray`.
+//!
+//! Walls in question are the one that the ray meets, its neighbour near a seam, and the one that was named; in a room
+//! that is no box the planes of blocks and niches too. Every pixel of the mask is projected, which is the exact
+//! correction for foreshortening; sizes outside a factor of the prior are clamped. Wall coordinates `(u, y)` and
+//! metres. Where two ends are seen and one may be another thing's, the prior width is tried from either end.
 
 use harmony_scene::{Pose, Ray, Support, Vec2, Vec3, Wall, WallPlane};
 

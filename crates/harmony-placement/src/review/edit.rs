@@ -1,4 +1,8 @@
 //! What actions do to a scene: objects are moved, scaled, exchanged, copied and put onto other supports.
+//!
+//! Every edit keeps two things: what rests on an object goes with it, and a pose is settled onto its support again. An
+//! edit changes what is *said* of the object too (its wall, its host, its size), so that the next solve does not take
+//! it back. Room frame, metres, radians. Nothing is judged here: edits give a scene, `verdict` says whether it stays.
 
 use std::sync::Arc;
 

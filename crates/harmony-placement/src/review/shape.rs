@@ -1,4 +1,8 @@
 //! Another shape for a placed object.
+//!
+//! Its units are metres, so that it takes the old one's place, turn and support as they are; beside that it is placed
+//! anew by what is seen of the object, because pose and size were fitted to the old shape, and what costs less stays.
+//! What rests on the object follows its top, and may lie on another of its surfaces where it agrees better there.
 
 use std::sync::Arc;
 

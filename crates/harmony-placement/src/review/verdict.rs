@@ -1,4 +1,9 @@
 //! Whether a change stays: the energy of the whole scene before and after it.
+//!
+//! All objects are counted, for a change uncovers and hides others; to it comes what pairs that are in one another
+//! cost, and the mask of what is gone, which nothing explains. The reviewer's word is worth the odds of being right
+//! (`accept`). Nats; the report tells the terms that rose. Objects without a mask count only by what they hide and
+//! touch.
 
 use harmony_scene::ObjectId;
 use schemars::JsonSchema;
@@ -10,9 +15,6 @@ use crate::contact::collision::collisions;
 use crate::scene::Energy;
 use crate::terms::{NAMED, absent_energy, scene_energy};
 use crate::{Evidence, PartialScene, PlacementSettings, measure};
-
-/// One sigma of how deep a pair may be in one another after a change, metres.
-const PENETRATION: f64 = 0.01;
 
 /// The judgement of an action.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -109,7 +111,7 @@ fn against(was: &[Energy], is: &[Energy], deeper: f64) -> String {
 
 /// What things that are in one another cost.
 fn penetration(scene: &PartialScene, settings: &PlacementSettings) -> f64 {
-    collisions(scene, settings).iter().map(|c| NAMED.loss(c.penetration / PENETRATION)).sum()
+    collisions(scene, settings).iter().map(|c| NAMED.loss(c.penetration / settings.noise.penetration)).sum()
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {

@@ -282,7 +282,7 @@ impl PoseConstraint<'_> {
                 let highest = if self.item.traits.to_floor { 0.0 } else { (e.height - size.y).max(0.0) };
                 let y = numbers[1].clamp(0.0, highest);
                 let away = if self.item.traits.opening {
-                    // A curtain must hang free of the constraint, and hangs along the wall.
+                    // A curtain must hang free of the window's frame, and hangs along the wall.
                     let setback = self.item.shape.setback() * pose.scale * pose.stretch.z;
                     let curtained = self.is_curtained(wall.wall, numbers[0], size.x);
                     let proud = if curtained { 0.0 } else { PROUD.max(CASING_PROUD + setback) };

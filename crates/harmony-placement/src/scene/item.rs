@@ -1,4 +1,8 @@
 //! An object that wants a place.
+//!
+//! Everything that placement knows of an object before it is placed, as plain data: shape, mask, named size, relations,
+//! traits, turn. Sizes are metres and unrotated, turns radians in the room frame, masks of the scene camera's size. Who
+//! said it does not matter here: what may be wrong of it has its probability in [`crate::Noise`].
 
 use std::sync::Arc;
 
@@ -22,6 +26,8 @@ pub struct Traits {
     pub opening: bool,
     /// A door: its lower edge is at the floor.
     pub to_floor: bool,
+    /// A table: a lamp that hangs alone may hang over it.
+    pub lit_from_above: bool,
     /// Hangs down (pendant, curtain).
     pub hangs: bool,
     /// Proportions may be corrected (part models, slabs).
@@ -38,7 +44,7 @@ pub struct Traits {
     pub has_front: bool,
 }
 
-/// What is known of an object's yaw (radians, room constraint) before placement.
+/// What is known of an object's yaw (radians, room frame) before placement.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum YawHint {
     /// Nothing beyond the relations.

@@ -17,6 +17,7 @@ pub(crate) mod shape;
 pub(crate) mod subtree;
 pub(crate) mod support;
 
+pub(crate) use evidence::TRUSTED_IOU;
 pub use evidence::{Energy, Evidence, Spread};
 pub use item::{Item, Traits, YawHint};
 pub use shape::Shape;
@@ -24,7 +25,7 @@ pub use shape::Shape;
 /// Room left between an object and a loose wall, metres.
 const LOOSE_GAP: f64 = 0.01;
 
-/// The point map in the room constraint.
+/// The point map in the room frame.
 #[derive(Debug, Clone)]
 pub struct RoomPoints {
     /// What the points mean.
@@ -98,7 +99,7 @@ pub struct PartialScene {
     pub camera: Camera,
     /// The point map, if there is one.
     pub points: Option<RoomPoints>,
-    /// Deepest floor corner, the anchor of the traversal (room constraint).
+    /// Deepest floor corner, the anchor of the traversal (room frame).
     pub anchor: Vec3,
     /// Objects in placement order.
     pub placed: Vec<Placed>,

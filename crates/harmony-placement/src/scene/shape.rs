@@ -1,4 +1,10 @@
 //! Canonical geometry of an object, prepared for many renders and distance queries.
+//!
+//! Canonical frame: bottom at y = 0, centred in x and z, front +Z, any unit; a pose makes metres of it. Beside mesh and
+//! convex parts there is what placement asks for again and again, made once and shared: the form that is drawn (and its
+//! opaque part), the points that can be outermost, ray queries, the depth of a casing, how it hangs over an edge, its
+//! foot. These readings are by rays and thresholds on the mesh: a cloth or a foot of unusual form is read wrongly or
+//! not at all.
 
 use std::sync::{Arc, OnceLock};
 
@@ -75,7 +81,7 @@ fn opaque_part(mesh: &Mesh) -> Option<Mesh> {
 
 impl Shape {
     /// Prepares a canonical mesh (bottom at y = 0, centred, front +Z) and its convex parts (hull points in the
-    /// same constraint). Without usable parts the mesh's box stands in.
+    /// same frame). Without usable parts the mesh's box stands in.
     pub fn new(mesh: Arc<Mesh>, hulls: Vec<Vec<Vec3>>) -> Self {
         let form = harmony_mesh::simple_form(&mesh);
         Self::with_form(mesh, &form, hulls)
@@ -138,12 +144,12 @@ impl Shape {
         self.opaque.as_ref().is_some_and(|opaque| opaque.area() < MOSTLY_CLEAR * self.proxy.area())
     }
 
-    /// Hull points of the convex parts, canonical constraint.
+    /// Hull points of the convex parts, canonical frame.
     pub fn hulls(&self) -> &[Vec<Vec3>] {
         &self.hulls
     }
 
-    /// Points of the convex parts that can be the outermost of its image in some direction, canonical constraint.
+    /// Points of the convex parts that can be the outermost of its image in some direction, canonical frame.
     pub(crate) fn extremes(&self) -> &[Vec3] {
         &self.extremes
     }
@@ -158,7 +164,7 @@ impl Shape {
         self.bounds.size().max(Vec3::splat(1e-6))
     }
 
-    /// Ray queries on the mesh, canonical constraint; built at the first call.
+    /// Ray queries on the mesh, canonical frame; built at the first call.
     pub fn bvh(&self) -> &Bvh {
         self.bvh.get_or_init(|| Arc::new(Bvh::new(&self.mesh)))
     }

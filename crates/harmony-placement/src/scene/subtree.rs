@@ -1,4 +1,8 @@
-//! What rests on what.
+//! The support subtree: what rests on what.
+//!
+//! Supports name the carrier, so that they form a tree with room faces as roots; it is walked from an object downwards.
+//! What moves takes its subtree along, shifted and turned but not resized. Relations may be circular while they are
+//! edited, so that walks are bounded in depth.
 
 use harmony_scene::{Mat3, Pose, Support};
 

@@ -1,4 +1,8 @@
 //! The paper's formulas of Sec. 3.3 "Visual Geometry-Grounded Refinement", one function each.
+//!
+//! Kept apart from the code that uses them so that each can be read beside its equation and tested on its own. Lengths
+//! along the camera's axes in metres, image lengths in pixels, focal length in pixels; sizes in metres a canonical
+//! unit. They hold for one object in front of a pinhole camera, its depth taken as one number.
 
 /// Lateral translation along the camera's right axis, `Δu Z / f_x` (`align.lateral`), metres.
 ///

@@ -1,4 +1,4 @@
-//! All poses, the camera, the room and the scale together (beyond the paper; DESIGN section 8).
+//! All poses, the camera, the room and the scale together (beyond the paper; decision 0012).
 //!
 //! Placing objects one after the other in a fixed camera leaves each with its own errors, and all with those of the
 //! camera and the walls. Here everything is one least squares over the terms of `terms`: the outlines of all masks in
@@ -9,7 +9,7 @@
 //! unknown of its own: a change of the scale alone changes no outline, and nothing is left behind by it.
 
 use harmony_geometry::least_squares::{differences, minimise_with};
-use harmony_geometry::{RoomPosterior, median_absolute_deviation, room_from_unknowns, room_unknowns};
+use harmony_geometry::{MAD_TO_SIGMA, RoomPosterior, median_absolute_deviation, room_from_unknowns, room_unknowns};
 use harmony_scene::{Camera, Extents, Intrinsics, PointMapKind, Pose, Support, Vec3, Wall};
 use nalgebra::DMatrix;
 
@@ -20,9 +20,9 @@ use crate::observe::{Outline, Window};
 use crate::scene::attachment::{
     Attachment, PoseConstraint, YawRule, angle_between, attachment_of, height_stretch, size_of,
 };
-use crate::scene::{Energy, Spread};
+use crate::scene::{Energy, Spread, TRUSTED_IOU};
 use crate::terms::{
-    DepthNoise, Kernel, NAMED, NamedSize, outline_residuals, scene_energy, told_objective, wall_residual,
+    DepthNoise, Kernel, NAMED, NamedSize, outline_residuals, placed_energy, scene_energy, told_objective, wall_residual,
 };
 use crate::{PartialScene, PlacementSettings};
 
@@ -32,14 +32,11 @@ use super::local::{polish, solve};
 const ROUNDS: usize = 2;
 /// Outlines are extremes over points, whose kinks make the steps small: rooms whose scale is open need two dozen.
 const ITERATIONS: usize = 30;
-/// Prior around the local solution for what nothing else holds: metres, radians, relative size.
-const TETHER: [f64; 3] = [0.3, 0.12, 0.3];
-/// Spread of the sizes that a good model names, judged from so many objects on; others' sigmas grow by up to three times.
-const GOOD_SIZES: (f64, usize, f64) = (0.15, 8, 3.0);
-/// Nats of agreement that an object may lose before it is solved anew.
-pub(crate) const LOST: f64 = 3.0;
-/// Objects that agree less with their masks say nothing about the others.
-const TRUSTED_IOU: f64 = 0.6;
+/// How a model names sizes is judged from so many objects on, and believed this many times less at most.
+const JUDGED_SIZES: usize = 8;
+const MAX_INFLATION: f64 = 3.0;
+/// The distance of a wall that nobody sees stays within about this (logarithm): it is an unknown that nothing else holds, and not known.
+const HELD: f64 = 0.01;
 /// A depth farther from the object's than this is another surface's (logarithm).
 const OTHER_SURFACE: f64 = 0.25;
 
@@ -75,8 +72,8 @@ pub struct GlobalReport {
     pub kept: bool,
 }
 
-/// One object as the problem sees it.
-struct Body {
+/// One object as the problem sees it: what its block of residuals is made from.
+struct ObjectBlock {
     /// Index into the placed objects.
     object: usize,
     attachment: Attachment,
@@ -88,7 +85,7 @@ struct Body {
     start: Pose,
     /// Planar depth of its position at the start.
     start_depth: f64,
-    /// Its set's first member, in bodies.
+    /// Its set's first member, as an index of blocks.
     reference: Option<usize>,
 }
 
@@ -96,7 +93,7 @@ struct Body {
 struct Problem<'a> {
     scene: &'a PartialScene,
     noise: &'a Noise,
-    bodies: Vec<Body>,
+    blocks: Vec<ObjectBlock>,
     /// A square root of the calibration's information, and where it holds.
     root: Vec<f64>,
     mean: [f64; ROOM],
@@ -133,7 +130,7 @@ pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -
     // Each object alone fits its own mask, in a camera that is off, better than all of them together can: only the least
     // squares knows what their errors have in common. Where a sensor measured the depths there are none.
     let metric = scene.points.as_ref().is_some_and(|p| p.kind == PointMapKind::Metric);
-    let slack = if metric { 0.0 } else { LOST * scene.placed.len() as f64 };
+    let slack = if metric { 0.0 } else { settings.noise.joint_slack * scene.placed.len() as f64 };
     let turn = trial.camera.rotation * camera.rotation.transpose();
     let cos = ((turn.x_axis.x + turn.y_axis.y + turn.z_axis.z - 1.0) / 2.0).clamp(-1.0, 1.0);
     let moved: f64 = trial.placed.iter().zip(&positions).map(|(p, q)| p.pose.position.distance(*q)).sum();
@@ -153,7 +150,8 @@ pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -
 }
 
 /// Looks at every object once more in the camera and room that the least squares left: one that agrees less than `before`
-/// (energies of the placed objects) by more than so many nats is solved anew.
+/// (energies of the placed objects) by more than [`Noise::joint_slack`] is solved anew, and the new pose kept by the rule
+/// of `accept`: a host that contradicts an answer has its price here, too.
 fn polish_all(scene: &mut PartialScene, before: &[Energy], settings: &PlacementSettings) {
     use rayon::prelude::*;
     let still: &PartialScene = scene;
@@ -167,10 +165,11 @@ fn polish_all(scene: &mut PartialScene, before: &[Energy], settings: &PlacementS
             let constraint = PoseConstraint::new(still, &p.item, attachment, yaw, &settings.noise);
             let polished = polish(&window, constraint, &p.pose, settings, settings.renders_per_object / 4);
             let told = |pose: &Pose| told_objective(still, i, &window, settings).energy(pose).0.observed();
-            if told(&polished.pose) > before[i].observed() + LOST {
+            if told(&polished.pose) > before[i].observed() + settings.noise.joint_slack {
                 let anew = solve(still, &p.item, &window, settings);
-                if told(&anew.pose) < told(&polished.pose) {
-                    return Some((i, anew.pose, anew.objective.constraint.support()));
+                let (pose, support) = (anew.pose, anew.objective.constraint.support());
+                if better_anew(still, i, &polished.pose, (&pose, &support), settings) {
+                    return Some((i, pose, support));
                 }
             }
             Some((i, polished.pose, p.support.clone()))
@@ -182,6 +181,24 @@ fn polish_all(scene: &mut PartialScene, before: &[Energy], settings: &PlacementS
         moved.push((i, pose));
     }
     take_poses(scene, moved, settings);
+}
+
+/// Whether an object is to be held and placed as `anew` says instead of at a pose on the support it has.
+fn better_anew(
+    scene: &PartialScene,
+    object: usize,
+    pose: &Pose,
+    anew: (&Pose, &Support),
+    settings: &PlacementSettings,
+) -> bool {
+    let energy = |pose: &Pose, support: &Support| {
+        let mut tried = scene.clone();
+        let placed = &mut tried.placed[object];
+        (placed.pose, placed.support) = (*pose, support.clone());
+        placed_energy(&tried, object, settings).map(|e| e.total())
+    };
+    let was = energy(pose, &scene.placed[object].support);
+    was.zip(energy(anew.0, anew.1)).is_some_and(|(was, is)| accepts(was, is, 0.0))
 }
 
 /// How uncertain each placed object is: its part of the posterior of everything; `None` for those without a mask.
@@ -196,7 +213,7 @@ pub(crate) fn spreads(scene: &PartialScene, settings: &PlacementSettings) -> Vec
         information[(i, i)] += 1e-9;
     }
     let Some(covariance) = information.cholesky().map(|c| c.inverse()) else { return out };
-    for (k, b) in problem.bodies.iter().enumerate() {
+    for (k, b) in problem.blocks.iter().enumerate() {
         out[b.object] = Some(problem.spread(k, &start, &covariance));
     }
     out
@@ -237,17 +254,17 @@ impl<'a> Problem<'a> {
     fn new(scene: &'a PartialScene, settings: &'a PlacementSettings) -> Option<Self> {
         use rayon::prelude::*;
         let noise = &settings.noise;
-        let mut bodies: Vec<Body> =
-            (0..scene.placed.len()).into_par_iter().filter_map(|i| Body::new(scene, i, settings)).collect();
-        let item = |b: &Body| &scene.placed[b.object].item;
-        for i in 0..bodies.len() {
-            let set = item(&bodies[i]).relations.matched_set.as_ref().filter(|_| settings.groups);
-            bodies[i].reference =
-                set.and_then(|set| (0..i).find(|j| item(&bodies[*j]).relations.matched_set.as_ref() == Some(set)));
+        let mut blocks: Vec<ObjectBlock> =
+            (0..scene.placed.len()).into_par_iter().filter_map(|i| ObjectBlock::new(scene, i, settings)).collect();
+        let item = |b: &ObjectBlock| &scene.placed[b.object].item;
+        for i in 0..blocks.len() {
+            let set = item(&blocks[i]).relations.matched_set.as_ref().filter(|_| settings.groups);
+            blocks[i].reference =
+                set.and_then(|set| (0..i).find(|j| item(&blocks[*j]).relations.matched_set.as_ref() == Some(set)));
         }
-        let size_inflation = size_inflation(scene, &bodies);
-        let labels: Vec<String> = bodies.iter().map(|b| item(b).label.clone()).collect();
-        for (b, label) in bodies.iter_mut().zip(&labels) {
+        let size_inflation = size_inflation(scene, &blocks, noise);
+        let labels: Vec<String> = blocks.iter().map(|b| item(b).label.clone()).collect();
+        for (b, label) in blocks.iter_mut().zip(&labels) {
             let alike = labels.iter().filter(|l| *l == label).count();
             b.sizes = b.sizes.inflated(size_inflation).shared_by(alike);
         }
@@ -255,7 +272,7 @@ impl<'a> Problem<'a> {
         let loose = [Wall::Left, Wall::Right].map(|wall| scene.is_loose(wall));
         let (information, mut mean) = match &scene.posterior {
             Some(posterior) => {
-                let posterior = posterior.with_hints_doubted(size_inflation).with_height_known_to(noise.height);
+                let posterior = posterior.with_hints_inflated(size_inflation).with_height_known_to(noise.height);
                 (posterior.information, posterior.mean)
             }
             None => (unknown_room(noise), now),
@@ -264,14 +281,14 @@ impl<'a> Problem<'a> {
         for k in (0..2).filter(|k| loose[*k]) {
             mean[4 + k] = now[4 + k];
         }
-        Some(Self { scene, noise, bodies, root: root(&information)?, mean, now, loose, size_inflation })
+        Some(Self { scene, noise, blocks, root: root(&information)?, mean, now, loose, size_inflation })
     }
 
     fn start(&self) -> Vec<f64> {
         let mut start = self.now.to_vec();
         start[FLOOR] = self.scene.camera.centre().y.max(0.05).ln();
         start.push(0.0);
-        start.extend(self.bodies.iter().flat_map(|b| b.numbers(&self.scene.room.extents)));
+        start.extend(self.blocks.iter().flat_map(|b| b.numbers(&self.scene.room.extents)));
         start
     }
 
@@ -283,12 +300,12 @@ impl<'a> Problem<'a> {
         }
         out.push((u[0] - self.mean[0]) / self.noise.focal);
         out.extend((1..4).map(|i| (u[i] - self.mean[i]) / self.noise.rotation));
-        out.extend((0..2).map(|k| if self.loose[k] { (u[4 + k] - self.now[4 + k]) / 0.01 } else { 0.0 }));
+        out.extend((0..2).map(|k| if self.loose[k] { (u[4 + k] - self.now[4 + k]) / HELD } else { 0.0 }));
         out.push(u[COMMON] / (self.size_inflation * self.noise.size_common));
     }
 
-    fn of_body(&self, i: usize, u: &[f64], (camera, extents): &(Camera, Extents), out: &mut Vec<f64>) {
-        let b = &self.bodies[i];
+    fn of_block(&self, i: usize, u: &[f64], (camera, extents): &(Camera, Extents), out: &mut Vec<f64>) {
+        let b = &self.blocks[i];
         let item = &self.scene.placed[b.object].item;
         let pose = b.pose(self.scene, &u[FIRST + EACH * i..FIRST + EACH * (i + 1)], extents);
         let outline = b.outline.as_ref().map(|o| o.residuals(camera, &item.shape, &pose));
@@ -306,41 +323,42 @@ impl<'a> Problem<'a> {
             }
             _ => 0.0,
         });
-        out.push((pose.position.x - b.start.position.x) / TETHER[0]);
-        out.push((pose.position.z - b.start.position.z) / TETHER[0]);
-        out.push(angle_between(pose.yaw, b.start.yaw) / TETHER[1]);
-        out.push((pose.scale / b.start.scale).ln() / TETHER[2]);
-        let other = b.reference.map(|other| u[ln_scale(other)] - self.bodies[other].start.scale.ln());
+        let [metres, radians, size] = self.noise.tether;
+        out.push((pose.position.x - b.start.position.x) / metres);
+        out.push((pose.position.z - b.start.position.z) / metres);
+        out.push(angle_between(pose.yaw, b.start.yaw) / radians);
+        out.push((pose.scale / b.start.scale).ln() / size);
+        let other = b.reference.map(|other| u[ln_scale(other)] - self.blocks[other].start.scale.ln());
         out.push(other.map_or(0.0, |other| (u[ln_scale(i)] - b.start.scale.ln() - other) / self.noise.size_set));
     }
 
     fn residuals(&self, u: &[f64], out: &mut Vec<f64>) {
         self.of_room(u, out);
         let room = room(u, self.scene);
-        (0..self.bodies.len()).for_each(|i| self.of_body(i, u, &room, out));
+        (0..self.blocks.len()).for_each(|i| self.of_block(i, u, &room, out));
     }
 
-    /// Residuals of each body.
+    /// Residuals of each block.
     fn rows(&self) -> Vec<usize> {
         let start = self.start();
         let room = room(&start, self.scene);
         let count = |i: usize| {
             let mut out = Vec::new();
-            self.of_body(i, &start, &room, &mut out);
+            self.of_block(i, &start, &room, &mut out);
             out.len()
         };
-        (0..self.bodies.len()).map(count).collect()
+        (0..self.blocks.len()).map(count).collect()
     }
 
-    /// The unknowns with which a body's residuals change: the room, its own, and the scale of its reference.
+    /// The unknowns with which a block's residuals change: the room, its own, and the scale of its reference.
     fn unknowns_of(&self, i: usize) -> Vec<usize> {
         let own = FIRST + EACH * i..FIRST + EACH * (i + 1);
-        (0..FIRST).chain(own).chain(self.bodies[i].reference.map(ln_scale)).collect()
+        (0..FIRST).chain(own).chain(self.blocks[i].reference.map(ln_scale)).collect()
     }
 
     fn jacobian(&self, u: &[f64], rows_of: &[usize]) -> DMatrix<f64> {
         use rayon::prelude::*;
-        let of_bodies: Vec<(Vec<usize>, DMatrix<f64>)> = (0..self.bodies.len())
+        let of_blocks: Vec<(Vec<usize>, DMatrix<f64>)> = (0..self.blocks.len())
             .into_par_iter()
             .map(|i| {
                 let unknowns = self.unknowns_of(i);
@@ -348,7 +366,7 @@ impl<'a> Problem<'a> {
                 let slopes = differences(&take(&|k| u[k]), &take(&step), rows_of[i], |own, out| {
                     let mut moved = u.to_vec();
                     unknowns.iter().zip(own).for_each(|(k, v)| moved[*k] = *v);
-                    self.of_body(i, &moved, &room(&moved, self.scene), out);
+                    self.of_block(i, &moved, &room(&moved, self.scene), out);
                 });
                 (unknowns, slopes)
             })
@@ -359,7 +377,7 @@ impl<'a> Problem<'a> {
         let mut out = DMatrix::zeros(row + rows_of.iter().sum::<usize>(), u.len());
         let steps: Vec<f64> = (0..u.len()).map(step).collect();
         out.rows_mut(0, row).copy_from(&differences(u, &steps, row, |u, out| self.of_room(u, out)));
-        for (unknowns, slopes) in of_bodies {
+        for (unknowns, slopes) in of_blocks {
             for (k, unknown) in unknowns.into_iter().enumerate() {
                 out.view_mut((row, unknown), (slopes.nrows(), 1)).copy_from(&slopes.column(k));
             }
@@ -377,27 +395,27 @@ impl<'a> Problem<'a> {
         }
         let (mut camera, mut extents) = room(&u, self.scene);
         let scale = u[SCALE].exp();
-        let in_metres = |(b, n): (&Body, &[f64])| {
+        let in_metres = |(b, n): (&ObjectBlock, &[f64])| {
             let mut pose = b.pose(self.scene, n, &extents);
             pose.position *= scale;
             pose.scale *= scale;
             pose.stretch.y = height_stretch(&self.scene.placed[b.object].item, pose.scale, pose.stretch.y);
             (b.object, pose)
         };
-        let poses = self.bodies.iter().zip(u[FIRST..].chunks(EACH)).map(in_metres).collect();
+        let poses = self.blocks.iter().zip(u[FIRST..].chunks(EACH)).map(in_metres).collect();
         camera.translation *= scale;
         extents = Extents { width: extents.width * scale, height: u[HEIGHT].exp(), depth: extents.depth * scale };
         Some(Step { camera, extents, poses, scale })
     }
 
-    /// One sigma of a body's position and turn in the room in metres, and of its size.
+    /// One sigma of a block's position and turn in the room in metres, and of its size.
     fn spread(&self, k: usize, u: &[f64], covariance: &DMatrix<f64>) -> Spread {
         let unknowns = self.unknowns_of(k);
         let value = |own: &[f64], out: &mut Vec<f64>| {
             let mut moved = u.to_vec();
             unknowns.iter().zip(own).for_each(|(k, v)| moved[*k] = *v);
             let extents = room(&moved, self.scene).1;
-            let pose = self.bodies[k].pose(self.scene, &moved[FIRST + EACH * k..FIRST + EACH * (k + 1)], &extents);
+            let pose = self.blocks[k].pose(self.scene, &moved[FIRST + EACH * k..FIRST + EACH * (k + 1)], &extents);
             out.extend((pose.position * moved[SCALE].exp()).to_array());
             out.extend([pose.yaw, pose.scale.ln() + moved[SCALE]]);
         };
@@ -409,15 +427,15 @@ impl<'a> Problem<'a> {
         Spread {
             position_m: (variance(0) + variance(1) + variance(2)).sqrt(),
             // The turn of what has no front is no error.
-            yaw: if self.scene.placed[self.bodies[k].object].item.traits.has_front { variance(3).sqrt() } else { 0.0 },
+            yaw: if self.scene.placed[self.blocks[k].object].item.traits.has_front { variance(3).sqrt() } else { 0.0 },
             size: variance(4).sqrt(),
         }
     }
 }
 
 /// Index of an object's logarithm of scale.
-fn ln_scale(body: usize) -> usize {
-    FIRST + EACH * body + 3
+fn ln_scale(block: usize) -> usize {
+    FIRST + EACH * block + 3
 }
 
 /// Derivative step of an unknown.
@@ -435,15 +453,15 @@ fn unknown_room(noise: &Noise) -> Vec<f64> {
 }
 
 /// By how much the sizes that a model named are farther from those that masks and depths show than a good model's are.
-fn size_inflation(scene: &PartialScene, bodies: &[Body]) -> f64 {
-    let (good, judged, most) = GOOD_SIZES;
-    let trusted = bodies.iter().filter(|b| b.outline.is_some()).map(|b| &scene.placed[b.object]);
+fn size_inflation(scene: &PartialScene, blocks: &[ObjectBlock], noise: &Noise) -> f64 {
+    let trusted = blocks.iter().filter(|b| b.outline.is_some()).map(|b| &scene.placed[b.object]);
     let off: Vec<f64> = trusted.map(|p| crate::terms::size_log_ratio(&p.item, &p.pose)).collect();
-    let spread = median_absolute_deviation(&off).filter(|_| off.len() >= judged).map_or(0.0, |m| 1.48 * m.1);
-    (spread / good).clamp(1.0, most)
+    let spread =
+        median_absolute_deviation(&off).filter(|_| off.len() >= JUDGED_SIZES).map_or(0.0, |m| MAD_TO_SIGMA * m.1);
+    (spread / noise.size).clamp(1.0, MAX_INFLATION)
 }
 
-impl Body {
+impl ObjectBlock {
     fn new(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Option<Self> {
         let placed = &scene.placed[object];
         let item = &placed.item;
@@ -562,7 +580,7 @@ mod tests {
     use harmony_scene::{ObjectId, Support};
 
     use super::*;
-    use crate::testing::{boxed, empty_room};
+    use crate::testing::{add, boxed, empty_room};
     use crate::{Evidence, Placed};
 
     /// Six boxes on the floor as they are, with masks of the camera as it is; calibration knows directions and focal
@@ -736,6 +754,33 @@ mod tests {
         for (a, b) in open.iter().zip(&known) {
             assert!(a.size > 1.5 * b.size && a.position_m > b.position_m, "{a:?} {b:?}");
         }
+    }
+
+    #[test]
+    fn a_pose_solved_anew_pays_for_a_host_that_nobody_named() {
+        let settings = PlacementSettings::default();
+        let mut scene = empty_room();
+        let (table, top) = (Vec3::new(2.0, 0.0, 2.0), Vec3::new(2.0, 0.7, 2.0));
+        for name in ["table_01", "bench_01"] {
+            add(&mut scene, name, Vec3::new(1.6, 0.7, 0.8), table, |_| {});
+        }
+        let on = |name: &str| Support::Object { id: ObjectId::new(name).unwrap() };
+        add(&mut scene, "vase_01", Vec3::new(0.15, 0.3, 0.15), top, |p| {
+            Arc::make_mut(&mut p.item).relations.on_top_of = ObjectId::new("table_01").ok();
+            p.support = on("table_01");
+        });
+        let there = Pose::new(top, 0.0, 1.0);
+        let aside = |x: f64| Pose { position: top + Vec3::X * x, ..there };
+        let observed = |pose: &Pose| {
+            let mut tried = scene.clone();
+            tried.placed[2].pose = *pose;
+            placed_energy(&tried, 2, &settings).unwrap().observed()
+        };
+        let elsewhere = on("bench_01");
+        let anew = |from: f64| better_anew(&scene, 2, &aside(from), (&there, &elsewhere), &settings);
+        assert!(observed(&there) < observed(&aside(0.005)), "a little better seen");
+        assert!(!anew(0.005), "not by what another host costs");
+        assert!(anew(0.4), "half a metre is more than that");
     }
 
     #[test]

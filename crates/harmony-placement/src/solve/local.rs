@@ -67,6 +67,10 @@ impl<'a> Solution<'a> {
 }
 
 /// Places one object into the partial scene; it is not among the placed ones of its window.
+///
+/// Nothing stands yet that a change would have to earn (`accept`): hypotheses, another host among them, are alternatives
+/// whose prices are in their energies, and the least one is taken, tempered ([`Energy::tempered`]) by the misfit of the best
+/// of them, so that of poses that all disagree with the photo the answered one wins.
 pub(crate) fn solve<'a>(
     scene: &'a PartialScene,
     item: &'a Item,

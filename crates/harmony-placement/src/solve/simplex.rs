@@ -1,4 +1,8 @@
 //! Minimisation without derivatives, for a handful of numbers and a bounded number of renders.
+//!
+//! A drawn silhouette changes by whole pixels, so that its energy has no useful derivative. Nelder and Mead (1965) with
+//! the adaptive coefficients of Gao and Han (2012); first steps are the caller's, in the units of each number. Local:
+//! it ends in the valley in which it starts, and in more than about ten dimensions it hardly moves.
 
 /// The minimum found.
 #[derive(Debug, Clone, PartialEq)]

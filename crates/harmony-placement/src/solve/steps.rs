@@ -1,4 +1,9 @@
 //! The silhouette step, the depth step, and the floor contact that stands in where there is no depth.
+//!
+//! The paper's coupled steps (Sec. 3.3): the mask's free edges give the lateral place and the angular size, the map's
+//! front surface the depth and with it the size, by the formulas of [`super::formulas`]. All moves are in the room
+//! along the camera's axes (metres) and end on the support. Factors on a size are bounded, so that one wrong silhouette
+//! throws nothing out of reach. A step is a proposal: the local solve keeps it when the energy falls.
 
 use harmony_scene::{Pose, Vec2, Vec3};
 

@@ -1,4 +1,9 @@
 //! Robust losses: what a residual of `r` sigmas costs, nats.
+//!
+//! Near 0 both are half the square, the negative logarithm of a Gaussian, so that terms of different kinds add up.
+//! Huber's goes on linearly (a wrong value still pulls), Geman and McClure's saturates (what is another thing pulls no
+//! more). For least squares each gives the residual of which half the square is the loss. They weigh single residuals:
+//! outliers that agree with one another are not outliers to them.
 
 /// A loss that grows more slowly than the square far from 0, so that one wrong answer does not outvote the others.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -29,12 +29,6 @@ pub(crate) const NAMED: Kernel = Kernel::Huber(2.0);
 /// The area between mask and silhouette is a sum of what errs, and pulls from any distance.
 const AREA: Kernel = Kernel::Huber(1.0);
 
-/// Independent pieces of an outline that is compared in [`DIRECTIONS`].
-const PIECES: f64 = 4.0;
-
-/// Room that somebody needs before a front to use it, and its sigma, metres.
-const BEFORE_FRONT: [f64; 2] = [0.4, 0.2];
-
 /// A window, how the object is held, and the noise of what is known of it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Objective<'a> {
@@ -65,8 +59,8 @@ impl DepthNoise {
         let patches = 1.0 + b.width() * b.height() / (patch * f64::from(scene.camera.size.width)).powi(2);
         if scene.points.as_ref().is_some_and(|p| p.kind == PointMapKind::Metric) {
             // The form of a mesh is no better than that of a map.
-            let pixel = noise.depth_sensor.hypot(noise.depth_floor);
-            return Self { pixel, mean: noise.depth_sensor, patches };
+            let pixel = noise.depth_floor.hypot(noise.depth_floor);
+            return Self { pixel, mean: noise.depth_floor, patches };
         }
         Self { pixel, mean: (pixel / patches.sqrt()).hypot(noise.depth_floor), patches }
     }
@@ -75,7 +69,7 @@ impl DepthNoise {
 /// Losses of an outline's reach: each of [`DIRECTIONS`] residuals.
 pub(crate) fn outline_residuals(raw: [f64; DIRECTIONS], noise: &Noise) -> [f64; DIRECTIONS] {
     let kernel = Kernel::GemanMcClure(noise.outline_limit);
-    raw.map(|r| kernel.residual(r) * (PIECES / DIRECTIONS as f64).sqrt())
+    raw.map(|r| kernel.residual(r) * (noise.outline_pieces / DIRECTIONS as f64).sqrt())
 }
 
 /// The residual of a gap between a back and its wall, metres, in sigmas.
@@ -109,7 +103,7 @@ impl<'a> Objective<'a> {
         let mut energy = self.undrawn(pose);
         energy.silhouette += self.area(m.missed_px + self.noise.order_trust * m.hidden_px, m.beside_px);
         // An object is seen where its mask is: to be out of sight explains nothing.
-        energy.silhouette += NAMED.loss((ENOUGH_COVERED - m.covered).max(0.0) / self.noise.support);
+        energy.silhouette += self.short_of(self.noise.covered, m.covered);
         energy.depth = m.depth.map_or(0.0, |r| {
             self.depth.patches.min(MAX_PATCHES) * Kernel::GemanMcClure(self.noise.outline_limit).loss(r)
         });
@@ -168,7 +162,7 @@ impl<'a> Objective<'a> {
             loss += NAMED.loss(self.off_middle(pose));
         }
         if item.traits.has_front && self.constraint.attachment == Attachment::Floor {
-            let [needed, sigma] = BEFORE_FRONT;
+            let [needed, sigma] = self.noise.front_room;
             loss += NAMED.loss((needed - room_before(scene, item, pose)).max(0.0) / sigma);
         }
         let over = item.shape.extent().y * pose.scale * pose.stretch.y / scene.room.extents.height - 1.0;
@@ -179,7 +173,7 @@ impl<'a> Objective<'a> {
     fn off_middle(&self, pose: &Pose) -> f64 {
         let scene = self.constraint.scene;
         let e = scene.room.extents;
-        let tables = scene.placed.iter().filter(|p| p.item.label.contains("table")).map(|p| p.pose.position);
+        let tables = scene.placed.iter().filter(|p| p.item.traits.lit_from_above).map(|p| p.pose.position);
         let middle = Vec3::new(e.width / 2.0, 0.0, e.depth / 2.0);
         let away = |at: Vec3| (at.x - pose.position.x).hypot(at.z - pose.position.z);
         tables.map(away).fold(away(middle), f64::min) / (self.noise.lamp_middle * e.width.min(e.depth)).max(0.1)
@@ -188,24 +182,27 @@ impl<'a> Objective<'a> {
     /// What of a footprint hangs beside its host.
     fn support(&self, pose: &Pose) -> f64 {
         match self.constraint.attachment {
-            Attachment::OnHost { .. } => {
-                NAMED.loss((ENOUGH_SUPPORT - self.constraint.supported_share(pose)).max(0.0) / self.noise.support)
-            }
+            Attachment::OnHost { .. } => self.short_of(self.noise.support[0], self.constraint.supported_share(pose)),
             _ => 0.0,
         }
+    }
+
+    /// Loss of a share that is less than it should be.
+    fn short_of(&self, enough: f64, share: f64) -> f64 {
+        NAMED.loss((enough - share).max(0.0) / self.noise.support[1])
     }
 
     /// Observed energy of an object that agrees within the sigmas: half a nat for each piece.
     fn expected(&self, m: &Match) -> f64 {
         let depth = m.depth.map_or(0.0, |_| self.depth.patches.min(MAX_PATCHES));
-        0.5 * (PIECES + self.noise.area_pieces + depth)
+        0.5 * (self.noise.outline_pieces + self.noise.area_pieces + depth)
     }
 
     /// Observed energy if nothing were there: the mask is not explained.
     pub(crate) fn absent(&self) -> f64 {
         self.area(self.window.whole_px(), 0.0)
-            + 0.5 * PIECES * self.noise.outline_limit.powi(2)
-            + NAMED.loss(ENOUGH_COVERED / self.noise.support)
+            + 0.5 * self.noise.outline_pieces * self.noise.outline_limit.powi(2)
+            + self.short_of(self.noise.covered, 0.0)
     }
 
     /// Observed energy of a pose over the expected one.
@@ -213,12 +210,6 @@ impl<'a> Objective<'a> {
         energy.observed() / self.expected(m)
     }
 }
-
-/// Share of its mask that an object covers if it is there.
-const ENOUGH_COVERED: f64 = 0.5;
-
-/// Share of a footprint on its host from which on it stands.
-pub(crate) const ENOUGH_SUPPORT: f64 = 0.8;
 
 /// Patches of a map that are worth something of their own on one object, at most: beyond, the object's form is wrong.
 const MAX_PATCHES: f64 = 6.0;
@@ -316,7 +307,7 @@ mod tests {
     use harmony_scene::Size;
 
     use super::*;
-    use crate::testing::{boxed, empty_room, of_boxes, seen};
+    use crate::testing::{add, boxed, empty_room, of_boxes, seen};
 
     /// A pendant whose shade is 0.36 m wide, on a cord of 0.6 m, as an item that is named `named` wide.
     fn pendant(scene: &PartialScene, at: Vec3, named: f64) -> Item {
@@ -374,6 +365,21 @@ mod tests {
     }
 
     #[test]
+    fn a_lamp_costs_less_over_a_table_and_nothing_else_draws_it() {
+        let at = Vec3::new(3.2, 1.9, 1.0);
+        let place = |lit_from_above: bool| {
+            let mut scene = empty_room();
+            add(&mut scene, "table_01", Vec3::new(0.8, 0.5, 0.8), at.with_y(0.0), |p| {
+                std::sync::Arc::make_mut(&mut p.item).traits.lit_from_above = lit_from_above;
+            });
+            let mut item = boxed(&scene, Vec3::new(0.3, 0.6, 0.3), at, 0.0);
+            item.level = Level::Ceiling;
+            energy(&scene, &item, Attachment::Ceiling, YawRule::Free(0.0), &Pose::new(at, 0.0, 1.0)).place
+        };
+        assert!(place(true) < 0.01 && place(false) > 1.0, "{} {}", place(true), place(false));
+    }
+
+    #[test]
     fn a_front_at_a_wall_costs_and_one_to_the_room_does_not() {
         let scene = empty_room();
         let place = |yaw: f64, z: f64| {
@@ -400,8 +406,8 @@ mod tests {
         let steps: Vec<f64> = (0..10).map(|k| loss(0.02 * f64::from(k))).collect();
         assert!(steps.windows(2).all(|w| w[0] <= w[1] + 1e-9), "{steps:?}");
         // Saturated: half the square of the limit for each of the four pieces.
-        let limit = settings.noise.outline_limit;
-        assert!(loss(3.0) <= 0.5 * PIECES * limit * limit && loss(3.0) > 0.3 * PIECES * limit * limit);
+        let (pieces, limit) = (settings.noise.outline_pieces, settings.noise.outline_limit);
+        assert!(loss(3.0) <= 0.5 * pieces * limit * limit && loss(3.0) > 0.3 * pieces * limit * limit);
     }
 
     #[test]

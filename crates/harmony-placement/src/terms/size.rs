@@ -1,18 +1,21 @@
 //! What is expected of an object's size: the named one, a standard, and that of its set. Key `group.refine`.
+//!
+//! Sizes are log-normal: residuals are differences of logarithms over relative sigmas. Sides that are free are compared
+//! each, else one factor for all. Standard heights (decision 0018) are for the joint solve, which can change the
+//! scene's scale; what all named sizes of a scene have in common is its unknown. The member of a set that the photo
+//! shows best is the reference of the others, on trust: a reference of wrong size makes them wrong.
 
 use harmony_catalogue::standard_height;
 use harmony_scene::{Level, Pose, Vec3};
 
 use super::NAMED;
 use crate::noise::Noise;
+use crate::scene::TRUSTED_IOU;
 use crate::scene::attachment::prior_scale;
 use crate::{Item, PartialScene, PlacementSettings};
 
 /// Weight of a side beside the others: half of what a model errs in one it errs in all, so that three are worth 1.5.
 const SHARED: f64 = std::f64::consts::FRAC_1_SQRT_2;
-
-/// Agreement with its mask from which the size of a member of a set says something about the others.
-const SURE_IOU: f64 = 0.6;
 
 /// Expected logarithms of an object's sides, metres, and how sure each is.
 #[derive(Debug, Clone, Copy)]
@@ -128,7 +131,7 @@ pub(crate) fn reference_of<'a>(
     let members = scene.placed.iter().filter(|p| {
         p.item.relations.matched_set.as_ref() == Some(set) && p.item.level == item.level && p.item.id != item.id
     });
-    members.filter(|p| iou(p) >= SURE_IOU).max_by(|a, b| iou(a).total_cmp(&iou(b)))
+    members.filter(|p| iou(p) >= TRUSTED_IOU).max_by(|a, b| iou(a).total_cmp(&iou(b)))
 }
 
 /// Mean logarithm of the factors that give an item the size of its set's reference, and one sigma.

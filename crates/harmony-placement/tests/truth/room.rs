@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
+use harmony_catalogue::Trait;
 use harmony_mesh::{Group, Material, Mesh, convex_parts};
 use harmony_placement::{Item, PartialScene, Placed, RoomPoints, Shape, Traits, YawHint};
 use harmony_scene::{
@@ -224,6 +225,7 @@ impl GtRoom {
                         flat: o.label == "rug",
                         soft: o.label.contains("teddy"),
                         planar: o.planar,
+                        lit_from_above: harmony_catalogue::has(&o.label, Trait::LitFromAbove),
                         hangs: o.level == Level::Ceiling || o.label.contains("curtain"),
                         may_stretch: noise_of.may_stretch,
                         ..Traits::default()

@@ -3,7 +3,7 @@
 //! A [`Pattern`] is a function of surface position: place (u, v) in metres and a seed give height in millimetres, linear
 //! colour, roughness and the piece's id. [`bake_tile`] draws it into a tile of whole repeats on a torus (layouts in
 //! `pieces`, noise with the tile's period in `noise`), [`material`] makes a mesh's material of a slot, and
-//! [`fit_pattern`] fits a described pattern to pixels. Evenness is what looks fake: pieces differ in tone, hue, tilt, size
+//! [`fit_evidence`] fits a described pattern to pixels. Evenness is what looks fake: pieces differ in tone, hue, tilt, size
 //! and wear, by hashes of their ids.
 //!
 //! Frame of a pattern: u to the right and v down the baked image, as metric texture coordinates are; relief is towards
@@ -27,7 +27,7 @@ mod tests;
 
 pub use bake::bake_tile;
 pub use color::{hex, kelvin_to_rgb, parse_hex};
-pub use fit::{PatternFit, fit_evidence, fit_pattern};
+pub use fit::{PatternFit, fit_evidence};
 pub use look::{WHITE_CD_M2, material, mean_color, recolored};
 
 use schemars::JsonSchema;

@@ -323,7 +323,7 @@ fn tiles_and_bricks_are_fitted() {
     let mut hint = truth.clone();
     (hint.width, hint.length, hint.seed, hint.offset) = (0.36, 0.28, 0, [0.0; 2]);
     hint.colors = vec!["#ffffff".into(), "#888888".into()];
-    let p = fit_pattern(&hint, &view, 350.0);
+    let p = fit_evidence(&hint, &view, 350.0).pattern;
     assert!((p.width / 0.31 - 1.0).abs() <= 0.03 && (p.length / 0.245 - 1.0).abs() <= 0.03, "{} {}", p.width, p.length);
     assert!(phase(p.offset[0], 0.11, 0.31) <= 0.1 && phase(p.offset[1], 0.05, 0.245) <= 0.1, "{:?}", p.offset);
     assert!(near(&p.colors[0], "#c8beb0", 4), "{:?}", p.colors);
@@ -386,6 +386,6 @@ fn a_description_stays_where_pixels_do_not_speak() {
     assert_eq!((fit.pattern.width, fit.pattern.offset), (0.15, [0.0; 2]));
     assert!(near(&fit.pattern.colors[0], "#c0b0a0", 4), "its colour is measured all the same");
     let tiny = RgbaImage::from_pixel(8, 8, Rgba([9, 9, 9, 255]));
-    assert_eq!(fit_pattern(&hint, &tiny, 300.0), hint);
-    assert_eq!(fit_pattern(&hint, &plain, f64::NAN), hint);
+    assert_eq!(fit_evidence(&hint, &tiny, 300.0).pattern, hint);
+    assert_eq!(fit_evidence(&hint, &plain, f64::NAN).pattern, hint);
 }

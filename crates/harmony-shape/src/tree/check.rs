@@ -57,11 +57,6 @@ impl ShapeTree {
         Ok(())
     }
 
-    /// About how many triangles the tree has once copies are expanded.
-    pub fn estimated_triangles(&self) -> u64 {
-        self.estimates().last().map_or(0, |e| e.1)
-    }
-
     /// Instances and triangles of each node.
     fn estimates(&self) -> Vec<(u64, u64)> {
         let mut out: Vec<(u64, u64)> = Vec::with_capacity(self.nodes.len());

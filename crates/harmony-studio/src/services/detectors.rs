@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use super::{Call, Made, looked_at};
 use crate::faults::{Fault, Part};
 use crate::http::Reply;
-use crate::mind::{Found, scaled};
+use crate::truth_oracle::{Found, scaled};
 
 /// Tokens of one box with its label, about.
 const BOX_TOKENS: usize = 10;
@@ -55,7 +55,7 @@ pub(crate) async fn locate(call: &Call<'_>) -> Made {
     let asked = prompt.split_once("following description: ").map(|(_, rest)| rest.trim_end_matches('.'));
     let Some(asked) = asked else { return bad("the model was not trained with this prompt") };
     let phrases: Vec<String> = asked.split("</c>").map(str::to_owned).collect();
-    let found = call.studio.mind.boxes(&phrases).await;
+    let found = call.studio.truth_oracle.boxes(&phrases).await;
     let most = call.json["max_tokens"].as_u64().unwrap_or(256) as usize / BOX_TOKENS;
     let cut = found.len() > most;
     let mut text = String::new();
@@ -98,7 +98,7 @@ pub(crate) async fn grounding(call: &Call<'_>) -> Made {
         return bad("candidate_labels is missing");
     }
     let threshold = call.json.pointer("/parameters/threshold").and_then(Value::as_f64).unwrap_or(0.25);
-    let found = call.studio.mind.boxes(&phrases).await;
+    let found = call.studio.truth_oracle.boxes(&phrases).await;
     let kept = found.iter().filter(|f| f.score >= threshold);
     let mut rows: Vec<Value> = kept
         .enumerate()

@@ -27,11 +27,11 @@ pub(super) async fn painted(
     images: Vec<RgbImage>,
     size: (u32, u32),
 ) -> Result<RgbImage, String> {
-    let mind = std::sync::Arc::clone(&call.studio.mind);
+    let truth_oracle = std::sync::Arc::clone(&call.studio.truth_oracle);
     let prompt = prompt.to_owned();
     let (w, h) = if call.is(Fault::WrongSize) { (size.0 / 2, size.1) } else { size };
     let work = move || {
-        let image = mind.edited(&prompt, &images)?;
+        let image = truth_oracle.edited(&prompt, &images)?;
         Ok(if image.dimensions() == (w, h) { image } else { resize(&image, w, h, FilterType::Triangle) })
     };
     tokio::task::spawn_blocking(work).await.map_err(|error| error.to_string())?

@@ -58,9 +58,9 @@ pub(super) async fn file_of(
     if call.is(Fault::HugeMesh) {
         return tokio::task::spawn_blocking(glb::huge).await.map_err(|error| error.to_string());
     }
-    let (mind, fault) = (Arc::clone(&call.studio.mind), call.fault);
+    let (truth_oracle, fault) = (Arc::clone(&call.studio.truth_oracle), call.fault);
     let work = move || {
-        let mut mesh = mind.mesh(&picture)?;
+        let mut mesh = truth_oracle.mesh(&picture)?;
         mesh.map(turned, turned);
         Ok(Arc::new(match fault {
             Some(Fault::HalfGlb) => {

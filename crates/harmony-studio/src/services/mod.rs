@@ -23,8 +23,8 @@ use crate::faults::{Fault, Part};
 use crate::http::{Delivery, Play, Reply, Request};
 use crate::ledger::{Entry, Ledger};
 use crate::limits::Buckets;
-use crate::mind::Mind;
 use crate::strict::{self, Rules};
+use crate::truth_oracle::TruthOracle;
 use crate::{StudioOptions, reading};
 
 /// The body that is announced as 200 MB.
@@ -72,9 +72,6 @@ impl Service {
         Self::Tripo,
         Self::Meshy,
     ];
-
-    /// Those that make meshes for money.
-    pub const HOSTED_MESHES: [Self; 4] = [Self::Fal, Self::Replicate, Self::Tripo, Self::Meshy];
 
     /// First part of its paths here: all services share one port.
     pub fn prefix(self) -> &'static str {
@@ -139,7 +136,7 @@ impl Made {
 
 /// All services of one studio.
 pub(crate) struct Services {
-    pub mind: Arc<Mind>,
+    pub truth_oracle: Arc<TruthOracle>,
     pub options: StudioOptions,
     pub ledger: Arc<Ledger>,
     pub buckets: Buckets,
@@ -186,10 +183,10 @@ impl Call<'_> {
 }
 
 impl Services {
-    pub fn new(mind: Arc<Mind>, options: StudioOptions, own: SocketAddr, elsewhere: SocketAddr) -> Self {
+    pub fn new(truth_oracle: Arc<TruthOracle>, options: StudioOptions, own: SocketAddr, elsewhere: SocketAddr) -> Self {
         let buckets = Buckets::new(options.requests, options.window);
         Self {
-            mind,
+            truth_oracle,
             options,
             ledger: Arc::default(),
             buckets,
@@ -405,7 +402,7 @@ pub(crate) async fn think(
         looked_at(picture).map_err(NoThought::Bad)?;
     }
     let asked = reading::read(prompt).ok_or_else(|| NoThought::Own("the studio does not know this question".into()))?;
-    let value = call.studio.mind.answer(&asked).await.map_err(NoThought::Own)?;
+    let value = call.studio.truth_oracle.answer(&asked).await.map_err(NoThought::Own)?;
     let mut value = strict::fitted(schema, &value);
     let complaints = schema_complaints(schema, &value);
     if !complaints.is_empty() {

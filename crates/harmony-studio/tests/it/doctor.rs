@@ -5,8 +5,8 @@ use std::process::{Command, Output};
 use std::sync::Arc;
 
 use harmony_bench::oracle::NoiseLevel;
-use harmony_studio::mind::Mind;
 use harmony_studio::services::Service;
+use harmony_studio::truth_oracle::TruthOracle;
 use harmony_studio::{KEY, Studio, StudioOptions, rooms};
 use serde_json::Value;
 
@@ -80,10 +80,10 @@ fn line<'a>(report: &'a [Value], role: &str, player: &str) -> &'a Value {
 async fn each_service_is_asked_and_what_is_missing_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let room = rooms::small(folder.path()).unwrap();
-    let mind = Arc::new(Mind::new(room, NoiseLevel::Clean.noise(), 1, false).unwrap());
+    let truth_oracle = Arc::new(TruthOracle::new(room, NoiseLevel::Clean.noise(), 1, false).unwrap());
     let file = folder.path().join("harmony.toml");
     for (role, player, more, service, variable) in SERVICES {
-        let studio = Studio::start(Arc::clone(&mind), StudioOptions::default(), 0).await.unwrap();
+        let studio = Studio::start(Arc::clone(&truth_oracle), StudioOptions::default(), 0).await.unwrap();
         let section = format!("player = \"{player}\"\naddress = \"{}\"\n{more}", studio.base(service));
         let config = || config(&file, role, &section);
         let name = format!("{role}, {player}");

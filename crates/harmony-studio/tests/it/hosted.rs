@@ -15,8 +15,8 @@ use harmony_players::mesh::hosted::{Host, HostedOptions, HostedPlayer};
 use harmony_roles::{MeshGenerator, MeshRequest, MeshSettings, RoleError};
 use harmony_scene::{Level, Size};
 use harmony_studio::faults::{Fault, FaultPlan, Part};
-use harmony_studio::mind::Mind;
 use harmony_studio::services::Service;
+use harmony_studio::truth_oracle::TruthOracle;
 use harmony_studio::{KEY, Studio, StudioOptions, rooms};
 use image::{Rgba, RgbaImage};
 
@@ -29,19 +29,24 @@ const HOSTS: [(Service, Host, &str); 4] = [
 
 struct Room {
     _folder: tempfile::TempDir,
-    mind: Arc<Mind>,
+    truth_oracle: Arc<TruthOracle>,
 }
 
 fn room() -> Room {
     let folder = tempfile::tempdir().unwrap();
     let truth = rooms::small(folder.path()).unwrap();
-    Room { mind: Arc::new(Mind::new(truth, NoiseLevel::Clean.noise(), 1, false).unwrap()), _folder: folder }
+    Room {
+        truth_oracle: Arc::new(TruthOracle::new(truth, NoiseLevel::Clean.noise(), 1, false).unwrap()),
+        _folder: folder,
+    }
 }
 
 async fn studio(room: &Room, always: Option<Fault>) -> Studio {
     let always = always.map(|fault| (Part::HostedMesh, fault));
     let faults = FaultPlan { seed: 1, always, ..FaultPlan::default() };
-    Studio::start(Arc::clone(&room.mind), StudioOptions { faults, ..StudioOptions::default() }, 0).await.unwrap()
+    Studio::start(Arc::clone(&room.truth_oracle), StudioOptions { faults, ..StudioOptions::default() }, 0)
+        .await
+        .unwrap()
 }
 
 fn player(studio: &Studio, which: usize, tasks: Tasks) -> HostedPlayer {
@@ -72,11 +77,11 @@ fn player(studio: &Studio, which: usize, tasks: Tasks) -> HostedPlayer {
 
 /// The object of the room that is seen best, cut out of the photo.
 fn request(room: &Room) -> MeshRequest {
-    let truth = room.mind.room();
+    let truth = room.truth_oracle.room();
     let photo = harmony_io::load_photo(&truth.photo()).unwrap();
     let size = photo.size();
-    let most = truth.objects.iter().max_by_key(|object| room.mind.mask(object, size).count()).unwrap();
-    let mask = room.mind.mask(most, size);
+    let most = truth.objects.iter().max_by_key(|object| room.truth_oracle.mask(object, size).count()).unwrap();
+    let mask = room.truth_oracle.mask(most, size);
     let crop = RgbaImage::from_fn(size.width, size.height, |x, y| {
         let [r, g, b] = photo.image.get_pixel(x, y).0;
         Rgba([r, g, b, if mask.get(i64::from(x), i64::from(y)) { 255 } else { 0 }])
@@ -104,7 +109,7 @@ fn made(studio: &Studio) -> u64 {
 async fn every_service_makes_the_mesh_of_the_truth_in_our_frame() {
     let room = room();
     let request = request(&room);
-    let truth = room.mind.mesh(&request.crop).unwrap().bounds().unwrap().size();
+    let truth = room.truth_oracle.mesh(&request.crop).unwrap().bounds().unwrap().size();
     for (which, (service, host, _)) in HOSTS.into_iter().enumerate() {
         let studio = studio(&room, None).await;
         let player = player(&studio, which, Tasks::default());
@@ -231,7 +236,7 @@ async fn the_call_book_retries_without_paying_twice_and_bills_by_the_price_table
             let only = vec![Fault::BrokenLooks, Fault::Slow, Fault::ServerError, Fault::RateLimited, Fault::Close];
             let faults = FaultPlan { seed, share: 0.7, always: None, only };
             let options = StudioOptions { faults, ..StudioOptions::default() };
-            let studio = Studio::start(Arc::clone(&room.mind), options, 0).await.unwrap();
+            let studio = Studio::start(Arc::clone(&room.truth_oracle), options, 0).await.unwrap();
             let folder = tempfile::tempdir().unwrap();
             let book = Arc::new(CallBook::open(folder.path(), BookOptions::default()).unwrap());
             let cast = Cast { mesh_generator: Arc::new(player(&studio, which, Tasks::default())), ..flat_cast() };

@@ -9,8 +9,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use harmony_bench::oracle::NoiseLevel;
-use harmony_studio::mind::Mind;
 use harmony_studio::profile::{Profile, config};
+use harmony_studio::truth_oracle::TruthOracle;
 use harmony_studio::{KEY, Studio, StudioOptions, rooms};
 
 /// A name server is asked on this port; one on this machine would ask others.
@@ -75,8 +75,8 @@ async fn no_socket_leads_elsewhere() {
     let (points, masks) = (room.folder.join("depth.png"), room.folder.join("instances.png"));
     let k = room.camera.intrinsics;
     let intrinsics = format!("{},{},{},{}", k.fx, k.fy, k.cx, k.cy);
-    let mind = Arc::new(Mind::new(room, NoiseLevel::Clean.noise(), 1, false).unwrap());
-    let studio = Studio::start(mind, StudioOptions::default(), 0).await.unwrap();
+    let truth_oracle = Arc::new(TruthOracle::new(room, NoiseLevel::Clean.noise(), 1, false).unwrap());
+    let studio = Studio::start(truth_oracle, StudioOptions::default(), 0).await.unwrap();
     // Who comes to the proxy.
     let proxy = tokio::net::TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
     let port = proxy.local_addr().unwrap().port();

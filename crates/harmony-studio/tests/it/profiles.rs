@@ -10,8 +10,8 @@ use harmony_cli::cast::{CastRequest, cast};
 use harmony_cli::config::{Profile as CliProfile, parse};
 use harmony_pipeline::{Phase, RunRequest, Warnings};
 use harmony_scene::{ImageSize, Scene};
-use harmony_studio::mind::Mind;
 use harmony_studio::profile::{Profile, config};
+use harmony_studio::truth_oracle::TruthOracle;
 use harmony_studio::{KEY, Studio, StudioOptions, players, rooms};
 
 /// Seed of the room: four levels, some objects partly hidden.
@@ -33,18 +33,18 @@ const SIZE: f64 = 0.02;
 struct Room {
     _folder: tempfile::TempDir,
     at: PathBuf,
-    mind: Arc<Mind>,
+    truth_oracle: Arc<TruthOracle>,
 }
 
 fn room(level: NoiseLevel) -> Room {
     let folder = tempfile::tempdir().unwrap();
     let truth = rooms::make(ROOM, ImageSize::new(480, 360), 9, folder.path()).unwrap();
     let at = truth.folder.clone();
-    Room { mind: Arc::new(Mind::new(truth, level.noise(), 7, false).unwrap()), _folder: folder, at }
+    Room { truth_oracle: Arc::new(TruthOracle::new(truth, level.noise(), 7, false).unwrap()), _folder: folder, at }
 }
 
 fn intrinsics(room: &Room) -> String {
-    let k = room.mind.room().camera.intrinsics;
+    let k = room.truth_oracle.room().camera.intrinsics;
     format!("{},{},{},{}", k.fx, k.fy, k.cx, k.cy)
 }
 
@@ -109,7 +109,7 @@ async fn inside(room: &Room, out: &Path) -> Scene {
         tell: Arc::new(|_| {}),
     })
     .unwrap();
-    let mut players = players::inside(&room.mind, &casting.offline);
+    let mut players = players::inside(&room.truth_oracle, &casting.offline);
     players.geometry_estimator = Arc::clone(&casting.cast.geometry_estimator);
     players.segmenter = Arc::clone(&casting.cast.segmenter);
     std::fs::create_dir_all(out).unwrap();
@@ -166,7 +166,7 @@ async fn as_inside(profile: Profile, level: NoiseLevel) {
     let wanted = inside(&again, &work.path().join("inside")).await;
     assert!(wanted.objects.len() >= 4, "{} objects are no proof", wanted.objects.len());
 
-    let studio = Studio::start(Arc::clone(&room.mind), StudioOptions::default(), 0).await.unwrap();
+    let studio = Studio::start(Arc::clone(&room.truth_oracle), StudioOptions::default(), 0).await.unwrap();
     let file = work.path().join("harmony.toml");
     std::fs::write(&file, config(&studio, profile) + SETTINGS).unwrap();
     let run = work.path().join("run");

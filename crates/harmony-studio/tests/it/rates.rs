@@ -12,8 +12,8 @@ use harmony_players::vlm::{Format, VlmOptions, VlmPlayer};
 use harmony_prompts::ListQuestion;
 use harmony_roles::VlmRequest;
 use harmony_scene::Level;
-use harmony_studio::mind::Mind;
 use harmony_studio::services::Service;
+use harmony_studio::truth_oracle::TruthOracle;
 use harmony_studio::{KEY, Studio, StudioOptions, rooms};
 
 /// Requests in a window, and how long that is.
@@ -24,10 +24,10 @@ const WINDOW: Duration = Duration::from_millis(1200);
 async fn a_full_bucket_is_waited_for_and_no_429_is_drawn() {
     let work = tempfile::tempdir().unwrap();
     let room = rooms::small(work.path()).unwrap();
-    let mind = Arc::new(Mind::new(room, NoiseLevel::Clean.noise(), 1, false).unwrap());
+    let truth_oracle = Arc::new(TruthOracle::new(room, NoiseLevel::Clean.noise(), 1, false).unwrap());
     for (service, format) in [(Service::OpenAi, Format::Responses), (Service::Anthropic, Format::Anthropic)] {
         let options = StudioOptions { requests: REQUESTS, window: WINDOW, ..StudioOptions::default() };
-        let studio = Studio::start(Arc::clone(&mind), options, 0).await.unwrap();
+        let studio = Studio::start(Arc::clone(&truth_oracle), options, 0).await.unwrap();
         let key = ApiKey::new("STUDIO_KEY", KEY).unwrap();
         let service = ServiceOptions {
             player: service.prefix().to_owned(),

@@ -5,8 +5,8 @@ use std::process::{Command, Output};
 use std::sync::Arc;
 
 use harmony_bench::oracle::NoiseLevel;
-use harmony_studio::mind::Mind;
 use harmony_studio::services::Service;
+use harmony_studio::truth_oracle::TruthOracle;
 use harmony_studio::{KEY, Studio, StudioOptions, rooms};
 use serde_json::Value;
 
@@ -35,8 +35,8 @@ fn report(output: &Output) -> Value {
 
 async fn studio(folder: &Path) -> Studio {
     let room = rooms::small(folder).unwrap();
-    let mind = Arc::new(Mind::new(room, NoiseLevel::Clean.noise(), 1, false).unwrap());
-    Studio::start(mind, StudioOptions::default(), 0).await.unwrap()
+    let truth_oracle = Arc::new(TruthOracle::new(room, NoiseLevel::Clean.noise(), 1, false).unwrap());
+    Studio::start(truth_oracle, StudioOptions::default(), 0).await.unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -1,4 +1,10 @@
 //! The residuals of the joint refinement and their derivatives: pins and prior, the photo's lines, the map's cells.
+//!
+//! Each is in units of its own sigma: pixels of a pin to the image of its edge, directions of segments to vanishing
+//! points, logarithms of lengths and depths. Losses saturate at a limit of sigmas. Derivatives of lines and cells,
+//! which are many, are written down, and a test holds them against differences; those of the few others are
+//! differences. A cell speaks for the face that it was last assigned to, so that the sum is smooth only between
+//! assignments.
 
 use harmony_scene::{PointMapKind, Surface, Vec3};
 use nalgebra::DMatrix;

@@ -38,11 +38,6 @@ pub struct PatternFit {
     pub colors: bool,
 }
 
-/// Fits a pattern to what is seen of its surface: see [`fit_evidence`].
-pub fn fit_pattern(hint: &Pattern, seen: &RgbaImage, px_per_m: f64) -> Pattern {
-    fit_evidence(hint, seen, px_per_m).pattern
-}
-
 /// Fits a pattern to what is seen of its surface.
 ///
 /// `seen` is rectified in the surface's plane, u to the right and v down, its top left corner the surface's origin, light

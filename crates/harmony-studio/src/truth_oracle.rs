@@ -6,7 +6,7 @@
 //! |---|---|
 //! | kind of a question, level, ids, places | the prompt's text ([`crate::reading`]) |
 //! | level of a detection | the phrases: they are those of a list that the studio gave before |
-//! | object of a completion or a mesh | its picture, compared with every object of the truth ([`Mind::recognise`]) |
+//! | object of a completion or a mesh | its picture, compared with every object of the truth ([`TruthOracle::recognise`]) |
 //! | which pixels to empty | the photo's place in the canvas, and the truth's id image |
 
 use std::collections::BTreeSet;
@@ -33,7 +33,7 @@ const THUMB: u32 = 32;
 const FIRST_OBJECT: u8 = 10;
 
 /// The truth of a room, and who answers from it.
-pub struct Mind {
+pub struct TruthOracle {
     room: TruthRoom,
     photo: RgbImage,
     /// Answers from the truth.
@@ -88,7 +88,7 @@ pub struct Found {
     pub score: f64,
 }
 
-impl Mind {
+impl TruthOracle {
     /// Takes a room; equal noise and seeds give equal answers.
     ///
     /// # Errors
