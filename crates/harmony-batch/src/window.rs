@@ -23,7 +23,7 @@ const SLOWER: f64 = 0.8;
 const FASTER: f64 = 1.25;
 
 /// Fewest requests in the window from which a rate can be learnt.
-const LEAST_TO_LEARN: u64 = 4;
+const MIN_TO_LEARN: u64 = 4;
 
 /// Requests and tokens of one slot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -129,7 +129,7 @@ impl Window {
         let again = self.last_refusal.is_some_and(|at| now - at < 2 * minute);
         self.last_refusal = Some(now);
         let recent: u64 = self.slots.iter().filter(|s| s.at > now - minute).map(|s| s.requests).sum();
-        if again && recent >= LEAST_TO_LEARN {
+        if again && recent >= MIN_TO_LEARN {
             let rate = (recent as f64 * SLOWER).max(1.0);
             self.learnt = Some((self.learnt.map_or(rate, |(old, _)| old.min(rate)), now));
         }

@@ -19,7 +19,7 @@ use harmony_pipeline::{RunFile, Settings};
 use harmony_scene::QuarterTurn;
 use serde::{Deserialize, Serialize};
 
-use crate::generate::{GeneratorSettings, MOST_PHOTOS, photographed, write};
+use crate::generate::{GeneratorSettings, MAX_PHOTOS, photographed, write};
 use crate::oracle::{Meshes, Noise, NoiseLevel};
 use crate::run::{BenchError, BenchRequest, one};
 use crate::truth::TruthRoom;
@@ -34,7 +34,7 @@ pub struct PhotosRequest {
     pub out: PathBuf,
     /// Seeds of the rooms.
     pub seeds: Vec<u64>,
-    /// Numbers of photos, 2 to [`MOST_PHOTOS`].
+    /// Numbers of photos, 2 to [`MAX_PHOTOS`].
     pub photos: Vec<usize>,
     /// Level of noise.
     pub level: NoiseLevel,
@@ -76,7 +76,7 @@ pub async fn several(
     offline: &Cast,
     tell: &(dyn Fn(String) + Sync),
 ) -> Result<Vec<RoomOfPhotos>, BenchError> {
-    let most = request.photos.iter().copied().max().unwrap_or(2).min(MOST_PHOTOS);
+    let most = request.photos.iter().copied().max().unwrap_or(2).min(MAX_PHOTOS);
     let mut rooms = Vec::new();
     for (k, seed) in request.seeds.iter().enumerate() {
         let begun = Instant::now();

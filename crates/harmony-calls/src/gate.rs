@@ -25,7 +25,7 @@ const SLOWER: f64 = 0.8;
 const FASTER: f64 = 1.25;
 
 /// Fewest requests in the window from which a rate can be learnt; below, a pause is enough.
-const LEAST_TO_LEARN: usize = 4;
+const MIN_TO_LEARN: usize = 4;
 
 /// Tokens that a request is taken to use before any was counted.
 const USUAL_TOKENS: u64 = 3000;
@@ -219,7 +219,7 @@ impl Gate {
             return;
         }
         let recent = inside.requests.iter().filter(|r| now.duration_since(r.at) < self.window).count();
-        if recent >= LEAST_TO_LEARN {
+        if recent >= MIN_TO_LEARN {
             let rate = (recent as f64 * SLOWER).max(1.0);
             inside.learnt = Some((inside.learnt.map_or(rate, |(old, _)| old.min(rate)), now));
         }

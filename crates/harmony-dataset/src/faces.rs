@@ -42,7 +42,7 @@ pub const MIN_SCORE: f64 = 0.25;
 const WIDEN: f64 = 0.15;
 
 /// Least widening on each side, fraction of the photo's longer side: models write boxes in thousandths.
-const LEAST_WIDEN: f64 = 0.002;
+const MIN_WIDEN: f64 = 0.002;
 
 /// Which photos are looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -135,7 +135,7 @@ pub fn region(bounds: &PixelBox, shown: ImageSize, photo: ImageSize) -> Option<[
     if !finite || bounds.area() <= 0.0 || shown.pixels() == 0 {
         return None;
     }
-    let least = LEAST_WIDEN * f64::from(photo.width.max(photo.height));
+    let least = MIN_WIDEN * f64::from(photo.width.max(photo.height));
     let range = |low: f64, high: f64, shown: u32, photo: u32| {
         let scale = f64::from(photo) / f64::from(shown);
         let by = (WIDEN * (high - low) * scale).max(least);

@@ -16,9 +16,9 @@ const WORKING_PX: u32 = 960;
 /// Directions within this angle belong together, degrees.
 const TOLERANCE_DEG: f64 = 22.5;
 /// Least gradient, luma a pixel: the quantisation of 8 bits (2 grey levels) seen through the tolerance.
-const LEAST_GRADIENT: f32 = 5.2 / 255.0;
+const MIN_GRADIENT: f32 = 5.2 / 255.0;
 /// Share of a rectangle's area that its region covers.
-const LEAST_DENSITY: f64 = 0.6;
+const MIN_DENSITY: f64 = 0.6;
 /// Shortest segment, pixels of the working image.
 const SHORTEST_PX: f64 = 9.0;
 /// Pieces are joined within this angle, offset and gap (of the shorter piece's length).
@@ -129,7 +129,7 @@ fn smooth(image: &GrayImage) -> Vec<f32> {
 
 fn grow_all(field: &Field) -> Vec<LineSegment> {
     let mut seeds: Vec<u32> =
-        (0..field.magnitude.len() as u32).filter(|i| field.magnitude[*i as usize] >= LEAST_GRADIENT).collect();
+        (0..field.magnitude.len() as u32).filter(|i| field.magnitude[*i as usize] >= MIN_GRADIENT).collect();
     // Strongest first, in 1024 steps, so that the order inside a step is the image's.
     let strongest = field.magnitude.iter().fold(0.0f32, |m, v| m.max(*v)).max(f32::MIN_POSITIVE);
     seeds.sort_by_key(|i| std::cmp::Reverse((field.magnitude[*i as usize] / strongest * 1023.0) as u32));
@@ -146,7 +146,7 @@ fn grow_all(field: &Field) -> Vec<LineSegment> {
         let mut tolerance = TOLERANCE_DEG.to_radians();
         grow(field, &mut used, seed, tolerance, &mut region);
         let mut rectangle = fit(field, &region);
-        if rectangle.density(region.len()) < LEAST_DENSITY && region.len() > 8 {
+        if rectangle.density(region.len()) < MIN_DENSITY && region.len() > 8 {
             // A bend: keep only what agrees more closely with the seed.
             for i in &region {
                 used[*i as usize] = false;
@@ -155,7 +155,7 @@ fn grow_all(field: &Field) -> Vec<LineSegment> {
             grow(field, &mut used, seed, tolerance, &mut region);
             rectangle = fit(field, &region);
         }
-        if rectangle.length < SHORTEST_PX || rectangle.density(region.len()) < LEAST_DENSITY {
+        if rectangle.length < SHORTEST_PX || rectangle.density(region.len()) < MIN_DENSITY {
             continue;
         }
         if rectangle.log_chance(region.len(), tolerance) + tests > 0.0 {
@@ -187,7 +187,7 @@ fn grow(field: &Field, used: &mut [bool], seed: u32, tolerance: f64, region: &mu
         for ny in y.saturating_sub(1)..(y + 2).min(field.height) {
             for nx in x.saturating_sub(1)..(x + 2).min(field.width) {
                 let i = ny * field.width + nx;
-                if used[i] || field.magnitude[i] < LEAST_GRADIENT {
+                if used[i] || field.magnitude[i] < MIN_GRADIENT {
                     continue;
                 }
                 let (s, c) = f64::from(field.angle[i]).sin_cos();

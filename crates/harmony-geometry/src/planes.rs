@@ -28,13 +28,13 @@ const PEAK_OF_ALL: f64 = 0.004;
 /// A stronger peak at most this far inside (share of median depth) is the plane: panes lie behind their wall.
 const PANE_DEPTH: f64 = 0.05;
 /// A measured face holds at least this share of all points ...
-const LEAST_SHARE: f64 = 0.008;
+const MIN_SHARE: f64 = 0.008;
 /// ... and at most this share of all points lies beyond it ...
-const MOST_BEYOND: f64 = 0.06;
+const MAX_BEYOND: f64 = 0.06;
 /// ... unless it holds this many times as many (open doors, windows, mirrors).
 const BEYOND_FACTOR: f64 = 2.0;
 /// A wall with more than this times its own weight on other faces behind it is furniture.
-const MOST_BEHIND: f64 = 0.35;
+const MAX_BEHIND: f64 = 0.35;
 /// Slack for "beyond", share of the median depth.
 const BEYOND_SLACK: f64 = 0.035;
 /// A plane of whose points this share has a nearer plane to the left, to the right and above is seen through its hole.
@@ -112,7 +112,7 @@ fn vet_side_walls(surfels: &Surfels, axes: &ManhattanAxes, faces: &mut [Option<F
             .map(|s| s.weight)
             .sum();
         face.behind = beyond / all;
-        face.measured = face.behind <= MOST_BEHIND * face.share;
+        face.measured = face.behind <= MAX_BEHIND * face.share;
     }
 }
 
@@ -172,7 +172,7 @@ fn fit_face(
     let slack = BEYOND_SLACK * surfels.median_depth;
     let beyond: f64 = surfels.cells.iter().filter(|s| outward(s) > offset + slack).map(|s| s.weight).sum();
     let (share, beyond) = (weight / all, beyond / all);
-    let measured = inliers >= 12 && share >= LEAST_SHARE && (beyond <= MOST_BEYOND || share >= BEYOND_FACTOR * beyond);
+    let measured = inliers >= 12 && share >= MIN_SHARE && (beyond <= MAX_BEYOND || share >= BEYOND_FACTOR * beyond);
     let at = |u: f64| -u * sign;
     Some(FacePlane {
         surface,

@@ -38,7 +38,7 @@ const BESIDE: f64 = 0.08;
 /// Heights taken along a top.
 const SAMPLES: usize = 21;
 /// An arc is believed from this rise on, share of the width.
-const LEAST_RISE: f64 = 0.06;
+const MIN_RISE: f64 = 0.06;
 /// An arc's median error is at most this share of the straight top's.
 const CLEARLY: f64 = 0.5;
 
@@ -171,7 +171,7 @@ pub fn rise_of(tops: &[Vec2], u: [f64; 2]) -> f64 {
         .map(|rise| (rise, error(rise)))
         .min_by(|a, b| a.1.total_cmp(&b.1));
     match best {
-        Some((rise, off)) if rise > 2.0 * half * LEAST_RISE && off < CLEARLY * error(0.0) => rise,
+        Some((rise, off)) if rise > 2.0 * half * MIN_RISE && off < CLEARLY * error(0.0) => rise,
         _ => 0.0,
     }
 }

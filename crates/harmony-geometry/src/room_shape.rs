@@ -66,11 +66,11 @@ pub struct MeasuredShape {
 }
 
 /// Points of a map that a plane needs.
-const LEAST_POINTS: usize = 60;
+const MIN_POINTS: usize = 60;
 /// Points this near to each other along a normal are of one plane, metres.
 const PLANE: f64 = 0.05;
 /// Share of a face's points that its plane has at least; the others are furniture before it.
-const LEAST_SHARE: f64 = 0.15;
+const MIN_SHARE: f64 = 0.15;
 /// A face is one with the box's wall when it is nearer to it than this, metres and as a share of what was told.
 const SAME: (f64, f64) = (0.10, 0.35);
 /// An end this near to floor, ceiling or a wall reaches it, metres.
@@ -408,7 +408,7 @@ impl View<'_> {
         }
         pixels.sort_by(|a, b| a.0.total_cmp(&b.0));
         let total = pixels.iter().filter(|p| p.1).count();
-        if total < LEAST_POINTS || pixels.len() - total < LEAST_POINTS {
+        if total < MIN_POINTS || pixels.len() - total < MIN_POINTS {
             return None;
         }
         // Pixels on the wrong side of a cut: inside ones before it, others after it.
@@ -453,7 +453,7 @@ impl View<'_> {
             .map(|p| hint.wall.coordinates(*p).x)
             .filter(|u| (u - end).abs() < SIDE)
             .collect();
-        if near.len() < LEAST_POINTS {
+        if near.len() < MIN_POINTS {
             return None;
         }
         let (middle, spread) = median_absolute_deviation(&near)?;
@@ -521,12 +521,12 @@ const NEAR_TOLD: f64 = 0.3;
 
 /// The plane that values along a normal agree on: the best-filled stretch of them, the nearer to the expected the better.
 fn plane_of(values: &[f64], expected: f64) -> Option<f64> {
-    if values.len() < LEAST_POINTS {
+    if values.len() < MIN_POINTS {
         return None;
     }
     let mut sorted: Vec<f64> = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let least = ((sorted.len() as f64 * LEAST_SHARE) as usize).max(LEAST_POINTS);
+    let least = ((sorted.len() as f64 * MIN_SHARE) as usize).max(MIN_POINTS);
     let mut best: Option<(f64, f64)> = None;
     let mut to = 0;
     for from in 0..sorted.len() {
@@ -550,7 +550,7 @@ fn plane_of(values: &[f64], expected: f64) -> Option<f64> {
 /// Straight line through points `(x, y)` sorted by x, robust: intercept and rise, by the median of slopes over pairs.
 fn line(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     let half = points.len() / 2;
-    if half < LEAST_POINTS {
+    if half < MIN_POINTS {
         return None;
     }
     let rises: Vec<f64> = (0..half)

@@ -18,7 +18,7 @@ const JUMP: f64 = 0.025;
 const CELL_SPREAD: f64 = 0.10;
 
 /// Confidence below this share of the median is no confidence.
-const LEAST_CONFIDENCE: f64 = 0.15;
+const MIN_CONFIDENCE: f64 = 0.15;
 
 /// Least cosine between normal and line of sight; flatter ones are mostly noise.
 const GRAZING: f64 = 0.06;
@@ -83,7 +83,7 @@ pub fn surfels(map: &PointMap) -> Surfels {
                     let (p, c) = (map.xyz[i].as_dvec3(), f64::from(map.confidence[i]));
                     let depth = depth_of(p);
                     // NaN fails these comparisons too.
-                    if !(c > LEAST_CONFIDENCE * typical && depth > 1e-9 && depth.is_finite()) {
+                    if !(c > MIN_CONFIDENCE * typical && depth > 1e-9 && depth.is_finite()) {
                         continue;
                     }
                     sum += p;

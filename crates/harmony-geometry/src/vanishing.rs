@@ -36,7 +36,7 @@ const GRID_SIGMA_DEG: f64 = 1.5;
 const USUAL_TILT_DEG: [f64; 2] = [5.0, 15.0];
 const USUAL_ROLL_DEG: [f64; 2] = [0.0, 2.0];
 /// Segments used: the longest ones, and none shorter than this share of the diagonal.
-const MOST_SEGMENTS: usize = 220;
+const MAX_SEGMENTS: usize = 220;
 const SHORTEST_SHARE: f64 = 0.022;
 /// Accuracy of a segment's direction: ends in working pixels (of 960), and what bends in lenses and walls, degrees.
 const END_SIGMA_PX: f64 = 0.8;
@@ -333,7 +333,7 @@ impl Search {
         };
         let mut long: Vec<&LineSegment> = segments.iter().filter(|s| s.length() >= search.shortest).collect();
         long.sort_by(|a, b| b.length().total_cmp(&a.length()));
-        long.truncate(MOST_SEGMENTS);
+        long.truncate(MAX_SEGMENTS);
         search.lines = long.into_iter().filter_map(|s| search.line(s)).collect();
         search
     }

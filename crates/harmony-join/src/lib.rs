@@ -53,7 +53,7 @@ pub const PHASE: &str = "join";
 /// Rounds of matching and solving.
 const ROUNDS: usize = 3;
 /// Most runs that are joined: all pairs of them are laid together.
-pub const MOST_RUNS: usize = 24;
+pub const MAX_RUNS: usize = 24;
 
 /// Runs cannot be joined.
 #[derive(Debug, thiserror::Error)]
@@ -63,7 +63,7 @@ pub enum JoinError {
     #[error(transparent)]
     Source(#[from] SourceError),
     /// Too few or too many.
-    #[error("{count} runs were given; 2 to {MOST_RUNS} can be joined")]
+    #[error("{count} runs were given; 2 to {MAX_RUNS} can be joined")]
     Count {
         /// How many.
         count: usize,
@@ -277,7 +277,7 @@ fn only(
 
 /// Refuses what cannot be joined before anything is read.
 fn check(folders: &[PathBuf], out: &Path, replace: bool) -> Result<(), JoinError> {
-    if !(2..=MOST_RUNS).contains(&folders.len()) {
+    if !(2..=MAX_RUNS).contains(&folders.len()) {
         return Err(JoinError::Count { count: folders.len() });
     }
     let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());

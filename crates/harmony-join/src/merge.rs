@@ -28,7 +28,7 @@ const SAME: f64 = 0.3;
 /// view at least.
 const EMPTY: (f64, usize) = (0.7, 12);
 /// What stands is moved into the room by less than this, metres.
-const MOST_INWARD_M: f64 = 0.3;
+const MAX_INWARD_M: f64 = 0.3;
 /// Agreement of a thing's outline with its mask from which its own photo surely shows it.
 const OUTLINED: f64 = 0.6;
 /// Runs that agree about a turn differ less, radians.
@@ -396,7 +396,7 @@ fn at_walls(sources: &[Source], things: &mut [Thing], joint: &Joint) {
                 for wall in Wall::ALL {
                     let nearest = if wall.normal().dot(DVec3::ONE) > 0.0 { low } else { high };
                     let out = -wall.distance(&joint.extents, nearest);
-                    if (0.0..MOST_INWARD_M).contains(&out) {
+                    if (0.0..MAX_INWARD_M).contains(&out) {
                         t.object.pose.position += wall.normal() * out;
                     }
                 }

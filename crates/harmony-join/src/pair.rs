@@ -22,7 +22,7 @@ const ROUNDS: usize = 4;
 /// Hypotheses whose places are nearer than this are one, metres.
 const SAME_M: f64 = 0.6;
 /// Nats by which a good pair of things can speak for one room at most: one coincidence must not decide.
-const MOST_A_PAIR: f64 = 9.0;
+const MAX_A_PAIR: f64 = 9.0;
 /// Walls by chance lie anywhere in so many metres.
 const WALLS_SPREAD: f64 = 2.0;
 
@@ -156,7 +156,7 @@ pub fn gain(
         (0..3).map(|i| for_one(d[i], noise.color, noise.color_kind)).sum::<f64>().max(-3.0)
     });
     let kind = -noise.same_kind.ln();
-    (place + rise + size + color + kind).min(MOST_A_PAIR)
+    (place + rise + size + color + kind).min(MAX_A_PAIR)
 }
 
 /// One sigma of the distance between what two runs say of one place, the same in all directions.

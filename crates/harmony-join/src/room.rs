@@ -28,7 +28,7 @@ const COMMON_TEXELS: usize = 400;
 /// Side of the cells in which the light of two photos on one face is compared, metres.
 const LIGHT_CELL_M: f64 = 0.25;
 /// Largest factor between two photos' exposures that is believed.
-const MOST_GAIN: f32 = 3.0;
+const MAX_GAIN: f32 = 3.0;
 
 /// The room with the openings that its windows and doors cut and the passages that its runs have, and what is seen through
 /// these.
@@ -338,7 +338,7 @@ impl LightField {
                 + ((y as f32 / side[1]) as usize).min(rows - 1) * columns;
             let logs = [0, 1, 2].map(|c| {
                 let ratio = (a.color[c] * gains[0][c]).max(0.01) / (b.color[c] * gains[1][c]).max(0.01);
-                f64::from(ratio.clamp(1.0 / MOST_GAIN, MOST_GAIN).ln())
+                f64::from(ratio.clamp(1.0 / MAX_GAIN, MAX_GAIN).ln())
             });
             (0..3).for_each(|c| sums[cell].0[c] += logs[c]);
             sums[cell].1 += 1.0;
@@ -392,7 +392,7 @@ fn gains(read: &[Vec<Vec<Option<Texel>>>], runs: usize) -> Vec<[f32; 3]> {
             }
         }
         let Some((run, _, gain)) = best else { break };
-        gains[run] = Some(gain.map(|g| g.clamp(1.0 / MOST_GAIN, MOST_GAIN)));
+        gains[run] = Some(gain.map(|g| g.clamp(1.0 / MAX_GAIN, MAX_GAIN)));
     }
     gains.into_iter().map(|g| g.unwrap_or([1.0; 3])).collect()
 }

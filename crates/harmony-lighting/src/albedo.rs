@@ -24,20 +24,20 @@ const SIGMAS: [f64; 2] = [0.06, 0.02];
 /// it on the floor would be seen from above.
 const EVEN_SIGMAS: [f64; 2] = [0.12, 0.06];
 /// Largest factor of a field, and its inverse the smallest, stops.
-const MOST_STOPS: f32 = 2.5;
+const MAX_STOPS: f32 = 2.5;
 /// A channel this near to the smallest factor, stops, wants less than the surface's gloss gives; so much of it is left
 /// by each update.
 const NEAR_LEAST: f32 = 0.4;
 const LESS_GLOSS: f32 = 0.3;
 /// Largest change of one update within a node, against its mean, stops; the second where the texture comes without the
 /// photo's light.
-const MOST_STEP: [f32; 2] = [1.5, 0.7];
+const MAX_STEP: [f32; 2] = [1.5, 0.7];
 /// Largest difference of a channel from the others within a node, against its mean, stops: light that changes its hue
 /// over a surface by more is another thing's colour.
-const MOST_HUE: f32 = 0.2;
+const MAX_HUE: f32 = 0.2;
 /// Largest difference of a channel from the others in what a colour that was said is off, stops: what wants more is the wall
 /// behind it, seen between its leaves.
-const MOST_SAID_HUE: f32 = 0.5;
+const MAX_SAID_HUE: f32 = 0.5;
 /// Light that lens and sensor may add anywhere in a photo, as the view takes it: what is not much brighter has no hue to
 /// be learned from. Dark wood under a bluish veil came out violet once it was lit.
 const VEIL: f32 = 0.02;
@@ -45,12 +45,12 @@ const VEIL: f32 = 0.02;
 const DARK: f32 = 0.004;
 /// A node has an own factor from so many counted pixels, and from such a share of those that show it: where the photo's
 /// mask leaves most of it out, what is left is the edge of something else.
-const LEAST_PIXELS: usize = 12;
-const LEAST_SHARE: f64 = 0.3;
+const MIN_PIXELS: usize = 12;
+const MIN_SHARE: f64 = 0.3;
 /// Mean change of the reflectances, stops, from which a render tells how the room's light goes with them; and the largest
 /// such response that is believed.
 const TELLING_CHANGE: f32 = 0.1;
-const MOST_RESPONSE: f32 = 3.0;
+const MAX_RESPONSE: f32 = 3.0;
 /// How far an unseen material's level may be from what is usual, stops.
 const UNSEEN_STOPS: f32 = 0.7;
 
@@ -117,7 +117,7 @@ pub fn neutral_field(camera: &Camera) -> AlbedoField {
 }
 
 fn rounded(log: [f32; 3]) -> [f32; 3] {
-    log.map(|v| (v.clamp(-MOST_STOPS, MOST_STOPS).exp2() * 1000.0).round() / 1000.0)
+    log.map(|v| (v.clamp(-MAX_STOPS, MAX_STOPS).exp2() * 1000.0).round() / 1000.0)
 }
 
 /// By how much more than its reflectances a closed room changes, channel by channel: what is brighter lights the rest.
@@ -152,7 +152,7 @@ pub fn bounce_response(
     }
     [0, 1, 2].map(|c| {
         let told = asked[c].abs() >= TELLING_CHANGE * total && total > 0.0;
-        if told { (got[c] / asked[c]).clamp(1.0, MOST_RESPONSE) } else { before[c] }
+        if told { (got[c] / asked[c]).clamp(1.0, MAX_RESPONSE) } else { before[c] }
     })
 }
 
@@ -184,7 +184,7 @@ pub fn updated_field(
             .collect();
         let counted = weights.iter().filter(|w| **w > 0.0).count();
         let shown = (0..ratio.len()).filter(|i| seen.ids[*i] == id && inside[*i]).count();
-        if counted < LEAST_PIXELS || (counted as f64) < LEAST_SHARE * shown as f64 {
+        if counted < MIN_PIXELS || (counted as f64) < MIN_SHARE * shown as f64 {
             unseen.push(node);
             continue;
         }
@@ -199,13 +199,13 @@ pub fn updated_field(
     let common = [0, 1, 2].map(|c| wanted.iter().map(|w| w.counted as f32 * w.middle[c]).sum::<f32>() / all.max(1.0));
     for Wanted { node, weights, counted, middle: off } in wanted {
         let asked = [0, 1, 2].map(|c| off[c] - common[c] + common[c] / response[c]);
-        let how = if node.is_even { (EVEN_SIGMAS, MOST_STEP[1]) } else { (SIGMAS, MOST_STEP[0]) };
+        let how = if node.is_even { (EVEN_SIGMAS, MAX_STEP[1]) } else { (SIGMAS, MAX_STEP[0]) };
         let step = local_step(&ratio, &weights, off, size, how);
         let before = field.nodes.get(&node.name);
         let old_mean = before.map_or(field.other, |b| b.mean).map(f32::log2);
         let mean = within_veil([0, 1, 2].map(|c| old_mean[c] + asked[c]), middle_light(seen.photo, &weights));
         let is_said = node.is_even && node.kind == "object";
-        let mean = if is_said { near_grey(mean, MOST_SAID_HUE) } else { mean };
+        let mean = if is_said { near_grey(mean, MAX_SAID_HUE) } else { mean };
         let factors = (0..field.rows * field.columns)
             .map(|cell| {
                 let (x, y) = (cell % field.columns, cell / field.columns);
@@ -222,7 +222,7 @@ pub fn updated_field(
         // What is too bright is so by both, colour and gloss: a black stove came out grey, its colour being dark already.
         let change = luminance(mean.map(f32::exp2)) / luminance(old_mean.map(f32::exp2));
         let gloss = (before.map_or(1.0, |b| b.gloss) * change).min(1.0);
-        let too_glossy = mean.iter().any(|m| *m <= NEAR_LEAST - MOST_STOPS);
+        let too_glossy = mean.iter().any(|m| *m <= NEAR_LEAST - MAX_STOPS);
         let gloss = if too_glossy { gloss * LESS_GLOSS } else { gloss };
         next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded(mean), factors, gloss });
     }
@@ -339,7 +339,7 @@ fn near_grey(mean: [f32; 3], most: f32) -> [f32; 3] {
 fn with_hue_of(mean: [f32; 3], cell: [f32; 3]) -> [f32; 3] {
     let off = [0, 1, 2].map(|c| cell[c] - mean[c]);
     let level = 0.2126 * off[0] + 0.7152 * off[1] + 0.0722 * off[2];
-    [0, 1, 2].map(|c| mean[c] + level + (off[c] - level).clamp(-MOST_HUE, MOST_HUE))
+    [0, 1, 2].map(|c| mean[c] + level + (off[c] - level).clamp(-MAX_HUE, MAX_HUE))
 }
 
 #[cfg(test)]

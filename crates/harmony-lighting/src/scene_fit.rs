@@ -27,15 +27,15 @@ const TRUST: f32 = 0.95;
 /// Width over which a texture's slow variation is light, share of the image width.
 const SLOW: f64 = 0.04;
 /// Reflectance below which nothing diffuse is left to compare (metal, glass).
-const LEAST_ALBEDO: f32 = 0.02;
+const MIN_ALBEDO: f32 = 0.02;
 /// Pixels that a node needs to take part.
-const LEAST_PIXELS: usize = 24;
+const MIN_PIXELS: usize = 24;
 /// Luminance that the bright end (90th percentile) of the reflectances gets.
 const BRIGHT: f64 = 0.55;
 /// By how much another view must be nearer than plain sRGB, as a ratio of errors.
 const VIEW_GAIN: f64 = 0.8;
 /// A light that was said to be on keeps at least this share of the common gain.
-const LEAST_SHARE: f64 = 0.1;
+const MIN_SHARE: f64 = 0.1;
 /// Exposures that are given, stops.
 const EXPOSURE: [f64; 2] = [-6.0, 6.0];
 
@@ -158,7 +158,7 @@ fn usable(measured: &Measured, photo: &RgbImage, weights: &[f32]) -> Vec<f32> {
             let albedo = measured.albedo.rgb.get(i).copied().unwrap_or_default();
             let weight = weights.get(i).copied().unwrap_or(1.0);
             let clear = p.0.iter().all(|v| *v < 250) && p.0.iter().any(|v| *v > 4);
-            let counts_here = id > 0 && inside[i] && clear && luminance(albedo) > LEAST_ALBEDO && weight > 0.0;
+            let counts_here = id > 0 && inside[i] && clear && luminance(albedo) > MIN_ALBEDO && weight > 0.0;
             if counts_here {
                 counts[id as usize] += 1;
                 weight
@@ -168,7 +168,7 @@ fn usable(measured: &Measured, photo: &RgbImage, weights: &[f32]) -> Vec<f32> {
         })
         .collect();
     for (w, id) in out.iter_mut().zip(&measured.ids) {
-        if counts[*id as usize] < LEAST_PIXELS {
+        if counts[*id as usize] < MIN_PIXELS {
             *w = 0.0;
         }
     }
@@ -338,9 +338,9 @@ impl SceneFit {
                 }
                 Some(id) => {
                     let Some(light) = lighting.lights.iter_mut().find(|l| l.id == *id) else { continue };
-                    if level < LEAST_SHARE {
+                    if level < MIN_SHARE {
                         notes.push(format!("{name}: the photo shows little light of it"));
-                        light.intensity = bounds::intensity(&light.kind, light.intensity * LEAST_SHARE);
+                        light.intensity = bounds::intensity(&light.kind, light.intensity * MIN_SHARE);
                         continue;
                     }
                     let target = colored(light.color);

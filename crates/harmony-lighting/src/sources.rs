@@ -348,7 +348,7 @@ fn object_bounds(object: &SceneObject, mesh: Option<&Mesh>) -> Bounds {
 }
 
 /// Smallest side, metres, of a shining part that lights a room: digits of a clock don't.
-const LEAST_STRIP: f64 = 0.1;
+const MIN_STRIP: f64 = 0.1;
 /// A strip or a field is at least this long, and at most this share of it thick, to give light as a rectangle: other shapes
 /// do as bulbs.
 const STRIP: (f64, f64) = (0.5, 0.35);
@@ -387,7 +387,7 @@ fn strip_light(room: &Room, object: &SceneObject, mesh: &Mesh) -> Option<Light> 
     let emitter = emissive_bounds(mesh)?;
     let size = emitter.size() * object.pose.stretch.abs() * object.pose.scale;
     let longest = size.max_element();
-    if !size.is_finite() || longest < LEAST_STRIP {
+    if !size.is_finite() || longest < MIN_STRIP {
         return None;
     }
     let (position, kind) = rectangle(object, &emitter).unwrap_or_else(|| {

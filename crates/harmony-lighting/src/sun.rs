@@ -26,16 +26,16 @@ const GRAZING: f64 = 0.08;
 /// Distance from a surface at which a ray begins, metres.
 const ABOVE: f64 = 0.02;
 /// A surface with fewer places says nothing.
-const LEAST_PLACES: usize = 60;
+const MIN_PLACES: usize = 60;
 /// Brightness is believed up to so far from a surface's own, stops.
-const MOST_STOPS: f64 = 2.5;
+const MAX_STOPS: f64 = 2.5;
 /// Share of the brightness within surfaces that the patches explain at least.
 const EXPLAINED: f64 = 0.10;
 /// Places on both sides of a patch's edge, in places apart; so many pairs at least, so many stops between them, that share
 /// of them in the right sense, and so many times what pairs without an edge differ by.
 const APART: usize = 3;
-const LEAST_PAIRS: usize = 24;
-const LEAST_STEP: f64 = 0.4;
+const MIN_PAIRS: usize = 24;
+const MIN_STEP: f64 = 0.4;
 const RIGHT_SENSE: f64 = 0.8;
 const TIMES_USUAL: f64 = 2.0;
 /// Share of the places that the sun reaches at least and at most.
@@ -238,12 +238,12 @@ impl Search<'_> {
                 }
             }
         }
-        if steps.len() < LEAST_PAIRS || usual.is_empty() {
+        if steps.len() < MIN_PAIRS || usual.is_empty() {
             return None;
         }
         let right = steps.iter().filter(|s| **s > 0.0).count() as f64 / steps.len() as f64;
         let (step, usual) = (crate::view::median(&mut steps), crate::view::median(&mut usual));
-        (right >= RIGHT_SENSE && step >= LEAST_STEP.max(TIMES_USUAL * usual)).then_some(step)
+        (right >= RIGHT_SENSE && step >= MIN_STEP.max(TIMES_USUAL * usual)).then_some(step)
     }
 }
 
@@ -265,13 +265,13 @@ impl Residual {
                 by_surface.entry(place.surface).or_default().push(i);
             }
         }
-        let surfaces: Vec<Vec<usize>> = by_surface.into_values().filter(|s| s.len() >= LEAST_PLACES).collect();
+        let surfaces: Vec<Vec<usize>> = by_surface.into_values().filter(|s| s.len() >= MIN_PLACES).collect();
         let mut values = vec![0.0; places.all.len()];
         for surface in &surfaces {
             let mut own: Vec<f64> = surface.iter().map(|i| places.all[*i].map_or(0.0, |p| p.stops)).collect();
             let middle = crate::view::median(&mut own.clone());
             for v in &mut own {
-                *v = (*v - middle).clamp(-MOST_STOPS, MOST_STOPS);
+                *v = (*v - middle).clamp(-MAX_STOPS, MAX_STOPS);
             }
             for (i, v) in surface.iter().zip(without_plane(&own, surface, places.columns)) {
                 values[*i] = v;

@@ -141,10 +141,10 @@ fn simplify(mesh: &mut Mesh, max_triangles: usize) {
 /// The shape of a mesh in few triangles, for silhouettes, depths and convex parts: meshes of up to 6000 as they are, larger
 /// ones simplified to 3000, whose surface is at most 0.4 % of the extent away.
 pub fn simple_form(mesh: &Arc<Mesh>) -> Arc<Mesh> {
-    const MOST_TRIANGLES: usize = 6000;
+    const MAX_TRIANGLES: usize = 6000;
     const SIMPLE_TRIANGLES: usize = 3000;
     const SIMPLE_ERROR: f32 = 0.004;
-    if mesh.triangle_count() > MOST_TRIANGLES {
+    if mesh.triangle_count() > MAX_TRIANGLES {
         Arc::new(simplified(mesh, SIMPLE_TRIANGLES, SIMPLE_ERROR))
     } else {
         Arc::clone(mesh)

@@ -12,13 +12,13 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::Mesh;
 
 /// Largest tilt that is looked for, degrees.
-const MOST_TILT_DEG: f64 = 24.0;
+const MAX_TILT_DEG: f64 = 24.0;
 /// Softness of "level" and "plumb" in the coarse and the fine search, degrees.
 const SOFTNESS_DEG: [f64; 3] = [5.0, 2.5, 1.5];
 /// Step of the coarse search, degrees.
 const STEP_DEG: f64 = 2.0;
 /// Faces that are looked at.
-const MOST_FACES: usize = 3000;
+const MAX_FACES: usize = 3000;
 /// A tilt of so many degrees costs one unit of [`TILT_PRICE`]: generators tilt by a few degrees.
 const USUAL_TILT_DEG: f64 = 10.0;
 /// Price of a usual tilt, share of the surface.
@@ -62,11 +62,11 @@ pub fn upright(mesh: &Mesh) -> Upright {
     }
     let up_of = |a: f64, b: f64| DVec3::new(a.to_radians().tan(), 1.0, b.to_radians().tan()).normalize();
     let mut best = (f64::NEG_INFINITY, 0.0, 0.0);
-    let steps = (MOST_TILT_DEG / STEP_DEG) as i32;
+    let steps = (MAX_TILT_DEG / STEP_DEG) as i32;
     for i in -steps..=steps {
         for j in -steps..=steps {
             let (a, b) = (f64::from(i) * STEP_DEG, f64::from(j) * STEP_DEG);
-            if a.hypot(b) <= MOST_TILT_DEG {
+            if a.hypot(b) <= MAX_TILT_DEG {
                 let score = score(&faces, up_of(a, b), SOFTNESS_DEG[0]);
                 if score > best.0 {
                     best = (score, a, b);
@@ -98,7 +98,7 @@ pub fn upright(mesh: &Mesh) -> Upright {
 fn faces_of(mesh: &Mesh) -> Faces {
     let corner = |i: u32| mesh.positions[i as usize].as_dvec3();
     let count = mesh.triangle_count();
-    let step = count.div_ceil(MOST_FACES).max(1);
+    let step = count.div_ceil(MAX_FACES).max(1);
     let mut normals = Vec::new();
     let mut points = Vec::new();
     let mut total = 0.0;
@@ -139,11 +139,8 @@ fn turning_axis(faces: &Faces) -> Option<DVec3> {
     let own = eigen.eigenvalues[up].max(0.0).sqrt();
     // A cube spreads evenly about every axis, and a board about none that could be told.
     let told = (own / a.max(b) - 1.0).abs() > 0.15 && a.min(b) > 0.0;
-    (told
-        && (a / b - 1.0).abs() < ROUND
-        && axis.y >= MOST_TILT_DEG.to_radians().cos()
-        && is_turned(faces, axis, centre))
-    .then_some(axis)
+    (told && (a / b - 1.0).abs() < ROUND && axis.y >= MAX_TILT_DEG.to_radians().cos() && is_turned(faces, axis, centre))
+        .then_some(axis)
 }
 
 /// Whether the normals lie in the planes through an axis, as those of turned things do.

@@ -31,11 +31,11 @@ pub const FIT_SHARE: f64 = 0.02;
 /// Hulls and closeness (share of what is allowed) of the attempts, until one fits.
 const ATTEMPTS: [(usize, f64); 3] = [(40, 1.0), (80, 0.6), (160, 0.35)];
 /// More connected parts than this are cut by place instead: leaves of plants, tufts.
-const MOST_PARTS: usize = 60;
+const MAX_PARTS: usize = 60;
 /// Most that the volume of two pieces may grow when they are joined, a share.
-const MOST_GAIN: f64 = 0.15;
+const MAX_GAIN: f64 = 0.15;
 /// A cut must leave less than this share of the cost of the whole.
-const LEAST_GAIN: f64 = 0.985;
+const MIN_GAIN: f64 = 0.985;
 /// Points for measuring the fit, each way.
 const FIT_SAMPLES: usize = 2500;
 
@@ -149,7 +149,7 @@ fn stand_off(surface: &Surface, hull: &Hull, cuts: &[Cut]) -> f64 {
 
 fn split(surface: &Surface, open: &[[DVec3; 3]], most: usize, tolerance: f64) -> Vec<Piece> {
     let parts = connected(open, 1e-5 * surface.size);
-    let start = if parts.len() > MOST_PARTS.min(most) { vec![open.to_vec()] } else { parts };
+    let start = if parts.len() > MAX_PARTS.min(most) { vec![open.to_vec()] } else { parts };
     let mut pieces: Vec<Piece> = start.into_par_iter().map(|t| Piece::new(surface, t, Vec::new())).collect();
     while pieces.len() < most {
         let worst = (0..pieces.len())
@@ -180,7 +180,7 @@ fn cut(surface: &Surface, piece: &Piece) -> Option<Vec<Piece>> {
     let (score, best) = scored.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
     // A bowl's halves have together the hull of the bowl; its quarters have not. Where no plane helps, the middle of the
     // longest side does in the end.
-    let plane = if score > LEAST_GAIN * whole { middle(piece, surface.size)? } else { best };
+    let plane = if score > MIN_GAIN * whole { middle(piece, surface.size)? } else { best };
     let (mut low, mut high) = (Vec::new(), Vec::new());
     for t in &piece.triangles {
         clip(t, plane, &mut low, &mut high);
@@ -403,7 +403,7 @@ fn joined(surface: &Surface, a: &Piece, b: &Piece, both: f64, tolerance: f64) ->
     let points: Vec<DVec3> = [a, b].iter().flat_map(|p| p.points.iter().copied()).collect();
     let hull = Hull::of(&points)?;
     let gain = hull.moments().mass - both;
-    if gain > MOST_GAIN * both {
+    if gain > MAX_GAIN * both {
         return None;
     }
     // What both were cut by stays an inner side only where it bounds the two together.

@@ -202,7 +202,7 @@ const SAME: f64 = 0.9;
 
 /// How far a mask may reach beyond the box that it was asked for, share of the box, and how much of it, before it is cut.
 const BEYOND_BOX: f64 = 0.15;
-const MOST_BEYOND: f64 = 0.1;
+const MAX_BEYOND: f64 = 0.1;
 
 /// Raggedness of masks, one of so many parts of the image's width.
 const RIM: u32 = 200;
@@ -217,7 +217,7 @@ pub fn cut_to_boxes(found: &mut [(Detection, Mask)]) -> Vec<String> {
             mask.get(i64::from(x), i64::from(y)) && (b.x0..=b.x1).contains(&u) && (b.y0..=b.y1).contains(&v)
         });
         let (left, all) = (own.count() as f64, mask.count() as f64);
-        if left > 0.0 && left < (1.0 - MOST_BEYOND) * all {
+        if left > 0.0 && left < (1.0 - MAX_BEYOND) * all {
             *mask = own;
             cut.push(detection.label.clone());
         }

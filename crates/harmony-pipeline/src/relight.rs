@@ -42,9 +42,9 @@ const UNSEEN_GAIN: f64 = 0.95;
 /// ... each with at least this share of its assumed power.
 const UNSEEN_LEAST: f64 = 0.1;
 /// Diffuse reflectance below which a pixel is metal, glass or a picture of light.
-const LEAST_ALBEDO: f32 = 0.003;
+const MIN_ALBEDO: f32 = 0.003;
 /// One below which it tells the lights nothing: gloss is most of what is seen there.
-const LEAST_TELLING: f32 = 0.02;
+const MIN_TELLING: f32 = 0.02;
 /// The scene's file for the path tracer.
 const SCENE: &str = "scene_for_light.glb";
 /// Size of the flat canonical view, whose frame the lit one has.
@@ -319,7 +319,7 @@ impl<'a, 'c> Stage<'a, 'c> {
         let photo = resize(&*self.state.photo, size.width, size.height, FilterType::Triangle);
         let of_field = self.weights(&found, size);
         let telling = |(weight, albedo): (&f32, &[f32; 3])| {
-            if albedo.iter().any(|a| *a > LEAST_TELLING) { *weight } else { 0.0 }
+            if albedo.iter().any(|a| *a > MIN_TELLING) { *weight } else { 0.0 }
         };
         let weights: Vec<f32> = of_field.iter().zip(&found.albedo).map(telling).collect();
         let measured = measured_from(&found, |id| {
@@ -418,7 +418,7 @@ impl<'a, 'c> Stage<'a, 'c> {
         let weight = |(i, id): (usize, &u32)| {
             let mask = masks.get((*id as usize).checked_sub(1)?)?;
             let seen = mask.as_ref().map_or(!all.bits()[i], |mask| mask.bits()[i]);
-            let lit = found.albedo.get(i)?.iter().any(|a| *a > LEAST_ALBEDO);
+            let lit = found.albedo.get(i)?.iter().any(|a| *a > MIN_ALBEDO);
             Some(f32::from(u8::from(seen && lit)))
         };
         found.nodes.iter().enumerate().map(|at| weight(at).unwrap_or(0.0)).collect()

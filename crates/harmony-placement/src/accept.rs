@@ -6,7 +6,7 @@
 use crate::scene::Energy;
 
 /// Nats that a change must gain beyond its odds: less is the noise of a drawing.
-const LEAST_GAIN: f64 = 0.1;
+const MIN_GAIN: f64 = 0.1;
 
 /// `ln((1 - p) / p)`, nats: what an answer that is wrong with probability `p` is worth.
 pub(crate) fn odds(p_wrong: f64) -> f64 {
@@ -16,7 +16,7 @@ pub(crate) fn odds(p_wrong: f64) -> f64 {
 
 /// Whether a change from one energy to another is kept; `odds` speak for it.
 pub(crate) fn accepts(before: f64, after: f64, odds: f64) -> bool {
-    after < before + odds - LEAST_GAIN
+    after < before + odds - MIN_GAIN
 }
 
 /// Sum of energies.

@@ -204,7 +204,7 @@ pub struct AddedObject {
 pub const AMBIENT: &str = "ambient";
 
 /// Most actions of one answer.
-pub const MOST_LAST_ACTIONS: usize = 12;
+pub const MAX_LAST_ACTIONS: usize = 12;
 
 impl Ask for LastLookQuestion {
     type Answer = LastLookAnswer;
@@ -319,8 +319,8 @@ impl LastLookAnswer {
     /// # Errors
     /// A complaint in words.
     pub fn check(&self, objects: &[String], lights: &[String]) -> Result<(), String> {
-        if self.actions.len() > MOST_LAST_ACTIONS {
-            return Err(format!("{} actions; at most {MOST_LAST_ACTIONS} are tried", self.actions.len()));
+        if self.actions.len() > MAX_LAST_ACTIONS {
+            return Err(format!("{} actions; at most {MAX_LAST_ACTIONS} are tried", self.actions.len()));
         }
         let objects: BTreeSet<&str> = objects.iter().map(String::as_str).collect();
         let lights: BTreeSet<&str> = lights.iter().map(String::as_str).collect();
@@ -371,7 +371,7 @@ mod tests {
         let dimmed = LastAction { factor: Some(0.7), ..LastAction::about(LastActionKind::Light, AMBIENT) };
         assert_eq!(one(dimmed).check(&ids, &[]), Ok(()));
         let mut many = answer.clone();
-        many.actions = vec![many.actions[0].clone(); MOST_LAST_ACTIONS + 1];
+        many.actions = vec![many.actions[0].clone(); MAX_LAST_ACTIONS + 1];
         assert!(many.check(&ids, &ids).is_err());
     }
 

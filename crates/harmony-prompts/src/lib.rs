@@ -35,7 +35,7 @@ pub use inspect::{
 };
 pub use last_look::{
     AMBIENT, AddedObject, Difference, DifferenceKind, LastAction, LastActionKind, LastLookAnswer, LastLookQuestion,
-    ListedLight, MOST_LAST_ACTIONS, PaintedObject,
+    ListedLight, MAX_LAST_ACTIONS, PaintedObject,
 };
 pub use layout::{
     BackWallSide, Finish, FloorTexture, KnownDepth, LayoutAnswer, LayoutCamera, LayoutFeature, LayoutFeatureKind,

@@ -45,7 +45,7 @@ const BESIDE_SEEN_M: f64 = 0.3;
 /// What the frame has beside the things, metres, and its least width and depth: an empty half of a room only makes them
 /// small.
 const BESIDE_THINGS_M: f64 = 0.6;
-const LEAST_M: f64 = 2.5;
+const MIN_M: f64 = 2.5;
 
 /// The elevated view of the part of the room that the photo shows and where things are, ceiling and near walls removed,
 /// from the photo camera's side.
@@ -119,7 +119,7 @@ fn around(things: &[(Pose, Size)], (low, high): (Vec3, Vec3), whole: Vec3) -> (V
         return (low, high);
     }
     let (from, to) = (from - BESIDE_THINGS_M, to + BESIDE_THINGS_M);
-    let short = (Vec3::splat(LEAST_M) - (to - from)).max(Vec3::ZERO) / 2.0;
+    let short = (Vec3::splat(MIN_M) - (to - from)).max(Vec3::ZERO) / 2.0;
     let (from, to) = ((from - short).max(least), (to + short).min(most));
     if !(from.x < to.x && from.z < to.z) {
         return (low, high);

@@ -18,10 +18,10 @@ const SURROUNDINGS: f32 = 0.55;
 
 /// Share of the surroundings that glass mirrors when seen straight, at least: enough to be noticed. Physics says 0.04 for
 /// window glass.
-const LEAST_MIRRORED: f32 = 0.07;
+const MIN_MIRRORED: f32 = 0.07;
 
 /// The same at grazing view, at most: a flat render must not turn rims into white lines.
-const MOST_MIRRORED: f32 = 0.6;
+const MAX_MIRRORED: f32 = 0.6;
 
 /// Light lost by rough glass, which scatters it.
 const FROST: f32 = 0.5;
@@ -59,7 +59,7 @@ impl Pane {
         let f0 = ((ior - 1.0) / (ior + 1.0)).powi(2);
         Self {
             passes: unit(material.transmission, 0.0) * (1.0 - unit(material.metallic, 0.0)),
-            straight: f0.max(LEAST_MIRRORED),
+            straight: f0.max(MIN_MIRRORED),
             haze: FROST * unit(material.roughness, 0.6).powi(2),
         }
     }
@@ -67,7 +67,7 @@ impl Pane {
     /// Schlick's approximation of Fresnel reflection, held so that a flat picture shows it well.
     fn mirrored(&self, cosine: f32) -> f32 {
         let grazing = (1.0 - cosine.clamp(0.0, 1.0)).powi(5);
-        (self.straight + (1.0 - self.straight) * grazing).min(MOST_MIRRORED)
+        (self.straight + (1.0 - self.straight) * grazing).min(MAX_MIRRORED)
     }
 
     /// `color` is the surface's linear colour and alpha.

@@ -99,7 +99,7 @@ pub(crate) const ALPHA_CUT: f32 = 0.5;
 const INVISIBLE: f32 = 0.004;
 
 /// Nearest near plane, metres: keeps reciprocal depths in range.
-const LEAST_NEAR: f64 = 1e-4;
+const MIN_NEAR: f64 = 1e-4;
 
 impl<'a> Draw<'a> {
     /// Collects what can be drawn; instances with transforms that are not finite are left out.
@@ -116,7 +116,7 @@ impl<'a> Draw<'a> {
             fy: k.fy,
             cx: k.cx - 0.5,
             cy: k.cy - 0.5,
-            near: if near.is_finite() { near.max(LEAST_NEAR) } else { LEAST_NEAR },
+            near: if near.is_finite() { near.max(MIN_NEAR) } else { MIN_NEAR },
             window,
         };
         let mut draw = Self { view, placed: Vec::new(), runs: Vec::new(), vertices: 0, triangles: 0, opaque: 0 };

@@ -19,11 +19,11 @@ pub enum Rules {
 /// Deepest nesting of objects (vlm sheet, section 3: 10 levels).
 const DEEPEST: usize = 10;
 /// Most properties in all.
-const MOST_PROPERTIES: usize = 5000;
+const MAX_PROPERTIES: usize = 5000;
 /// Most values of all enumerations together.
-const MOST_VALUES: usize = 1000;
+const MAX_VALUES: usize = 1000;
 /// Most characters of names and values.
-const MOST_CHARACTERS: usize = 120_000;
+const MAX_CHARACTERS: usize = 120_000;
 
 /// Keywords that every strict mode takes.
 const KEYWORDS: [&str; 12] = [
@@ -66,14 +66,14 @@ pub fn check(schema: &Value, rules: Rules) -> Result<(), String> {
         }
     }
     node(schema, schema, rules, "()", 0, &mut counted)?;
-    if counted.properties > MOST_PROPERTIES {
-        return Err(format!("{} properties; at most {MOST_PROPERTIES}", counted.properties));
+    if counted.properties > MAX_PROPERTIES {
+        return Err(format!("{} properties; at most {MAX_PROPERTIES}", counted.properties));
     }
-    if counted.values > MOST_VALUES {
-        return Err(format!("{} enum values; at most {MOST_VALUES}", counted.values));
+    if counted.values > MAX_VALUES {
+        return Err(format!("{} enum values; at most {MAX_VALUES}", counted.values));
     }
-    if counted.characters > MOST_CHARACTERS {
-        return Err(format!("{} characters of names and values; at most {MOST_CHARACTERS}", counted.characters));
+    if counted.characters > MAX_CHARACTERS {
+        return Err(format!("{} characters of names and values; at most {MAX_CHARACTERS}", counted.characters));
     }
     Ok(())
 }

@@ -17,7 +17,7 @@ use super::{Kind, Queue, SetRow, UNTOLD};
 use crate::BatchError;
 
 /// Longest wait before a retry.
-const MOST_RETRY_MS: i64 = 3_600_000;
+const MAX_RETRY_MS: i64 = 3_600_000;
 
 /// Longest message kept with a job, characters.
 const MAX_MESSAGE: usize = 2000;
@@ -211,7 +211,7 @@ impl Queue {
                     ("failed", 0, true)
                 } else {
                     let doubled = job.set.retry_ms.saturating_mul(1 << job.attempts.clamp(0, 20));
-                    ("waiting", doubled.min(MOST_RETRY_MS), true)
+                    ("waiting", doubled.min(MAX_RETRY_MS), true)
                 }
             }
         };

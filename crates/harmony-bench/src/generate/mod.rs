@@ -41,7 +41,7 @@ pub use files::{GenerateError, write};
 pub use form::RoomFeature;
 pub use layout::Level;
 pub use light::{LightKind, RoomLight};
-pub use photos::{MOST_PHOTOS, RoomPhoto, photographed};
+pub use photos::{MAX_PHOTOS, RoomPhoto, photographed};
 pub use rooms::RoomKind;
 pub use truth::{FloorCorner, SurfacePoints};
 pub use views::GeneratedView;

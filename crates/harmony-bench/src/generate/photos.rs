@@ -17,7 +17,7 @@ use super::truth::SurfacePoints;
 use super::{Draft, GeneratedObject, GeneratedRoom, GeneratorSettings, view};
 
 /// Most photos of one room: each faces its own wall.
-pub const MOST_PHOTOS: usize = 4;
+pub const MAX_PHOTOS: usize = 4;
 /// Random numbers of further photos have a stream of their own.
 const STREAM: u64 = 79;
 /// Times that a dozen cameras are tried before a wall.
@@ -33,7 +33,7 @@ pub struct RoomPhoto {
     pub turn: QuarterTurn,
 }
 
-/// The room of a seed from `count` places (1 to [`MOST_PHOTOS`]), without views for judging. Each further photo is, of
+/// The room of a seed from `count` places (1 to [`MAX_PHOTOS`]), without views for judging. Each further photo is, of
 /// those before the walls that are left, the one that shows most of what the photos before it show: whoever takes photos
 /// to be joined lets them overlap. The rooms are boxes. Fewer come back when furniture leaves no place for a camera before a wall.
 pub fn photographed(seed: u64, settings: &GeneratorSettings, count: usize) -> Vec<RoomPhoto> {

@@ -15,7 +15,7 @@ const NEAR_M: f64 = 0.015;
 /// The same as a share of the depth: truth meshes are simplified.
 const NEAR_SHARE: f64 = 0.008;
 /// Smallest cosine between the surface and the view at which it is painted.
-const LEAST_COSINE: f64 = 0.1;
+const MIN_COSINE: f64 = 0.1;
 /// Width and height of a window's pane, share of its box.
 const PANE_SHARE: f64 = 0.92;
 /// Sides of textures, pixels: the smallest that holds twice the visible pixels is taken.
@@ -129,7 +129,7 @@ impl View<'_> {
         let there = f64::from(self.room.depth[at]);
         let towards = (camera.centre() - point).normalize_or(DVec3::Z);
         // Open meshes are seen from behind, too.
-        let square = normal.dot(towards).abs() >= LEAST_COSINE;
+        let square = normal.dot(towards).abs() >= MIN_COSINE;
         let seen = square && (there - z).abs() <= NEAR_M.max(NEAR_SHARE * z);
         (seen || unseen == Unseen::Front).then(|| self.sample(pixel))
     }

@@ -9,7 +9,7 @@ use super::prediction::{PredictedObject, Prediction};
 use crate::truth::{FEWEST_PIXELS, TruthObject, TruthRoom};
 
 /// Masks that share less are not one object.
-const LEAST_IOU: f64 = 0.3;
+const MIN_IOU: f64 = 0.3;
 
 /// A turned mesh that lies nearer to itself than this (share of its diagonal, in the mean) is the same.
 const SAME: f64 = 0.012;
@@ -132,7 +132,7 @@ pub(crate) fn matched(truth: &TruthRoom, run: &Prediction) -> Vec<Option<usize>>
         let Some(mask) = &o.mask else { continue };
         for (t, own) in masks.iter().enumerate() {
             let iou = if mask.size() == own.size() { mask.iou(own) } else { 0.0 };
-            if iou >= LEAST_IOU {
+            if iou >= MIN_IOU {
                 pairs.push((iou, i, t));
             }
         }

@@ -33,11 +33,11 @@ const SHELL: u32 = u32::MAX;
 /// Aspects that differ by less count as equal.
 const SAME_SHAPE: f64 = 0.01;
 /// Least share of the objects' corners in the picture.
-const LEAST_INSIDE: f64 = 0.2;
+const MIN_INSIDE: f64 = 0.2;
 /// Fewest pixels with both depths that a scale is taken from.
 const FEWEST: usize = 200;
 /// Most vertices that are projected to tell what is inside.
-const MOST_PROJECTED: usize = 100_000;
+const MAX_PROJECTED: usize = 100_000;
 /// Size of the elevated view.
 const ELEVATED: ImageSize = ImageSize { width: 1024, height: 768 };
 /// Longest side of the drawn picture, pixels.
@@ -149,7 +149,7 @@ pub fn draw(scene: &RivalScene, folder: &Path, draw: &DrawOptions) -> Result<Dra
     let mut notes = scene.notes.clone();
     let camera = for_photo(&camera, size, &mut notes);
     let share_inside = inside(scene, &camera);
-    if share_inside < LEAST_INSIDE && !draw.anyway {
+    if share_inside < MIN_INSIDE && !draw.anyway {
         return Err(RivalError::Outside { share: share_inside });
     }
     let own: Vec<Instance<'_>> = scene
@@ -234,7 +234,7 @@ fn inside(scene: &RivalScene, camera: &Camera) -> f64 {
     let objects = || scene.parts.iter().filter(|p| p.kind == PartKind::Object);
     let parts: Vec<&Part> = if objects().next().is_some() { objects().collect() } else { scene.parts.iter().collect() };
     let all: usize = parts.iter().map(|p| p.mesh.positions.len()).sum();
-    let step = all.div_ceil(MOST_PROJECTED).max(1);
+    let step = all.div_ceil(MAX_PROJECTED).max(1);
     let (mut seen, mut count) = (0, 0);
     for p in parts.iter().flat_map(|p| &p.mesh.positions).step_by(step) {
         count += 1;

@@ -12,7 +12,7 @@ use super::inventory::{Inventory, Seen, from_z_up};
 use super::obj::{self, Solid};
 
 /// Largest mesh file, bytes.
-const MOST_MESH: u64 = 512 << 20;
+const MAX_MESH: u64 = 512 << 20;
 
 fn document(bytes: &[u8]) -> Result<Document<'_>, Unreadable> {
     let text = std::str::from_utf8(bytes).map_err(|e| format!("no text: {e}"))?;
@@ -37,7 +37,7 @@ fn mesh_file(folder: &Path, name: &str) -> Result<Solid, Unreadable> {
     if name.contains(['/', '\\']) || name.contains("..") {
         return Err(format!("mesh {name} lies outside its folder"));
     }
-    let bytes = read_bounded(&folder.join(name), MOST_MESH).map_err(|e| e.to_string())?;
+    let bytes = read_bounded(&folder.join(name), MAX_MESH).map_err(|e| e.to_string())?;
     obj::read(&String::from_utf8_lossy(&bytes), |_, _| {}).map_err(|e| format!("mesh {name}: {e}"))
 }
 

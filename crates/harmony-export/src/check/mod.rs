@@ -25,7 +25,7 @@ pub use compare::{Difference, Rules};
 pub use inventory::{Inventory, Seen};
 
 /// Largest file that is read back, bytes.
-const MOST_BYTES: u64 = 2 << 30;
+const MAX_BYTES: u64 = 2 << 30;
 
 /// What was found in one file.
 #[derive(Debug, Clone)]
@@ -68,7 +68,7 @@ pub fn check(world: &World, folder: &Path, cache: Option<&Path>) -> Result<Repor
     let mut report = Report::default();
     for path in manifest.files.keys() {
         let at = folder.join(path);
-        let bytes = match read_bounded(&at, MOST_BYTES) {
+        let bytes = match read_bounded(&at, MAX_BYTES) {
             Ok(bytes) => bytes,
             Err(e) => {
                 report.differences.push(Difference::of_file(path, format!("cannot be read: {e}")));

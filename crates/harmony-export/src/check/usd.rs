@@ -9,7 +9,7 @@ use super::inventory::{Inventory, Seen, from_z_up};
 use super::usda::{self, Prim, Value};
 
 /// Largest layer inside a package, bytes.
-const MOST_LAYER: u64 = 1 << 30;
+const MAX_LAYER: u64 = 1 << 30;
 /// Light prims.
 const LIGHTS: [&str; 3] = ["SphereLight", "RectLight", "DistantLight"];
 
@@ -28,7 +28,7 @@ pub(super) fn package(bytes: &[u8]) -> Result<Inventory, Unreadable> {
         }
         names.push(file.name().to_owned());
         if i == 0 {
-            file.take(MOST_LAYER)
+            file.take(MAX_LAYER)
                 .read_to_string(&mut text)
                 .map_err(|e| format!("the first file is no text layer: {e}"))?;
         }

@@ -28,7 +28,7 @@ const TOLERANCE: f64 = 0.002;
 /// Parts with less area are not drawn, square metres.
 const SMALLEST: f64 = 4e-5;
 /// Most parts of one thing, the largest ones.
-const MOST_PARTS: usize = 120;
+const MAX_PARTS: usize = 120;
 /// A step of a generated mesh that gets a line, metres.
 const STEP: f64 = 0.06;
 /// Share of a thing's own area that lies above a step and below it at least.
@@ -107,7 +107,7 @@ pub(crate) fn drawn(thing: usize, mesh: &Arc<Mesh>, place: &dyn Fn(DVec3) -> (DV
     parts.sort_by(|a, b| area(&b.loops).total_cmp(&area(&a.loops)));
     let all: Vec<Loop> = parts.iter().flat_map(|p| p.loops.iter().cloned()).collect();
     let outline = union(&all).iter().map(|l| straightened(l)).filter(|l| l.len() >= 3).collect();
-    parts.truncate(MOST_PARTS);
+    parts.truncate(MAX_PARTS);
     Drawn { thing, parts, outline }
 }
 

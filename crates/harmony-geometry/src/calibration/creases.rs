@@ -22,16 +22,16 @@ const SEARCH: f64 = 0.025;
 /// Map pixels on both sides of a profile that are averaged with it.
 const BESIDE: i32 = 2;
 /// Largest RMS of a profile about its two straight pieces, relative.
-const MOST_RMS: f64 = 0.012;
+const MAX_RMS: f64 = 0.012;
 /// The bend over the one that the two faces should have, and how far the slope of a piece may be from its face's,
 /// in units of that bend.
 const BEND: [f64; 2] = [0.6, 1.5];
 const SLOPE: f64 = 0.5;
 /// A knee must leave this share at most of the squares that a straight line leaves.
-const MOST_LEFT: f64 = 0.5;
+const MAX_LEFT: f64 = 0.5;
 /// Profiles that must agree, their spread (a share of the image's longer side), one sigma of an edge that they hold.
 const LEAST: usize = 6;
-const MOST_SPREAD: f64 = 0.008;
+const MAX_SPREAD: f64 = 0.008;
 const SIGMA: f64 = 0.002;
 
 /// The map's depths, by pixels relative to the principal point ([`Lens::relative`]).
@@ -105,7 +105,7 @@ pub(super) fn pins_on_creases(
         let offsets: Vec<f64> = knees.iter().map(|k| k.1).collect();
         let Some((middle, deviation)) = median_absolute_deviation(&offsets) else { continue };
         let spread = 1.48 * deviation;
-        if spread > MOST_SPREAD * side_px {
+        if spread > MAX_SPREAD * side_px {
             continue;
         }
         let near = |off: f64| (off - middle).abs() <= 2.5 * spread.max(depths.step());
@@ -208,10 +208,10 @@ impl Profile {
         }
         let bend = self.slopes[1] - self.slopes[0];
         let per_value = 1.0 / fit.value;
-        let sound = (fit.rss / self.values.len() as f64).sqrt() * per_value <= MOST_RMS
+        let sound = (fit.rss / self.values.len() as f64).sqrt() * per_value <= MAX_RMS
             && (BEND[0]..=BEND[1]).contains(&(fit.bend * per_value / bend))
             && (fit.slope * per_value - self.slopes[0]).abs() <= SLOPE * bend
-            && fit.rss <= MOST_LEFT * Fit::straight(&self.values);
+            && fit.rss <= MAX_LEFT * Fit::straight(&self.values);
         // The parabola through three neighbours.
         let finer = 0.5 * (before - after) / (before - 2.0 * fit.rss + after);
         sound.then_some(at + finer * step)

@@ -14,7 +14,7 @@ use crate::{LineSegment, RoomEdge};
 
 /// Shortest segment that counts, and the least length of all on one line, shares of the image's longer side.
 const SHORTEST: f64 = 0.02;
-const LEAST_TOTAL: f64 = 0.07;
+const MIN_TOTAL: f64 = 0.07;
 /// Segments on one line differ by less than this share.
 const SAME_LINE: f64 = 0.0018;
 /// Heights of skirting boards and cornices, metres, and the weight of their outer edge against the inner one's from
@@ -66,7 +66,7 @@ pub(super) fn line_on_edge(
     let on_line = |at: f64| near.iter().filter(move |(o, _, _)| (o - at).abs() <= same);
     let weight = |at: f64| {
         let total: f64 = on_line(at).map(|(_, length, _)| length).sum();
-        if total < LEAST_TOTAL * reach.side_px { 0.0 } else { total * (-2.0 * (at / reach.px).powi(2)).exp() }
+        if total < MIN_TOTAL * reach.side_px { 0.0 } else { total * (-2.0 * (at / reach.px).powi(2)).exp() }
     };
     let heaviest = |among: &dyn Fn(f64) -> bool| {
         near.iter().map(|(o, _, _)| *o).filter(|o| among(*o)).max_by(|a, b| weight(*a).total_cmp(&weight(*b)))

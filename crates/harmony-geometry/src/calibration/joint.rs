@@ -82,7 +82,7 @@ const CREASE_ROUNDS: usize = 2;
 /// How far beside the focal length that was found others are tried (logarithm).
 const FOCAL_BESIDE: f64 = 0.03;
 /// A refinement that turns the camera more than this is not believed, degrees.
-const MOST_TURN_DEG: f64 = 14.0;
+const MAX_TURN_DEG: f64 = 14.0;
 
 /// What the joint refinement changed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -457,7 +457,7 @@ impl<'a> Problem<'a> {
         let camera = self.lens.camera(&solved);
         let old = before.camera.resized(photo);
         let turned_deg = angle_deg(camera.rotation * old.rotation.transpose());
-        let sound = p.iter().all(|v| v.is_finite()) && turned_deg <= MOST_TURN_DEG;
+        let sound = p.iter().all(|v| v.is_finite()) && turned_deg <= MAX_TURN_DEG;
         if !sound {
             return None;
         }

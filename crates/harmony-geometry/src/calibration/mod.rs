@@ -34,9 +34,9 @@ use crate::surfels::{Surfels, surfels};
 use crate::{CameraHints, LayoutPrior, LineSegment, ViewEstimate};
 
 /// Usable points below which nothing is tried.
-const LEAST_POINTS: usize = 100;
+const MIN_POINTS: usize = 100;
 /// Share of agreeing normals below which there is no Manhattan frame. Random normals reach 0.1.
-const LEAST_SUPPORT: f64 = 0.22;
+const MIN_SUPPORT: f64 = 0.22;
 /// A measured room side beyond these times the prior's is absurd.
 const ABSURD_RATIO: f64 = 4.0;
 /// A floor nearer to the camera than this share of the prior's camera height is furniture.
@@ -220,8 +220,8 @@ fn calibrate_along(
 ) -> Result<(Calibration, Option<ManhattanFrame>), CalibrationError> {
     check(points, prior)?;
     let surfels = surfels(points);
-    if surfels.usable_points < LEAST_POINTS {
-        return Err(CalibrationError::TooFewPoints { got: surfels.usable_points, min: LEAST_POINTS });
+    if surfels.usable_points < MIN_POINTS {
+        return Err(CalibrationError::TooFewPoints { got: surfels.usable_points, min: MIN_POINTS });
     }
     let camera_from_room = known.as_ref().map(|k| k.camera_from_room);
     let measured = measure(points, &surfels, prior, settings, known);
@@ -298,7 +298,7 @@ fn measure(
         .and_then(|k| k.frame)
         .or_else(|| manhattan_frame(surfels, points.rotation, tilt))
         .ok_or_else(|| NoBox::from("the point map has hardly any smooth surface".to_owned()))?;
-    if frame.support < LEAST_SUPPORT {
+    if frame.support < MIN_SUPPORT {
         return Err(format!("only {:.0} % of the normals agree with a Manhattan frame", frame.support * 100.0).into());
     }
     let points_from_camera = points.rotation.transpose();

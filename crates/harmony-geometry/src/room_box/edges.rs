@@ -45,7 +45,7 @@ const WIDTH_SIGMA: f64 = 0.35;
 const BACK_SIGMA: [f64; 2] = [0.25, 0.4];
 const SIDE_SIGMA: f64 = 0.7;
 /// Proposals by kind.
-const MOST_PROPOSALS: usize = 18;
+const MAX_PROPOSALS: usize = 18;
 /// Heights tried around the prior's camera height where one line is missing.
 const HEIGHT_FACTORS: [f64; 5] = [0.75, 0.88, 1.0, 1.12, 1.25];
 /// Back distances and half widths tried around the prior's.
@@ -499,7 +499,7 @@ fn distinct(found: &mut [(f64, f64)]) -> Vec<f64> {
         }
     }
     merged.sort_by(|a, b| b.1.total_cmp(&a.1));
-    merged.truncate(MOST_PROPOSALS);
+    merged.truncate(MAX_PROPOSALS);
     merged.into_iter().map(|m| m.0).collect()
 }
 

@@ -49,14 +49,14 @@ const AGREE: f64 = 0.03;
 /// Least distance of the camera from a wall that nothing speaks of, metres.
 const SIDE_MARGIN: f64 = 0.3;
 /// Groups of pins that are left out in turn, at most.
-const MOST_GROUPS: usize = 12;
+const MAX_GROUPS: usize = 12;
 /// Pins used at most, and how far outside the image a pin may lie (shares of its sides).
-const MOST_PINS: usize = 80;
+const MAX_PINS: usize = 80;
 const OUTSIDE: f64 = 1.0;
 
 /// Vertical shifts of the principal point that are tried: one sigma and farthest, shares of the image's height.
 const SHIFT_SIGMA: f64 = 0.1;
-const MOST_SHIFT: f64 = 0.35;
+const MAX_SHIFT: f64 = 0.35;
 /// A shift is looked for when so many pins are given and their RMS is above this share of the diagonal (or some are
 /// called wrong), and kept when it lowers the cost by this much.
 const SHIFT_PINS: usize = 8;
@@ -100,7 +100,7 @@ pub(super) fn solve_with_image(
         return Ok(found);
     }
     let (height, top) = (prior.extents.height, top_of_picture(&found.camera, &found.extents));
-    match top.map(|top| (CLEAR * top).min(MOST_RAISED * height)).filter(|higher| *higher > height) {
+    match top.map(|top| (CLEAR * top).min(MAX_RAISED * height)).filter(|higher| *higher > height) {
         Some(height) => {
             let extents = Extents { height, ..prior.extents };
             solve_in_height(image, view, &LayoutPrior { extents, ..prior })
@@ -193,7 +193,7 @@ pub(crate) fn pins(prior: &LayoutPrior) -> Vec<Pin> {
         out.extend(points.iter().map(|p| Pin { edge: pinned.edge, point: **p - centre, sigma, group, given: true }));
         group += 1;
     }
-    out.truncate(MOST_PINS);
+    out.truncate(MAX_PINS);
 
     let hints = &prior.camera;
     if let Some(point) = hints.corner_px.map(Vec2::from_array).filter(usable) {
@@ -239,7 +239,7 @@ const SCALE_SIGMA: f64 = 0.3;
 /// that was said to be lower, and how much it is raised at most (more is no wrong guess but a wrong view).
 const TOP_RAYS: u32 = 8;
 const CLEAR: f64 = 1.015;
-const MOST_RAISED: f64 = 1.35;
+const MAX_RAISED: f64 = 1.35;
 /// One sigma of an unseen ceiling's height over that of the photo's upper border (logarithm): it has no metres of its own.
 const UNSEEN_SIGMA: f64 = 0.02;
 
@@ -407,7 +407,7 @@ impl<'a> Problem<'a> {
         };
         let straight = at(0.0);
         let mut best = (straight, 0.0);
-        let mut step = MOST_SHIFT / 7.0;
+        let mut step = MAX_SHIFT / 7.0;
         for share in (-7..=7).filter(|i| *i != 0).map(|i| f64::from(i) * step) {
             best = least(best, (at(share), share));
         }
@@ -422,7 +422,7 @@ impl<'a> Problem<'a> {
 
     /// The minima found, least cost first, and the iterations spent.
     fn solve(&self) -> (Vec<(f64, Unknowns)>, usize) {
-        self.search(self.pins.iter().map(|p| p.group + 1).max().unwrap_or(0).min(MOST_GROUPS))
+        self.search(self.pins.iter().map(|p| p.group + 1).max().unwrap_or(0).min(MAX_GROUPS))
     }
 
     /// [`Self::solve`], also without each of the first `groups` groups of pins in turn.

@@ -40,7 +40,7 @@ impl Default for FillSettings {
 }
 
 /// Most that is added to a copied patch, 8-bit levels.
-const MOST_OFFSET: f32 = 20.0;
+const MAX_OFFSET: f32 = 20.0;
 /// Shorter side of the coarsest picture, pixels: some patches wide.
 const COARSEST_PX: usize = 40;
 
@@ -65,7 +65,7 @@ pub fn fill(photo: &RgbImage, hole: &Mask, sources: Sources<'_>, settings: &Fill
     let work = size.fit_within(settings.working_px.clamp(32, 8192));
     let small = resize_window(photo, Window::whole((size.width, size.height)), work);
     let mut canvas = canvas(&small, size, &hole, mask.as_deref(), labels);
-    let matches = complete(&mut canvas, MOST_OFFSET, settings.seed);
+    let matches = complete(&mut canvas, MAX_OFFSET, settings.seed);
     let mut filled = photo.clone();
     if work == size {
         for (pixel, (texel, hole)) in filled.pixels_mut().zip(canvas.pixels.iter().zip(hole.bits())) {

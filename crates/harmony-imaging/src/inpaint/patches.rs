@@ -19,7 +19,7 @@ pub(super) const NONE: u32 = u32::MAX;
 /// Rows are worked on in this many bands, whatever the number of threads.
 const BANDS: usize = 8;
 /// Fewer whole patches than this are no texture to copy from.
-const LEAST_CANDIDATES: usize = 48;
+const MIN_CANDIDATES: usize = 48;
 /// What adding a constant costs, relative to what it saves.
 const OFFSET_COST: f32 = 0.15;
 /// What sums of floats may be off by, when patches are told apart early.
@@ -80,7 +80,7 @@ impl<'a> Matcher<'a> {
             }
         }
         for list in &mut candidates {
-            if list.len() < LEAST_CANDIDATES {
+            if list.len() < MIN_CANDIDATES {
                 list.clear();
             }
         }

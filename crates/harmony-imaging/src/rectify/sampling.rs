@@ -6,7 +6,7 @@ use image::{RgbImage, Rgba, RgbaImage};
 use rayon::prelude::*;
 
 /// Most samples along a texel's side.
-const MOST_SAMPLES: usize = 8;
+const MAX_SAMPLES: usize = 8;
 
 /// An image whose texel (x, y), with (0, 0) the top-left corner of the first texel, shows the photo at `map`.
 ///
@@ -65,7 +65,7 @@ fn samples_needed(map: &impl Fn(DVec2) -> Option<DVec2>, corner: DVec2) -> (usiz
     let (Some(top), Some(bottom)) = (map(centre - DVec2::new(0.0, 0.5)), map(centre + DVec2::new(0.0, 0.5))) else {
         return (1, 1);
     };
-    let count = |length: f64| (length.ceil().max(1.0) as usize).min(MOST_SAMPLES);
+    let count = |length: f64| (length.ceil().max(1.0) as usize).min(MAX_SAMPLES);
     (count((right - left).length()), count((bottom - top).length()))
 }
 

@@ -101,7 +101,7 @@ pub fn propose_regions(photo: &RgbImage, surfaces: &[u8], settings: &RegionSetti
         .into_iter()
         .filter_map(|set| {
             let area = set.iter().filter(|b| **b).count() as f64 / set.len() as f64;
-            (area >= settings.min_area && area <= MOST_AREA).then(|| (picture.objectness(&set), set))
+            (area >= settings.min_area && area <= MAX_AREA).then(|| (picture.objectness(&set), set))
         })
         .collect();
     candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -118,7 +118,7 @@ pub fn propose_regions(photo: &RgbImage, surfaces: &[u8], settings: &RegionSetti
 }
 
 /// Largest region, as a fraction of the image.
-const MOST_AREA: f64 = 0.6;
+const MAX_AREA: f64 = 0.6;
 /// Regions that overlap this much (intersection over union) are one.
 const SAME_OVERLAP: f64 = 0.7;
 /// Colour distance to the bare surface below which a part is bare, and from which it surely is not.

@@ -21,7 +21,7 @@ pub(super) enum Known {
 /// Integer capacity of one unit of evidence.
 const UNIT: f32 = 200.0;
 /// Most that a pixel's colour can say for or against the object, natural log units.
-const MOST_COLOR_ODDS: f32 = 5.0;
+const MAX_COLOR_ODDS: f32 = 5.0;
 /// Usual strength of the pairwise term, in the same units.
 const EDGE_STRENGTH: f32 = 14.0;
 
@@ -63,7 +63,7 @@ impl Problem {
             for ((odds, lab), known) in odds.iter_mut().zip(&self.lab).zip(&self.known) {
                 if *known == Known::Free {
                     let color = models.object.log_density(*lab) - models.background.log_density(*lab);
-                    *odds += self.color_weight * color.clamp(-MOST_COLOR_ODDS, MOST_COLOR_ODDS);
+                    *odds += self.color_weight * color.clamp(-MAX_COLOR_ODDS, MAX_COLOR_ODDS);
                 }
             }
         }

@@ -5,7 +5,7 @@ use crate::color::{farthest_points, nearest};
 /// Gaussian components (GrabCut uses 5).
 const COMPONENTS: usize = 5;
 /// Least variance along each axis, Lab units squared: keeps flat colours from becoming certain.
-const LEAST_VARIANCE: f32 = 4.0;
+const MIN_VARIANCE: f32 = 4.0;
 /// Most samples used for a fit.
 const MAX_SAMPLES: usize = 6000;
 
@@ -98,7 +98,7 @@ fn gaussian(mean: [f32; 3], members: &[&[f32; 3]], total: usize) -> Option<Gauss
     }
     let n = members.len() as f64;
     let [xx, yy, zz, xy, xz, yz] = c.map(|v| v / n);
-    let (xx, yy, zz) = (xx + f64::from(LEAST_VARIANCE), yy + f64::from(LEAST_VARIANCE), zz + f64::from(LEAST_VARIANCE));
+    let (xx, yy, zz) = (xx + f64::from(MIN_VARIANCE), yy + f64::from(MIN_VARIANCE), zz + f64::from(MIN_VARIANCE));
     let determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
     if determinant <= 0.0 {
         return None;
@@ -134,7 +134,7 @@ mod tests {
         let all: Vec<&[f32; 3]> = colors.iter().collect();
         let g = gaussian([50.0, 10.0, -5.0], &all, all.len()).unwrap();
         let mixture = Mixture { components: vec![g] };
-        let variance = 9.0 / 3.0 + LEAST_VARIANCE;
+        let variance = 9.0 / 3.0 + MIN_VARIANCE;
         let at_mean = -1.5 * (std::f32::consts::TAU * variance).ln();
         assert!((mixture.log_density([50.0, 10.0, -5.0]) - at_mean).abs() < 1e-4);
         assert!((mixture.log_density([52.0, 10.0, -5.0]) - (at_mean - 4.0 / (2.0 * variance))).abs() < 1e-4);

@@ -3,7 +3,7 @@
 use image::{Rgba, RgbaImage};
 
 use super::base::{Base, Color, Smoothing};
-use super::{LEAST_OBSERVED, quilt};
+use super::{MIN_OBSERVED, quilt};
 
 /// Sides of the tile that are tried, texels: little that was seen makes a small one.
 const SIDES: [usize; 4] = [192, 128, 96, 64];
@@ -29,7 +29,7 @@ impl Detail {
     /// useful size was seen as a whole.
     pub fn of(colors: &[Option<Color>], width: usize, seed: u64) -> Option<Self> {
         let height = colors.len() / width.max(1);
-        if colors.iter().flatten().count() < LEAST_OBSERVED {
+        if colors.iter().flatten().count() < MIN_OBSERVED {
             return None;
         }
         let image = RgbaImage::from_fn(width as u32, height as u32, |x, y| {

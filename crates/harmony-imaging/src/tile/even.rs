@@ -15,7 +15,7 @@ const CELL: f64 = 0.02;
 /// Half the median's window, metres.
 const WINDOW: f64 = 0.1;
 /// Most cells from the middle of the window to its edge.
-const MOST_REACH: i64 = 6;
+const MAX_REACH: i64 = 6;
 /// Width of the slow part, which is light however small, metres.
 const SLOW: f64 = 0.5;
 /// Difference of hue (logarithms of channels against their mean) that is hardly the light's.
@@ -48,7 +48,7 @@ pub(super) struct Seen<'a> {
 pub(super) fn even(seen: &Seen<'_>, material: impl Fn(u32, u32) -> Color) -> RgbaImage {
     let cell = ((CELL * seen.px_per_m).round() as usize).max(1);
     let grid = Grid::of(seen, cell, &material);
-    let reach = ((WINDOW * seen.px_per_m / cell as f64).round() as i64).clamp(1, MOST_REACH);
+    let reach = ((WINDOW * seen.px_per_m / cell as f64).round() as i64).clamp(1, MAX_REACH);
     let middle = grid.medians(reach);
     let slow = grid.slow(&middle, (SLOW * seen.px_per_m / cell as f64).max(1.0));
     let light: Vec<Color> = middle.iter().zip(&slow).map(|(m, s)| light_of(*m, *s, seen.pieces)).collect();

@@ -22,9 +22,9 @@ const PROMINENCE: f32 = 0.25;
 /// Share of the variance of one half of the cells that the mean of the other half must explain.
 const EXPLAINED: f64 = 0.25;
 /// Contrast below which there is no pattern to look for (standard deviation of the ratio to the light).
-const LEAST_CONTRAST: f64 = 0.012;
+const MIN_CONTRAST: f64 = 0.012;
 /// Cells that must have been seen.
-const LEAST_CELLS: f64 = 6.0;
+const MIN_CELLS: f64 = 6.0;
 /// Longest side of the stored cell, texels.
 const CELL_PX: usize = 320;
 /// Deviation from the cell's mean at which an observation is left out of it.
@@ -173,7 +173,7 @@ impl Small {
         use rayon::prelude::*;
         let n = self.known.max(1) as f64;
         let variance = self.values.iter().flatten().map(|v| f64::from(v[0] * v[0] + v[1] * v[1])).sum::<f64>() / n;
-        if variance.sqrt() < LEAST_CONTRAST {
+        if variance.sqrt() < MIN_CONTRAST {
             return None;
         }
         let (rx, ry) = (self.width as i32 * 2 / 3, self.height as i32 * 2 / 3);
@@ -231,7 +231,7 @@ impl Lattice {
         let [a, b] = periods.map(|p| ratios.refined(p, small.scale as i32 + 1));
         let area = a.perp_dot(b).abs();
         let known = ratios.values.iter().flatten().count();
-        if area < 16.0 || (known as f64) < LEAST_CELLS * area {
+        if area < 16.0 || (known as f64) < MIN_CELLS * area {
             return None;
         }
         let lattice = Self::averaged(ratios, a, b)?;

@@ -14,13 +14,13 @@ use super::even;
 use super::fineness::Fineness;
 use super::grain::{Grain, Tile};
 use super::lattice::{Lattice, Ratios};
-use super::{LEAST_OBSERVED, opaque, without_odd_islands};
+use super::{MIN_OBSERVED, opaque, without_odd_islands};
 use crate::distance::distance_to;
 
 /// Side of a cell of the field, metres.
 const CELL: f64 = 0.07;
 /// Most cells along a side.
-const MOST_CELLS: usize = 72;
+const MAX_CELLS: usize = 72;
 /// Blur of the field, metres; at least the pattern's period.
 const BLUR: f64 = 0.16;
 /// Distance in which the field settles, metres: light changes over a room, not at the edge of what was seen of it.
@@ -33,7 +33,7 @@ const FEATHER: f64 = 0.03;
 /// on, metres, and its most, as a logarithm.
 const SEAM_CELL: f64 = 0.03;
 const SEAM_REACH: f64 = 0.3;
-const MOST_SEAM: f32 = 0.5;
+const MAX_SEAM: f32 = 0.5;
 /// Alpha from which a texel is kept; less than that, and 128 or more, tells the light only.
 const KEPT: u8 = 224;
 /// Ratios outside this range are no grain; dark joints and knots belong to a coarse one.
@@ -47,17 +47,17 @@ const ODD: f32 = 28.0;
 /// Side of the squares whose mean tones are compared, metres: finer differences are grain.
 const PIECE: f64 = 0.05;
 /// Fewest squares whose spread says something.
-const LEAST_SQUARES: usize = 30;
+const MIN_SQUARES: usize = 30;
 /// Brightness (8-bit levels) from which a texel can be in the sun, how many times the typical one that is at least, how wide such
 /// a patch is, metres, how far its soft edge reaches, and its most share of what was seen: more is a light surface.
 const SUN: f32 = 190.0;
 const SUN_TIMES: f32 = 1.8;
 const SUN_WIDTH: f64 = 0.06;
 const SUN_EDGE: f64 = 0.05;
-const MOST_SUN: f64 = 0.15;
+const MAX_SUN: f64 = 0.15;
 
 /// Spread of such squares that boards or tiles of one floor have at most, as a logarithm, and what any surface may have.
-const MOST_PIECES: f32 = 0.12;
+const MAX_PIECES: f32 = 0.12;
 const USUAL_PIECES: f32 = 0.03;
 
 /// A material that was seen somewhere: what other surfaces can be painted with.
@@ -173,7 +173,7 @@ fn sunlit(texture: &RgbaImage, px_per_m: f64) -> Option<Vec<bool>> {
     let (width, height) = (texture.width() as usize, texture.height() as usize);
     let bright: Vec<bool> = texture.pixels().map(|p| p.0[3] >= 128 && luma(p) >= least).collect();
     let count = bright.iter().filter(|b| **b).count();
-    if count == 0 || count as f64 > MOST_SUN * all.len() as f64 {
+    if count == 0 || count as f64 > MAX_SUN * all.len() as f64 {
         return None;
     }
     // What is no wider than a joint is none.
@@ -200,7 +200,7 @@ impl Survey {
             known.pixels_mut().zip(sun).filter(|(_, lit)| *lit).for_each(|(p, _)| p.0[3] = 0);
         }
         let count = known.pixels().filter(|p| p.0[3] >= 128).count();
-        if count < LEAST_OBSERVED {
+        if count < MIN_OBSERVED {
             return None;
         }
         // Against a light that is far smoother than any pattern.
@@ -271,12 +271,12 @@ impl Survey {
 
     /// The whole surface in a material under even light, for whoever lights it again: what was seen without its light,
     /// and the material elsewhere; opaque. On a floor (`Grain::Coarse`) boards or tiles differ by as much as the look's do,
-    /// or [`MOST_PIECES`]; what differs by more is light. Elsewhere what differs as much as all that was seen does may be a
+    /// or [`MAX_PIECES`]; what differs by more is light. Elsewhere what differs as much as all that was seen does may be a
     /// pattern.
     pub fn even(&self, look: &Look, grain: Grain) -> RgbaImage {
         let own = self.unevenness().map_or(USUAL_PIECES, |u| u.pieces);
         let named = self.unevenness_in(look).map_or(0.0, |u| u.pieces);
-        let pieces = if grain == Grain::Coarse { own.min(named.max(MOST_PIECES)) } else { own.max(USUAL_PIECES) };
+        let pieces = if grain == Grain::Coarse { own.min(named.max(MAX_PIECES)) } else { own.max(USUAL_PIECES) };
         let seen = even::Seen { texture: &self.texture, kept: KEPT, px_per_m: self.px_per_m, pieces };
         let texture = even::even(&seen, |x, y| look.piece(x, y));
         Self { texture, ..self.clone() }.completed(look, |x, y, _| look.times(x, y, look.color))
@@ -371,7 +371,7 @@ impl Survey {
 
 /// Robust standard deviation: 1.48 times the median distance to the median.
 fn spread(mut values: Vec<f32>) -> Option<f32> {
-    if values.len() < LEAST_SQUARES {
+    if values.len() < MIN_SQUARES {
         return None;
     }
     let middle = values.len() / 2;
@@ -389,7 +389,7 @@ fn smoothstep(t: f32) -> f32 {
 
 fn smoothing(texture: &RgbaImage, px_per_m: f64) -> Smoothing {
     let longest = texture.width().max(texture.height()) as usize;
-    let cell = ((CELL * px_per_m).round() as usize).max(longest.div_ceil(MOST_CELLS)).max(1);
+    let cell = ((CELL * px_per_m).round() as usize).max(longest.div_ceil(MAX_CELLS)).max(1);
     let in_cells = |metres: f64| (metres * px_per_m / cell as f64) as f32;
     Smoothing { cell, blur: in_cells(BLUR).max(1.2), settling: in_cells(SETTLING).max(2.0) }
 }
@@ -472,7 +472,7 @@ impl Seam {
             let (at, here) = (&mut cells[y as usize / cell * width + x as usize / cell], material(x, y));
             for (sum, (seen, said)) in at.0.iter_mut().zip(p.0.iter().zip(here)) {
                 let ratio = (f32::from(*seen) + DARKEST) / (said.max(0.0) + DARKEST);
-                *sum += ratio.ln().clamp(-MOST_SEAM, MOST_SEAM);
+                *sum += ratio.ln().clamp(-MAX_SEAM, MAX_SEAM);
             }
             at.1 += 1.0;
         }

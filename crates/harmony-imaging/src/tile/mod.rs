@@ -46,9 +46,9 @@ impl Default for TextureSettings {
 }
 
 /// Most that is added to a copied patch of detail, 8-bit levels.
-const MOST_OFFSET: f32 = 5.0;
+const MAX_OFFSET: f32 = 5.0;
 /// With fewer observed texels there is no detail to speak of.
-const LEAST_OBSERVED: usize = 400;
+const MIN_OBSERVED: usize = 400;
 /// Islands below this share of the observed texels are dropped when their colour is this far from the median, Lab units.
 const ISLAND_SHARE: f64 = 0.05;
 const ISLAND_DISTANCE: f32 = 12.0;
@@ -74,7 +74,7 @@ pub fn complete_surface(texture: &RgbaImage, settings: &TextureSettings) -> Rgba
         return merge(texture, |x, y| *filled.get_pixel(x, y));
     }
     let observed = texture.pixels().filter(|p| p.0[3] >= 128).count();
-    let Some(base) = Base::of(texture).filter(|_| observed >= LEAST_OBSERVED) else {
+    let Some(base) = Base::of(texture).filter(|_| observed >= MIN_OBSERVED) else {
         let plain = grain(texture, settings.seed);
         return merge(texture, |x, y| *plain.get_pixel(x, y));
     };
@@ -89,7 +89,7 @@ pub fn complete_surface(texture: &RgbaImage, settings: &TextureSettings) -> Rgba
         source: vec![true; size.pixels()],
         label: vec![0; size.pixels()],
     };
-    complete(&mut canvas, MOST_OFFSET, settings.seed);
+    complete(&mut canvas, MAX_OFFSET, settings.seed);
     merge(texture, |x, y| {
         let detail = canvas.pixels[y as usize * canvas.width + x as usize];
         let field = base.at(x, y);

@@ -14,7 +14,7 @@ const BLOCKS: [usize; 6] = [2, 3, 4, 6, 8, 12];
 /// Positions looked at for each block.
 const TRIES: usize = 240;
 /// Places a block needs to be chosen from, for each block of the tile.
-const LEAST_CHOICE: usize = 6;
+const MIN_CHOICE: usize = 6;
 
 /// Capacity that no seam is worth.
 const CERTAIN: i32 = 1 << 24;
@@ -38,7 +38,7 @@ pub(super) fn quilt(sample: &Sample<'_>, side: usize, seed: u64) -> Option<Vec<C
             continue;
         }
         let places = most_even(sample, whole_blocks(sample, &sums, block), block);
-        if places.len() >= LEAST_CHOICE * count * count {
+        if places.len() >= MIN_CHOICE * count * count {
             return Some(lay(sample, &places, (side, count, step, block), seed));
         }
     }

@@ -12,9 +12,9 @@ use super::base::Color;
 /// Sides of the triangles in a tile's side.
 const TRIANGLES: f32 = 3.0;
 /// Fourth moment over the squared second from which a tile has lines or blots: 3 is a normal distribution's.
-const MOST_PEAKED: f32 = 8.0;
+const MAX_PEAKED: f32 = 8.0;
 /// Correlation of places far from each other from which a tile has stripes or a repeat.
-const MOST_ALIKE: f32 = 0.4;
+const MAX_ALIKE: f32 = 0.4;
 /// Distances at which that is looked for, as parts of the side.
 const FAR: [usize; 3] = [4, 3, 2];
 
@@ -23,7 +23,7 @@ pub(super) fn is_noise(ratios: &[Color], side: usize) -> bool {
     let off: Vec<f32> = ratios.iter().map(|c| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2] - 1.0).collect();
     let mean = |f: &dyn Fn(usize) -> f32| (0..off.len()).map(f).sum::<f32>() / off.len().max(1) as f32;
     let second = mean(&|i| off[i].powi(2));
-    if second <= 0.0 || mean(&|i| off[i].powi(4)) > MOST_PEAKED * second * second {
+    if second <= 0.0 || mean(&|i| off[i].powi(4)) > MAX_PEAKED * second * second {
         return false;
     }
     let alike = |dx: usize, dy: usize| {
@@ -31,7 +31,7 @@ pub(super) fn is_noise(ratios: &[Color], side: usize) -> bool {
     };
     FAR.iter()
         .map(|part| side / part)
-        .all(|d| [(d, 0), (0, d), (d, d), (d, side - d)].iter().all(|(dx, dy)| alike(*dx, *dy) < MOST_ALIKE))
+        .all(|d| [(d, 0), (0, d), (d, d), (d, side - d)].iter().all(|(dx, dy)| alike(*dx, *dy) < MAX_ALIKE))
 }
 
 /// The ratio at a place of a surface that the tile goes over.

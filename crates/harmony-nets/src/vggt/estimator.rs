@@ -17,7 +17,7 @@ use crate::{Backend, NetError, WeightFile};
 /// Fields of view outside of these, in degrees, are nonsense.
 const FOV_DEG: [f64; 2] = [2.0, 170.0];
 /// At least this share of pixels needs a usable depth.
-const LEAST_DEPTH: f64 = 0.5;
+const MIN_DEPTH: f64 = 0.5;
 /// Width to height of a pixel beyond these is nonsense; point maps outside of them can't be recorded either.
 const PIXEL_ASPECT: [f64; 2] = [0.25, 4.0];
 /// Depths nearer than this are no depths (the reference's limit).
@@ -258,7 +258,7 @@ fn point_map(frame: &Frame, geometry: &FrameGeometry) -> Result<PointMap, String
         }
     }
     let usable = confidence.iter().filter(|c| **c > 0.0).count();
-    if (usable as f64) < LEAST_DEPTH * (rows * columns) as f64 {
+    if (usable as f64) < MIN_DEPTH * (rows * columns) as f64 {
         return Err(format!("only {usable} of {} pixels have a depth", rows * columns));
     }
     let size = ImageSize::new(columns as u32, rows as u32);

@@ -19,7 +19,7 @@ use crate::views;
 /// Decorations on one question.
 const PER_QUESTION: usize = 8;
 /// Hosts that one decoration can be offered.
-const MOST_HOSTS: usize = 5;
+const MAX_HOSTS: usize = 5;
 /// Outline agreement below which a place is doubted.
 const POOR_IOU: f64 = 0.6;
 /// Side of a picture on the sheet, pixels.
@@ -87,7 +87,7 @@ fn doubted(state: &SceneState) -> Vec<HostedObject> {
             let current = on(p).cloned();
             let mut candidates: Vec<ObjectId> = current.iter().cloned().collect();
             candidates.extend(hosts.iter().map(|q| q.item.id.clone()).filter(|id| Some(id) != current.as_ref()));
-            candidates.truncate(MOST_HOSTS);
+            candidates.truncate(MAX_HOSTS);
             let named = &p.item.relations.on_top_of;
             let label = |id: &ObjectId| state.partial.find(id).map(|q| q.item.label.as_str());
             let twins = current

@@ -16,7 +16,7 @@ use crate::views;
 /// Share of the photo that a piece must have for what stands on it to be seen.
 const SEEN_SHARE: f64 = 0.005;
 /// Pieces that are asked about at most, the largest in the photo first.
-const MOST_PIECES: usize = 12;
+const MAX_PIECES: usize = 12;
 /// How much of a piece's height above it is shown, and of its width beside it: lamps and plants stand out.
 const AROUND: (f64, f64) = (0.8, 0.15);
 /// Overlap from which a box shows what was found already.
@@ -74,7 +74,7 @@ fn pieces(state: &SceneState) -> Vec<usize> {
         })
         .collect();
     pieces.sort_by_key(|i| (std::cmp::Reverse(area(i)), *i));
-    pieces.truncate(MOST_PIECES);
+    pieces.truncate(MAX_PIECES);
     pieces
 }
 

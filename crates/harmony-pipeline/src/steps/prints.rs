@@ -25,9 +25,9 @@ const ALIKE: (f64, f64) = (0.75, 18.0);
 /// Difference in hue and saturation (Lab a and b) up to which the rim is the ground that was said.
 const SAME_HUE: f32 = 22.0;
 /// Largest factor on a rim's light, and its inverse.
-const MOST_LIGHT: f32 = 4.0;
+const MAX_LIGHT: f32 = 4.0;
 /// Largest fall of light across a piece that is taken out, logarithm.
-const MOST_FALL: f64 = 1.5;
+const MAX_FALL: f64 = 1.5;
 
 /// Lays rectified pieces of the photo on the materials that ask for them. The materials whose pieces took their ground's
 /// colour, by name.
@@ -79,7 +79,7 @@ fn level_light(piece: &mut RgbaImage) {
         slope += place(x, y) * level(p);
         squares += place(x, y) * place(x, y);
     }
-    slope = (slope / squares).clamp(DVec2::splat(-MOST_FALL), DVec2::splat(MOST_FALL));
+    slope = (slope / squares).clamp(DVec2::splat(-MAX_FALL), DVec2::splat(MAX_FALL));
     for (x, y, p) in piece.enumerate_pixels_mut() {
         let factor = (-slope.dot(place(x, y))).exp() as f32;
         let [r, g, b] = linear_from_rgb8([p.0[0], p.0[1], p.0[2]]);
@@ -134,7 +134,7 @@ fn on_ground(piece: &RgbaImage, ground: [u8; 3]) -> Option<RgbaImage> {
         [0, 1, 2].map(|k| (wanted[k] + 1e-3) / (seen[k] + 1e-3))
     };
     let corners = [[corner(false, false), corner(true, false)], [corner(false, true), corner(true, true)]];
-    if corners.iter().flatten().flatten().any(|f| !(1.0 / MOST_LIGHT..=MOST_LIGHT).contains(f)) {
+    if corners.iter().flatten().flatten().any(|f| !(1.0 / MAX_LIGHT..=MAX_LIGHT).contains(f)) {
         return None;
     }
     Some(RgbaImage::from_fn(w, h, |x, y| {

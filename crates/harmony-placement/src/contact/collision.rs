@@ -27,7 +27,7 @@ const ROUNDS: usize = 60;
 const STEP: f64 = 0.6;
 
 /// Weight of an object that agrees with nothing, beside one that agrees with its mask: it moves first.
-const LEAST_WEIGHT: f64 = 0.03;
+const MIN_WEIGHT: f64 = 0.03;
 
 /// How deep soft things may press into each other, share of the thinner one.
 const LEANING: f64 = 0.4;
@@ -161,7 +161,7 @@ fn relaxed(scene: &mut PartialScene, settings: &PlacementSettings, longest: &[f6
         .map(|p| {
             let seen = p.evidence.silhouette_iou.unwrap_or(0.2);
             let whole = if p.item.traits.heavily_occluded { 0.5 } else { 1.0 };
-            (whole * seen * seen).max(LEAST_WEIGHT)
+            (whole * seen * seen).max(MIN_WEIGHT)
         })
         .collect();
     let free: Vec<Vec<Vec3>> = (0..n).map(|i| free_directions(scene, i, &settings.noise)).collect();

@@ -17,7 +17,7 @@ use crate::{PartialScene, Placed, PlacementSettings};
 const SUPPORTED: f64 = 0.5;
 /// ... or nearly as much as anywhere on it, and at least this much.
 const NEARLY: f64 = 0.8;
-const LEAST_SUPPORTED: f64 = 0.15;
+const MIN_SUPPORTED: f64 = 0.15;
 const SAME_LEVEL: f64 = 0.05;
 /// Height within which the lowest points of an object are what it stands on, metres; more is in the air.
 const FOOT: f64 = 0.004;
@@ -148,7 +148,7 @@ fn places_towards_middle(object: &Placed, host: &Placed) -> Vec<Place> {
         .filter_map(|p| Some((p, surface_at(object, host, p)?)))
         .collect();
     let most = surfaces.iter().map(|(_, s)| s.share).fold(0.0, f64::max);
-    let enough = SUPPORTED.min(NEARLY * most).max(LEAST_SUPPORTED);
+    let enough = SUPPORTED.min(NEARLY * most).max(MIN_SUPPORTED);
     let sag = sag_of(&object.item, &object.pose);
     let place = |(p, s): (Vec3, Surface)| Place { at: Vec3::new(p.x, s.height - sag, p.z), carries: s.share >= enough };
     surfaces.into_iter().map(place).collect()

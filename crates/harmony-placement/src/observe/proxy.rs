@@ -11,7 +11,7 @@ use glam::Vec3;
 use harmony_mesh::Mesh;
 
 /// More triangles than this are too many to draw in the inner loop.
-const MOST_TRIANGLES: usize = 6000;
+const MAX_TRIANGLES: usize = 6000;
 
 /// Cells along the longest side of the clustering grid for what cannot be simplified so far (foliage): 1 % of the object,
 /// below a pixel of the window.
@@ -41,7 +41,7 @@ impl Proxy {
     /// From the [`harmony_mesh::simple_form`] of a mesh.
     pub(crate) fn new(form: &Mesh) -> Self {
         let proxy = Self::welded(form);
-        if proxy.triangles.len() <= MOST_TRIANGLES {
+        if proxy.triangles.len() <= MAX_TRIANGLES {
             return proxy;
         }
         let extent = form.bounds().map_or(1.0, |b| b.size().max_element());

@@ -15,7 +15,7 @@ use crate::scene::support::{self, Layer};
 use crate::{Item, PartialScene, Placed, YawHint};
 
 /// Hosts tried for one object, at most.
-const MOST_HOSTS: usize = 3;
+const MAX_HOSTS: usize = 3;
 
 /// Below this overlap with the given host's box other candidates are tried too.
 const DOUBTFUL_OVERLAP: f64 = 0.5;
@@ -25,12 +25,12 @@ const FOOT: f64 = 0.1;
 
 /// Heights of a host tried for one object, at most; places as far beside the host are alike, and those as far are as good
 /// as none, metres.
-const MOST_LAYERS: usize = 6;
+const MAX_LAYERS: usize = 6;
 const BESIDE_STEP_M: f64 = 0.1;
-const MOST_BESIDE_M: f64 = 3.0;
+const MAX_BESIDE_M: f64 = 3.0;
 
 /// How far before a place that carries nothing one is looked for that does, and by which steps, metres.
-const MOST_BEFORE_M: f64 = 0.5;
+const MAX_BEFORE_M: f64 = 0.5;
 const BEFORE_STEP_M: f64 = 0.02;
 
 /// How far below the floor what hangs may reach, metres: it gives way there.
@@ -120,7 +120,7 @@ fn other_hosts(scene: &PartialScene, item: &Item, mask_box: PixelBox, given: Opt
         .filter(|(o, _)| *o > 0.2)
         .collect();
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    ranked.into_iter().map(|(_, i)| i).take(MOST_HOSTS - given.map_or(0, |_| 1)).collect()
+    ranked.into_iter().map(|(_, i)| i).take(MAX_HOSTS - given.map_or(0, |_| 1)).collect()
 }
 
 fn on_host<'a>(proposer: &Proposer<'a, '_>, host: usize, price: f64, out: &mut Vec<Hypothesis<'a>>) {
@@ -141,7 +141,7 @@ fn on_host<'a>(proposer: &Proposer<'a, '_>, host: usize, price: f64, out: &mut V
     }
 }
 
-/// The heights of a host that are tried, at most [`MOST_LAYERS`]: those above which the mask's foot or its middle lies over
+/// The heights of a host that are tried, at most [`MAX_LAYERS`]: those above which the mask's foot or its middle lies over
 /// the host, then large ones (the tray's rim is not the table). A case has more shelves than are tried.
 fn likely_layers(proposer: &Proposer, host: &Placed, height: f64, sag: f64) -> Vec<Layer> {
     let mut layers = support::layers(host, height);
@@ -158,12 +158,12 @@ fn likely_layers(proposer: &Proposer, host: &Placed, height: f64, sag: f64) -> V
             let p = (k.is_finite() && k > 0.0).then(|| ray.at(k))?;
             Some((low - p).max(p - high).max(Vec3::ZERO).with_y(0.0).length())
         });
-        (beside.fold(MOST_BESIDE_M, f64::min) / BESIDE_STEP_M).floor()
+        (beside.fold(MAX_BESIDE_M, f64::min) / BESIDE_STEP_M).floor()
     };
     let mut ranked: Vec<(f64, Layer)> = layers.into_iter().map(|layer| (miss(&layer), layer)).collect();
     ranked
         .sort_by(|(a, p), (b, q)| a.total_cmp(b).then(q.share.total_cmp(&p.share)).then(q.height.total_cmp(&p.height)));
-    ranked.truncate(MOST_LAYERS);
+    ranked.truncate(MAX_LAYERS);
     ranked.into_iter().map(|(_, layer)| layer).collect()
 }
 
@@ -191,7 +191,7 @@ fn before_it(proposer: &Proposer, host: usize, pose: &Pose, (level, at): (f64, V
         return None;
     }
     let towards = (proposer.scene.camera.centre() - at).with_y(0.0).try_normalize()?;
-    let steps = (MOST_BEFORE_M / BEFORE_STEP_M) as usize;
+    let steps = (MAX_BEFORE_M / BEFORE_STEP_M) as usize;
     (1..=steps).map(|k| at + towards * (BEFORE_STEP_M * k as f64)).find(|at| carried(*at)).map(|at| (level, at))
 }
 

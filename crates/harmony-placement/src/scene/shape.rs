@@ -14,7 +14,7 @@ use harmony_scene::{Vec2, Vec3};
 use crate::observe::proxy::Proxy;
 
 /// Points an outline is made of, at most.
-const MOST_EXTREMES: usize = 240;
+const MAX_EXTREMES: usize = 240;
 
 /// A canonical mesh with what placement derives from it once.
 #[derive(Debug, Clone)]
@@ -235,13 +235,13 @@ impl Shape {
 
 /// The outermost points in evenly spread directions; all where there are few.
 fn extremes(all: &[Vec3]) -> Vec<Vec3> {
-    if all.len() <= MOST_EXTREMES {
+    if all.len() <= MAX_EXTREMES {
         return all.to_vec();
     }
-    let mut chosen: Vec<usize> = (0..MOST_EXTREMES)
+    let mut chosen: Vec<usize> = (0..MAX_EXTREMES)
         .filter_map(|i| {
             // A Fibonacci sphere of directions.
-            let y = 1.0 - 2.0 * (i as f64 + 0.5) / MOST_EXTREMES as f64;
+            let y = 1.0 - 2.0 * (i as f64 + 0.5) / MAX_EXTREMES as f64;
             let (sin, cos) = (i as f64 * 2.399_963).sin_cos();
             let d = Vec3::new(cos * (1.0 - y * y).sqrt(), y, sin * (1.0 - y * y).sqrt());
             (0..all.len()).max_by(|a, b| all[*a].dot(d).total_cmp(&all[*b].dot(d)))

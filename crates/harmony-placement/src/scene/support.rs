@@ -75,7 +75,7 @@ fn height_below(host: &Placed, x: f64, z: f64, from: f64) -> Option<f64> {
 }
 
 /// Heights of a mesh that are looked at along a vertical line.
-const MOST_CROSSINGS: usize = 128;
+const MAX_CROSSINGS: usize = 128;
 
 /// Two crossings of one side this near to each other are one, met on the edge of two triangles, metres.
 const SAME_CROSSING: f64 = 1e-5;
@@ -87,7 +87,7 @@ fn column(host: &Placed, x: f64, z: f64, top: f64) -> Vec<(f64, bool)> {
     let hits = host.item.shape.bvh().crossings(origin, down, to_foot(host, top) * unit);
     let mut out: Vec<(f64, bool)> =
         hits.iter().map(|hit| (top - hit.distance / unit, hit.normal.dot(down) < 0.0)).collect();
-    out.truncate(MOST_CROSSINGS);
+    out.truncate(MAX_CROSSINGS);
     let Some(topmost) = out.first().map(|(_, up)| *up) else { return out };
     // Where one solid stands on another it ends before that begins.
     out.sort_by(|a, b| {
@@ -116,7 +116,7 @@ fn carrying(column: &mut [(f64, bool)]) {
             Some(*inside)
         })
         .collect();
-    let is_closed = column.len() < MOST_CROSSINGS && below.last() == Some(&0) && below.iter().all(|n| *n >= 0);
+    let is_closed = column.len() < MAX_CROSSINGS && below.last() == Some(&0) && below.iter().all(|n| *n >= 0);
     if is_closed {
         for ((_, carries), inside) in column.iter_mut().zip(below) {
             *carries &= inside == 1;

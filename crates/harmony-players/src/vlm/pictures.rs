@@ -14,7 +14,7 @@ use super::wire::SentPicture;
 const LOSSLESS_BYTES: usize = 1_500_000;
 
 /// Largest file that is sent, bytes: 5 MiB of base64, what the strictest service takes.
-const MOST_BYTES: usize = 3_700_000;
+const MAX_BYTES: usize = 3_700_000;
 
 /// Encodes a picture with at most `longest` pixels on its longer side. Places in answers are fractions of the picture,
 /// so that its size does not matter to them.
@@ -43,7 +43,7 @@ fn file(image: &RgbImage, longest: u32) -> Result<(&'static str, Vec<u8>), Strin
     }
     for quality in [92, 80, 60] {
         let jpeg = rgb_jpeg(image, quality).map_err(|error| error.to_string())?;
-        if jpeg.len() <= MOST_BYTES {
+        if jpeg.len() <= MAX_BYTES {
             return Ok(("image/jpeg", jpeg));
         }
     }
@@ -69,7 +69,7 @@ mod tests {
         let (kind, bytes) = file(&noisy, 1200).unwrap();
         let decoded = harmony_io::picture::decode(&bytes).unwrap();
         assert_eq!(kind, "image/jpeg");
-        assert!(bytes.len() <= MOST_BYTES);
+        assert!(bytes.len() <= MAX_BYTES);
         assert_eq!((decoded.width(), decoded.height()), (1200, 800));
         assert!(file(&RgbImage::new(0, 0), 100).is_err());
     }

@@ -27,14 +27,14 @@ const LIGHT: [f64; 2] = [-2.0, 0.45];
 const LEVEL_PIXELS: f64 = 8.0;
 const HUE_PIXELS: f64 = 80.0;
 /// Largest change of a slot's brightness, nats: a stop and a half.
-const MOST_LEVEL: f64 = 1.04;
+const MAX_LEVEL: f64 = 1.04;
 /// Difference of a channel against the others from which a slot's pixels are not its own, nats.
 const FOREIGN: f64 = 0.6;
 /// Largest change of a channel against the others, nats, beside the hue of the room's light.
-const MOST_HUE: f64 = 0.22;
+const MAX_HUE: f64 = 0.22;
 /// Largest hue of that light in a channel, nats; pixels that have to speak against white light; and most of one slot that
 /// count: many things tell of light, one large thing of its paint.
-const MOST_TINT: f64 = 1.2;
+const MAX_TINT: f64 = 1.2;
 const WHITE_PIXELS: f64 = 300.0;
 const ONE_SLOT_PIXELS: f64 = 150.0;
 
@@ -140,7 +140,7 @@ fn tint(asked: &[Option<Asked>]) -> [f64; 3] {
             sum += t.1;
             sum >= all / 2.0
         });
-        middle.map_or(0.0, |t| t.0.clamp(-MOST_TINT, MOST_TINT))
+        middle.map_or(0.0, |t| t.0.clamp(-MAX_TINT, MAX_TINT))
     })
 }
 
@@ -152,9 +152,9 @@ fn gain(asked: Option<&Asked>, tint: [f64; 3]) -> [f64; 3] {
     if (0..3).any(|k| (hue[k] - tint[k]).abs() > FOREIGN) {
         return tint.map(f64::exp);
     }
-    let brightness = (level * pixels / (pixels + LEVEL_PIXELS)).clamp(-MOST_LEVEL, MOST_LEVEL);
+    let brightness = (level * pixels / (pixels + LEVEL_PIXELS)).clamp(-MAX_LEVEL, MAX_LEVEL);
     std::array::from_fn(|k| {
-        let own = ((hue[k] - tint[k]) * pixels / (pixels + HUE_PIXELS)).clamp(-MOST_HUE, MOST_HUE);
+        let own = ((hue[k] - tint[k]) * pixels / (pixels + HUE_PIXELS)).clamp(-MAX_HUE, MAX_HUE);
         (brightness + tint[k] + own).exp()
     })
 }

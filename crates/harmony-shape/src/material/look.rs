@@ -16,7 +16,7 @@ use super::{MaterialSpec, Pattern};
 /// the scene with an exposure of their own multiplies by that.
 pub const WHITE_CD_M2: f64 = 100.0;
 /// Largest emission relative to white: what is brighter is white in every picture, and a burden on renderers.
-const MOST_EMISSION: f64 = 200.0;
+const MAX_EMISSION: f64 = 200.0;
 
 /// The mean sRGB colour of a slot.
 pub fn mean_color(spec: &MaterialSpec) -> [u8; 3] {
@@ -65,7 +65,7 @@ fn emission(spec: &MaterialSpec, color: Rgb) -> [f32; 3] {
     }
     let hue = spec.kelvin.map_or(color, kelvin_to_rgb);
     let hue = if luminance(hue) > 1e-4 { times(hue, 1.0 / luminance(hue)) } else { [1.0; 3] };
-    let strength = (spec.emit / WHITE_CD_M2).min(MOST_EMISSION);
+    let strength = (spec.emit / WHITE_CD_M2).min(MAX_EMISSION);
     hue.map(|c| (c * strength) as f32)
 }
 

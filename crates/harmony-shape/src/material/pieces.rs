@@ -34,7 +34,7 @@ impl Piece {
 pub(super) type Layout = Box<dyn Fn(f64, f64) -> Piece + Send + Sync>;
 
 /// Least distance of end joints in neighbouring rows, metres.
-const LEAST_STAGGER: f64 = 0.30;
+const MIN_STAGGER: f64 = 0.30;
 /// Draws for the shift of a row.
 const STAGGER_DRAWS: u64 = 24;
 
@@ -79,7 +79,7 @@ pub(super) fn planks(space: &Space, width: f64, length: f64, spread: f64) -> Lay
             if least > best.0 {
                 best = (least, shift);
             }
-            if least >= LEAST_STAGGER {
+            if least >= MIN_STAGGER {
                 break;
             }
         }

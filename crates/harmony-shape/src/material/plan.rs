@@ -6,7 +6,7 @@ use super::space::{Rgb, Space, times};
 use super::{Pattern, PatternKind as K};
 
 /// Largest side of a tile's image, pixels.
-pub(super) const MOST_PX: f64 = 1024.0;
+pub(super) const MAX_PX: f64 = 1024.0;
 /// Usual side, pixels.
 const USUAL_PX: f64 = 512.0;
 /// Lengths that a pattern may have, metres.
@@ -325,14 +325,14 @@ fn unit_of(p: &Pattern) -> ([f64; 2], f64) {
 /// Whole repeats that fill about the usual image at a texel, two at least where they fit.
 fn repeats(unit: f64, texel: f64, least: f64) -> f64 {
     let n = (USUAL_PX * 1.25 * texel / unit).floor().max(least);
-    n.min((MOST_PX * texel / unit).floor().max(1.0))
+    n.min((MAX_PX * texel / unit).floor().max(1.0))
 }
 
 /// How a pattern's tile is cut.
 pub(super) fn plan(p: &Pattern, texel: Option<f64>) -> Plan {
     let (size, own) = tile_size(p, texel);
     let texel = texel.unwrap_or(own);
-    let px = size.map(|s| (s / texel).round().clamp(16.0, MOST_PX) as u32);
+    let px = size.map(|s| (s / texel).round().clamp(16.0, MAX_PX) as u32);
     Plan { size, px }
 }
 

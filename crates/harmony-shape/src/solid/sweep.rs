@@ -13,7 +13,7 @@ use crate::tree::{Curve, Section};
 /// Bends sharper than this are mitred corners, radians.
 const SHARP: f64 = 0.6;
 /// Steepest miter: cosine of half the bend.
-const LEAST_COS: f64 = 0.35;
+const MIN_COS: f64 = 0.35;
 /// Most rows that rings may cost.
 const MAX_ROWS: usize = 3000;
 
@@ -55,7 +55,7 @@ struct Row {
 impl Row {
     fn point(&self, p: DVec2) -> DVec3 {
         let o = (self.x * p.x + self.y * p.y) * self.scale;
-        let cos = self.d.dot(self.plane).max(LEAST_COS);
+        let cos = self.d.dot(self.plane).max(MIN_COS);
         self.centre + o - self.d * (o.dot(self.plane) / cos)
     }
 

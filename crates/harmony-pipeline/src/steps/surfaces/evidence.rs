@@ -20,11 +20,11 @@ const NOOK: f64 = 1.0 / 90.0;
 const OFF_FACE: f64 = 0.08;
 const OFF_FACE_SHARE: f64 = 0.03;
 /// Where the points of a face lie further from it than this in the middle, they say nothing about it, metres.
-const MOST_OFFSET: f64 = 0.25;
+const MAX_OFFSET: f64 = 0.25;
 /// Points no further from a face than this may be its own, metres.
 const NEAR_FACE: f64 = 0.12;
 /// Points of a face that are needed to judge the others.
-const LEAST_POINTS: usize = 200;
+const MIN_POINTS: usize = 200;
 /// How far the line between two faces may be off, pixels and metres.
 const SEAM_PX: f64 = 1.5;
 const SEAM: f64 = 0.01;
@@ -94,12 +94,12 @@ fn without_slivers(mask: &Mask, radius: i32) -> Mask {
 /// The middle of a face's points, where most of them are bare: a face that is a little off has none of its pixels taken
 /// away, and one that is far off none either.
 fn own_offset(distances: &[f64]) -> Option<(f64, f64)> {
-    if distances.len() < LEAST_POINTS {
+    if distances.len() < MIN_POINTS {
         return None;
     }
     let middle = median(&mut distances.to_vec());
     let spread = median(&mut distances.iter().map(|d| (d - middle).abs()).collect::<Vec<_>>());
-    (middle.abs() <= MOST_OFFSET).then_some((middle, spread))
+    (middle.abs() <= MAX_OFFSET).then_some((middle, spread))
 }
 
 /// The middle of those of a face's points that are near it, where most of them may be those of things before it.

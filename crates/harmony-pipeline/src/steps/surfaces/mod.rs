@@ -183,7 +183,7 @@ fn niche_sides(photo: &RgbImage, camera: &Camera, room: &Room, bare: &Mask) -> V
         }
     }
     let middle = |mut pixels: Vec<[u8; 3]>| {
-        (pixels.len() >= LEAST_SIDE_PX).then(|| {
+        (pixels.len() >= MIN_SIDE_PX).then(|| {
             pixels.sort_by_key(|p| p.iter().map(|c| u32::from(*c)).sum::<u32>());
             pixels[pixels.len() / 2].map(|c| linear_from_srgb(f32::from(c) / 255.0))
         })
@@ -192,4 +192,4 @@ fn niche_sides(photo: &RgbImage, camera: &Camera, room: &Room, bare: &Mask) -> V
 }
 
 /// Pixels that tell the colour of a niche's sides, at least.
-const LEAST_SIDE_PX: usize = 40;
+const MIN_SIDE_PX: usize = 40;

@@ -14,7 +14,7 @@ use super::evidence::Face;
 use super::pattern::named_look;
 
 /// A face of which less is seen takes its neighbours' material, square metres.
-const LEAST_SEEN: f64 = 0.12;
+const MIN_SEEN: f64 = 0.12;
 /// Seen area beyond which more of it says no more about what is usual in the room, square metres.
 const ENOUGH: f64 = 0.8;
 /// Chroma (Lab) that outweighs one such area: an accent wall is the most colourful one.
@@ -171,7 +171,7 @@ impl Piece {
     }
 
     fn seen(&self) -> Option<&Survey> {
-        self.survey.as_ref().filter(|s| s.seen_area >= LEAST_SEEN)
+        self.survey.as_ref().filter(|s| s.seen_area >= MIN_SEEN)
     }
 
     /// The strip's textures; the one under even light where it is wanted.

@@ -51,10 +51,10 @@ const YOUNG: Duration = Duration::from_secs(20);
 const FETCHES: usize = 3;
 
 /// Tasks for one piece of work that may end without a result.
-const MOST_FAILED: u32 = 2;
+const MAX_FAILED: u32 = 2;
 
 /// Times that one task's file may turn out to be of no use; then another start may make another task.
-const MOST_UNUSABLE: u32 = 3;
+const MAX_UNUSABLE: u32 = 3;
 
 /// What helps when a mesh cannot be fetched any more.
 const AGAIN: &str = "`harmony reconstruct` with `--from` this phase makes another task, which is paid anew";
@@ -338,7 +338,7 @@ impl HostedPlayer {
             Ended::NotUnderstood(reason) => {
                 self.not_capable(&format!("its answer about the task is not understood: {reason}"))
             }
-            Ended::Failed(reason) if failed < MOST_FAILED => {
+            Ended::Failed(reason) if failed < MAX_FAILED => {
                 self.service.unavailable(format!("the task failed: {reason}"))
             }
             Ended::Failed(reason) => self.not_capable(&format!("{failed} tasks failed, the last one: {reason}")),
@@ -400,7 +400,7 @@ impl HostedPlayer {
             let before = tasks.of(&asked.key);
             let (id, earlier) = match before.task {
                 Some(id) => (id, true),
-                None if before.failed >= MOST_FAILED => {
+                None if before.failed >= MAX_FAILED => {
                     return Err(self.not_capable(&format!("{} tasks for this picture gave nothing", before.failed)));
                 }
                 None => (self.submit(asked).await?, false),
@@ -467,7 +467,7 @@ impl MeshGenerator for HostedPlayer {
             Err(complaint) => {
                 let tasks = &self.options.tasks;
                 let unusable = tasks.unusable(&asked.key).map_err(|error| self.note_failed(error))?;
-                if unusable >= MOST_UNUSABLE {
+                if unusable >= MAX_UNUSABLE {
                     tasks.failed(&asked.key).map_err(|error| self.note_failed(error))?;
                 }
                 return Err(self.service.unusable(complaint, ""));

@@ -20,7 +20,7 @@ const HARMONICS: usize = 7;
 /// Steps of the search over the range.
 const STEPS: usize = 420;
 /// Fewest repeats that must be in view.
-const LEAST_REPEATS: f64 = 2.0;
+const MIN_REPEATS: f64 = 2.0;
 
 /// Complex sums of harmonic 1, 2, ... of a period over profiles; profile `c` is shifted by `shifts[c]` periods.
 fn harmonics(profiles: &[Profile], shifts: &[f64], period: f64, count: usize) -> Vec<(f64, f64)> {
@@ -58,7 +58,7 @@ pub(super) fn find(profiles: &[Profile], shifts: &[f64], expected: f64, least: f
         }
         length = length.max(seen);
     }
-    if weight <= 0.0 || power <= 1e-12 || length < LEAST_REPEATS * expected {
+    if weight <= 0.0 || power <= 1e-12 || length < MIN_REPEATS * expected {
         return None;
     }
     // No finer than three pixels (bins are half pixels).

@@ -19,11 +19,11 @@ use comb::{Repeat, find};
 use view::{Signal, View};
 
 /// Share of a profile's change that a repeat must explain to be believed.
-const LEAST_EXPLAINED: f64 = 0.28;
+const MIN_EXPLAINED: f64 = 0.28;
 /// Fewest pieces whose tones make a spread.
-const LEAST_PIECES: usize = 10;
+const MIN_PIECES: usize = 10;
 /// Fewest seen pixels.
-const LEAST_PIXELS: usize = 400;
+const MIN_PIXELS: usize = 400;
 
 /// A fitted pattern and how it was found.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,7 +49,7 @@ pub fn fit_evidence(hint: &Pattern, seen: &RgbaImage, px_per_m: f64) -> PatternF
         return fit;
     }
     let view = View::new(seen, px_per_m);
-    if view.pixels().count() < LEAST_PIXELS {
+    if view.pixels().count() < MIN_PIXELS {
         return fit;
     }
     match hint.kind {
@@ -97,7 +97,7 @@ fn edges(
 ) -> Option<Repeat> {
     let of = |signal: Signal, signed: bool| {
         let profiles = view.profiles(axis, signal, 0.75 * expected, shifts.len(), class);
-        find(&profiles, shifts, expected, LEAST_EXPLAINED, signed)
+        find(&profiles, shifts, expected, MIN_EXPLAINED, signed)
     };
     let (steps, lines) = (of(Signal::Step, true), of(Signal::Line, false));
     match (steps, lines) {
@@ -316,7 +316,7 @@ fn tone_spread(view: &View, piece: &dyn Fn([f64; 2]) -> Option<(i64, i64)>) -> O
         })
         .collect();
     let n = tones.len() as f64;
-    if tones.len() < LEAST_PIECES {
+    if tones.len() < MIN_PIECES {
         return None;
     }
     let mean: Rgb = std::array::from_fn(|k| tones.iter().map(|t| t[k]).sum::<f64>() / n);

@@ -5,7 +5,7 @@ use super::super::space::Rgb;
 use super::super::{Pattern, plan};
 use super::comb::find;
 use super::view::{Signal, View};
-use super::{LEAST_EXPLAINED, PatternFit, axes, dot, edges, far, text, weighted};
+use super::{MIN_EXPLAINED, PatternFit, axes, dot, edges, far, text, weighted};
 
 /// Squares of two colours.
 pub(super) fn checks(fit: &mut PatternFit, view: &View) {
@@ -71,7 +71,7 @@ pub(super) fn stripes(fit: &mut PatternFit, view: &View) {
     let all: f64 = widths.iter().sum();
     let (u, _) = axes(&p, 0.0);
     let profiles = view.profiles(u, Signal::Along(view.main_axis()), all, 1, |_| Some(0));
-    let Some(repeat) = find(&profiles, &[0.0], all, LEAST_EXPLAINED, true) else { return };
+    let Some(repeat) = find(&profiles, &[0.0], all, MIN_EXPLAINED, true) else { return };
     fit.along_u = Some(repeat.explained);
     let period = repeat.period;
     // The mean colour at each place of the repeat.
@@ -160,7 +160,7 @@ pub(super) fn waves(fit: &mut PatternFit, view: &View) {
     let w = plan::width(&p);
     let (u, _) = axes(&p, 0.0);
     let profiles = view.profiles(u, Signal::Along([0.58; 3]), w, 1, |_| Some(0));
-    if let Some(repeat) = find(&profiles, &[0.0], w, LEAST_EXPLAINED, true) {
+    if let Some(repeat) = find(&profiles, &[0.0], w, MIN_EXPLAINED, true) {
         fit.along_u = Some(repeat.explained);
         fit.pattern.width = repeat.period;
         fit.pattern.offset[0] = repeat.phase;
