@@ -1,4 +1,4 @@
-//! The photo's light on the finished scene: measured, fitted, looked at, rendered. Paper Sec. 3.4 and DESIGN 6.4;
+//! The photo's light on the finished scene: measured, fitted, looked at, rendered. Paper Sec. 3.4, decision 0007;
 //! keys `light.loop`, `light.fit`.
 //!
 //! One render with light groups says what each light gives; lights, exposure and view transform are fitted to the

@@ -84,9 +84,8 @@ pub struct LayoutAnswer {
     /// STEP 4: boards that go round the room (beyond the paper).
     #[serde(default, skip_serializing_if = "LayoutTrims::is_empty")]
     pub trims: LayoutTrims,
-    /// Of the paper; not asked for, since nothing uses it. Older recordings have it.
-    #[serde(default, skip_serializing)]
-    #[schemars(skip)]
+    /// Leave it out: nothing uses it. Older answers have it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub blocked_corners: Vec<String>,
     /// Positions of room edges in the photo (beyond the paper): they pin the camera.
     #[serde(default)]
@@ -174,7 +173,6 @@ pub enum BackWallSide {
 
 /// Camera placement. The paper's `facing`, `aim_target_*` and `visible_floor_depth_m` are not asked for: nothing uses them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[schemars(deny_unknown_fields)]
 pub struct LayoutCamera {
     /// Above the floor, metres.
     pub height_m: f64,
@@ -196,7 +194,6 @@ pub struct LayoutCamera {
 
 /// Floor material; the paper's `synthesis_prompt` is not asked for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[schemars(deny_unknown_fields)]
 #[expect(missing_docs, reason = "the paper's fields")]
 pub struct FloorTexture {
     pub material: String,
@@ -207,7 +204,6 @@ pub struct FloorTexture {
 
 /// Wall material; the paper's `synthesis_prompt` is not asked for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[schemars(deny_unknown_fields)]
 #[expect(missing_docs, reason = "the paper's fields")]
 pub struct WallTexture {
     pub material: String,

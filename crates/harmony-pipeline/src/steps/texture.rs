@@ -1,4 +1,4 @@
-//! Textures from the photo: part models get their colours from the object's own pixels (DESIGN section 7).
+//! Textures from the photo: part models get their colours from the object's own pixels.
 
 use std::sync::Arc;
 

@@ -328,7 +328,16 @@ mod tests {
         long["blocked_corners"] = serde_json::json!(["back left"]);
         long["camera"]["facing"] = serde_json::json!("back wall");
         long["floor_texture"]["synthesis_prompt"] = serde_json::json!("oak");
-        serde_json::from_value::<LayoutAnswer>(long).unwrap();
+        let question = crate::Question::from(crate::LayoutQuestion {
+            photo: harmony_scene::ImageSize::new(640, 480),
+            depth: crate::KnownDepth::None,
+            unaided: None,
+        });
+        question.check(&long).unwrap();
+        let parts = &question.schema()["$defs"];
+        for part in ["LayoutCamera", "FloorTexture", "WallTexture"] {
+            assert!(parts[part].is_object() && parts[part]["additionalProperties"].is_null(), "{part} refuses them");
+        }
 
         let mut new = LayoutAnswer::example();
         new.check().unwrap();
