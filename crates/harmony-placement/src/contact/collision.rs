@@ -5,6 +5,8 @@
 //! its place moving less: with one pair that is the paper's rule, and a row of cupboards each a little too wide makes room
 //! along the whole row. Objects move only in the directions that their support allows, what rests on them goes along.
 
+use std::collections::BTreeMap;
+
 use glam::Vec3Swizzles as _;
 use harmony_scene::{Level, ObjectId, Support, Vec2, Vec3, Wall};
 
@@ -165,23 +167,35 @@ fn relaxed(scene: &mut PartialScene, settings: &PlacementSettings, longest: &[f6
         })
         .collect();
     let free: Vec<Vec<Vec3>> = (0..n).map(|i| free_directions(scene, i, &settings.noise)).collect();
+    // How often each object has moved, and for each pair how often its two had when it was found apart, or stuck with so
+    // much in one another: asked again only when one of them has moved since.
+    let mut moves = vec![0_u32; n];
+    let mut settled: BTreeMap<(usize, usize), ([u32; 2], f64)> = BTreeMap::new();
     for _ in 0..ROUNDS {
-        let mut worst: f64 = 0.0;
+        let (mut worst, mut any) = (0.0_f64, false);
         for a in 0..n {
             for b in a + 1..n {
-                let depth = excess(scene, &all, a, b, settings);
-                if depth <= 0.0 {
+                if let Some((at, depth)) = settled.get(&(a, b))
+                    && *at == [moves[a], moves[b]]
+                {
+                    worst = worst.max(*depth);
                     continue;
                 }
+                let depth = excess(scene, &all, a, b, settings);
                 worst = worst.max(depth);
-                let Some((who, by)) =
-                    cheapest_parting(scene, &all, [a, b], &weights, &free, (gone, longest), &settings.noise)
-                else {
+                let parting = (depth > 0.0)
+                    .then(|| cheapest_parting(scene, &all, [a, b], &weights, &free, (gone, longest), &settings.noise))
+                    .flatten();
+                let Some((who, by)) = parting else {
+                    settled.insert((a, b), ([moves[a], moves[b]], depth));
                     continue;
                 };
                 for (object, by) in who.into_iter().zip(by) {
                     if by != Vec3::ZERO {
-                        shift(scene, &mut all, object, by);
+                        any = true;
+                        for moved in shift(scene, &mut all, object, by) {
+                            moves[moved] += 1;
+                        }
                         gone[object] += by;
                     }
                 }
@@ -189,6 +203,9 @@ fn relaxed(scene: &mut PartialScene, settings: &PlacementSettings, longest: &[f6
         }
         if worst <= 0.0 {
             return true;
+        }
+        if !any {
+            return false;
         }
     }
     false
@@ -268,12 +285,14 @@ fn feasible(scene: &PartialScene, all: &[Solid], object: usize, members: &[usize
     surface.is_some_and(|s| s.share >= STILL_SUPPORTED && (s.height - level).abs() < 0.03)
 }
 
-/// Moves an object and what rests on it.
-fn shift(scene: &mut PartialScene, all: &mut [Solid], object: usize, by: Vec3) {
-    for m in subtree(scene, object) {
-        scene.placed[m].pose.position += by;
-        all[m] = all[m].moved(by);
+/// Moves an object and what rests on it; who moved.
+fn shift(scene: &mut PartialScene, all: &mut [Solid], object: usize, by: Vec3) -> Vec<usize> {
+    let members = subtree(scene, object);
+    for m in &members {
+        scene.placed[*m].pose.position += by;
+        all[*m] = all[*m].moved(by);
     }
+    members
 }
 
 #[cfg(test)]
