@@ -1,4 +1,4 @@
-//! Intensities and colours of all lights at once, by non-negative least squares (beyond the paper; DESIGN 6.4;
+//! Intensities and colours of all lights at once, by non-negative least squares (beyond the paper; decision 0007;
 //! key `light.fit`).
 //!
 //! Light adds up: with one linear image a light, the scene under any other intensities and colours is a weighted sum.
