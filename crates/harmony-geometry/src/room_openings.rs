@@ -46,12 +46,11 @@ const CLEARLY: f64 = 0.5;
 pub fn measure_openings(hints: &[OpeningHint], camera: &Camera, room: &Room) -> (Vec<Opening>, Vec<String>) {
     let (mut out, mut notes) = (Vec::new(), Vec::new());
     for hint in hints {
-        match opening(hint, camera, room) {
-            Some(opening) => out.push(opening),
-            None => {
-                let what = if hint.kind == OpeningKind::Window { "window" } else { "passage" };
-                notes.push(format!("a {what} in the {:?} wall is not where its outline is; left out", hint.wall));
-            }
+        if let Some(opening) = opening(hint, camera, room) {
+            out.push(opening);
+        } else {
+            let what = if hint.kind == OpeningKind::Window { "window" } else { "passage" };
+            notes.push(format!("a {what} in the {:?} wall is not where its outline is; left out", hint.wall));
         }
     }
     (out, notes)

@@ -161,7 +161,9 @@ pub fn write_scene_glb(path: &Path, state: &SceneState, scene: Option<&Scene>) -
                 // What is path-traced gets real light, and mirrors mirror.
                 mesh.colors.clear();
                 let model = state.objects.get(&object.id).and_then(|o| o.model.as_ref());
-                model.iter().for_each(|model| mirror_again(&mut mesh, &model.mesh));
+                if let Some(model) = model {
+                    mirror_again(&mut mesh, &model.mesh);
+                }
             }
             Some(GlbNode {
                 name: object.id.to_string(),

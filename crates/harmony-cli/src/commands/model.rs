@@ -206,7 +206,7 @@ fn answer_with(run: &Path, source: &str, id: &str) -> Option<Answered> {
         paths
     };
     let phases = of(&run.join("calls/vision_language"));
-    // Programs come first by name, looks after them.
+    // Programs come first by name, looks after them: the last one that holds it is in force.
     let calls = phases.iter().flat_map(|phase| of(phase));
     let mut found = calls.filter_map(|call| {
         let file = call.join("answer.json");
@@ -225,8 +225,7 @@ fn answer_with(run: &Path, source: &str, id: &str) -> Option<Answered> {
             file,
         })
     });
-    let first = found.next()?;
-    Some(found.last().unwrap_or(first))
+    found.next_back()
 }
 
 /// The objects of an answer that hold a program or name another one's, each with its JSON pointer.

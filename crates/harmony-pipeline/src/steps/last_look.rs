@@ -149,15 +149,14 @@ async fn add<'a>(
         let left = state.left.len();
         let ids = added::all(&ctx.inside(Phase::Objects(added.level), &look), added.level, state, vec![wanted]).await?;
         shine(state, &ids);
-        told.push(match ids.first() {
-            Some(id) => (action, true, format!("it stands as {id}")),
-            None => {
-                let why = state.left.get(left).map_or_else(
-                    || "what is in that place stands in the scene already, or hardly a pixel of it is seen".to_owned(),
-                    |left| left.reason.to_string(),
-                );
-                (action, false, why)
-            }
+        told.push(if let Some(id) = ids.first() {
+            (action, true, format!("it stands as {id}"))
+        } else {
+            let why = state.left.get(left).map_or_else(
+                || "what is in that place stands in the scene already, or hardly a pixel of it is seen".to_owned(),
+                |left| left.reason.to_string(),
+            );
+            (action, false, why)
         });
     }
     if told.iter().any(|(_, kept, _)| *kept) {
