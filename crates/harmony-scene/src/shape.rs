@@ -573,23 +573,23 @@ impl Room {
         if planes.is_empty() { vec![wall.into()] } else { planes }
     }
 
-    /// Level rectangles (smallest and largest x and z) in which something may be whose foot is at a height: the box, and for
-    /// each niche that comes down so far the stretch of the box before it, with the niche.
-    pub fn standing_areas(&self, foot: f64) -> Vec<[DVec2; 2]> {
-        let e = &self.extents;
-        let mut areas = vec![[DVec2::ZERO, DVec2::new(e.width, e.depth)]];
-        for niche in self.shape.niches.iter().filter(|n| n.min.y < foot + STEP) {
-            let Some(wall) = niche.surface.wall() else { continue };
+    /// Level rectangles (smallest and largest x and z) in which something may be whose foot is at a height: the box first, then
+    /// for each niche that is open there the stretch of the box before it, with the niche.
+    pub fn standing_areas(&self, foot: f64) -> impl Iterator<Item = [DVec2; 2]> {
+        let e = self.extents;
+        let reached = move |n: &&Niche| n.min.y < foot + STEP && foot < n.max.y;
+        let of_niche = move |niche: &Niche| {
             let (mut low, mut high) = (niche.min.xz(), niche.max.xz());
-            match wall {
+            match niche.surface.wall()? {
                 Wall::Left => high.x = e.width,
                 Wall::Right => low.x = 0.0,
                 Wall::Back => high.y = e.depth,
                 Wall::Front => low.y = 0.0,
             }
-            areas.push([low, high]);
-        }
-        areas
+            Some([low, high])
+        };
+        let niches = self.shape.niches.iter().filter(reached).filter_map(of_niche);
+        std::iter::once([DVec2::ZERO, DVec2::new(e.width, e.depth)]).chain(niches)
     }
 
     /// The plane behind an object that is held by, or has its back to, a wall: of those that cover its place along the
@@ -745,8 +745,9 @@ mod tests {
         let room = room(shape);
         let box_alone = [DVec2::ZERO, DVec2::new(5.0, 4.0)];
         let alcove = [DVec2::new(-0.75, 1.0), DVec2::new(5.0, 3.0)];
-        assert_eq!(room.standing_areas(0.0), [box_alone, alcove]);
-        assert_eq!(room.standing_areas(1.1).len(), 3, "on the recess's sill");
+        assert_eq!(room.standing_areas(0.0).collect::<Vec<_>>(), [box_alone, alcove]);
+        assert_eq!(room.standing_areas(1.1).count(), 3, "on the recess's sill");
+        assert_eq!(room.standing_areas(2.2).collect::<Vec<_>>(), [box_alone], "above both");
     }
 
     /// Volume inside closed faces by the divergence theorem; wrong when a face is missing or doubled.

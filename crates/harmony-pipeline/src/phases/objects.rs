@@ -146,7 +146,7 @@ pub async fn place(
         let report = place::in_order(ctx, level, &mut state, ids.clone(), &prepared.order).await?;
         doubt::leave_as_paint(ctx, &mut state, &ids);
         programs::refit(ctx, &mut state, &ids).await?;
-        texture::level(ctx, &mut state, level).await?;
+        texture::bare(ctx, &mut state).await?;
         if level == Level::Decoration {
             hosts::verify(ctx, &mut state).await?;
             turns::quarters(ctx, &mut state).await?;

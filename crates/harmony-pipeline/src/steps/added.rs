@@ -11,6 +11,7 @@ use super::{inspect, place, prepare, texture};
 use crate::before::Before;
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Left, Look, Object, SceneState};
+use crate::views;
 
 /// Overlap from which a box or mask shows what is in the scene already.
 const SAME: f64 = 0.5;
@@ -26,6 +27,23 @@ pub struct Wanted {
     pub like: Option<ObjectId>,
     /// What it rests on.
     pub host: Option<ObjectId>,
+}
+
+impl Wanted {
+    /// Something of a label in a box of the photo (thousandths), with the ids that were named for it.
+    pub fn named(
+        state: &SceneState,
+        label: &str,
+        bounds: [f64; 4],
+        like: Option<&String>,
+        host: Option<&String>,
+    ) -> Self {
+        let label = label.trim().to_lowercase();
+        let id = |text: Option<&String>| text.and_then(|text| ObjectId::new(text).ok());
+        let bounds = views::pixels(state.partial.camera.size, bounds);
+        let detection = Detection { phrase: label.clone(), label, bounds, score: None, outline: None };
+        Self { detection, like: id(like), host: id(host) }
+    }
 }
 
 /// Adds what is wanted of a level; the ids of what was placed. `ctx` is that of a look within the level's phase.
@@ -78,7 +96,7 @@ pub async fn all(
     }
     if !ids.is_empty() {
         place::in_order(ctx, level, state, ids.clone(), &order).await?;
-        texture::level(ctx, state, level).await?;
+        texture::bare(ctx, state).await?;
     }
     ids.retain(|id| state.partial.find(id).is_some());
     Ok(ids)

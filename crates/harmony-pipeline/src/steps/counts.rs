@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use harmony_placement::ReviewAction;
-use harmony_prompts::{CountedKind, CountsQuestion};
-use harmony_roles::{Detection, Picture};
+use harmony_prompts::{CountedKind, CountsQuestion, MissingInstance};
+use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, WarningKind};
 use serde_json::json;
 
@@ -62,20 +62,6 @@ pub async fn settle(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), Ph
 }
 
 fn wanted(state: &SceneState, kind: &CountedKind) -> Vec<Wanted> {
-    let label = kind.kind.trim().to_lowercase();
-    let id = |text: &Option<String>| text.as_deref().and_then(|text| ObjectId::new(text).ok());
-    kind.missing
-        .iter()
-        .map(|missing| Wanted {
-            detection: Detection {
-                label: label.clone(),
-                phrase: label.clone(),
-                bounds: views::pixels(state.partial.camera.size, missing.bounds),
-                score: None,
-                outline: None,
-            },
-            like: id(&missing.like),
-            host: id(&missing.host),
-        })
-        .collect()
+    let named = |m: &MissingInstance| Wanted::named(state, &kind.kind, m.bounds, m.like.as_ref(), m.host.as_ref());
+    kind.missing.iter().map(named).collect()
 }

@@ -10,7 +10,7 @@ use harmony_program::GUIDE;
 use harmony_prompts::{
     AMBIENT, LastAction, LastActionKind, LastLookAnswer, LastLookQuestion, ListedLight, PaintedObject,
 };
-use harmony_roles::{Detection, Picture};
+use harmony_roles::Picture;
 use harmony_scene::{ImageSize, Lighting, ObjectId, Surface, WarningKind};
 use harmony_shape::material::kelvin_to_rgb;
 use image::{RgbImage, RgbaImage};
@@ -132,19 +132,7 @@ async fn add<'a>(
 ) -> Result<Vec<(&'a LastAction, bool, String)>, PhaseError> {
     let mut told = Vec::new();
     for (action, added) in actions.iter().filter_map(|action| Some((*action, action.add.as_ref()?))) {
-        let id = |text: &Option<String>| text.as_deref().and_then(|text| ObjectId::new(text).ok());
-        let label = added.label.trim().to_lowercase();
-        let wanted = Wanted {
-            detection: Detection {
-                phrase: label.clone(),
-                label,
-                bounds: views::pixels(state.partial.camera.size, added.bounds),
-                score: None,
-                outline: None,
-            },
-            like: id(&added.like),
-            host: id(&added.host),
-        };
+        let wanted = Wanted::named(state, &added.label, added.bounds, added.like.as_ref(), added.host.as_ref());
         let look = format!("{name}_add_{}", told.len() + 1);
         let left = state.left.len();
         let ids = added::all(&ctx.inside(Phase::Objects(added.level), &look), added.level, state, vec![wanted]).await?;

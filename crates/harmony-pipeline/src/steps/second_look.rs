@@ -64,7 +64,7 @@ pub async fn until_settled(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneSt
         if kept == 0 {
             return Ok(());
         }
-        super::texture::level(ctx, state, level).await?;
+        super::texture::bare(ctx, state).await?;
     }
     Ok(())
 }

@@ -8,7 +8,7 @@ use harmony_render::{BakeOptions, Instance, RenderOptions, SOLID, bake_texture, 
 use harmony_scene::{Level, Mask, ObjectId, OpeningKind, WarningKind};
 
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::{Object, SceneState};
+use crate::state::{Model, Object, SceneState};
 use crate::views;
 
 /// Names of materials that the path tracer takes for panes, whatever is painted on them.
@@ -19,30 +19,20 @@ const BLACK: f32 = 0.06;
 /// A slot of which a smaller share of its pixels is surrounded by its own is seen as an edge.
 const THIN: f64 = 0.35;
 
-/// Textures the objects of one level that have none yet.
-///
-/// # Errors
-/// None of its own; the type is that of the steps.
-pub async fn level(ctx: &PhaseCtx<'_>, state: &mut SceneState, level: Level) -> Result<(), PhaseError> {
-    let ids = untextured(state, |of| of == level);
-    bake(ctx, state, ids).await
-}
-
 /// Textures what has no texture, on whatever level: another host, turn or place in a set makes objects of earlier levels bare
 /// as well, and who reviews should see them in their colours.
 ///
 /// # Errors
 /// None of its own; the type is that of the steps.
 pub async fn bare(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
-    let ids = untextured(state, |_| true);
+    let ids = untextured(state);
     bake(ctx, state, ids).await
 }
 
-/// Placed objects without texture whose level is wanted.
-fn untextured(state: &SceneState, wanted: impl Fn(Level) -> bool) -> Vec<ObjectId> {
+/// Placed objects without texture.
+fn untextured(state: &SceneState) -> Vec<ObjectId> {
     let bare = |id: &ObjectId| state.objects.get(id).is_some_and(|o| o.look.textured.is_none());
-    let placed = state.partial.placed.iter().map(|p| &p.item).filter(|item| wanted(item.level) && bare(&item.id));
-    placed.map(|item| item.id.clone()).collect()
+    state.partial.placed.iter().map(|p| p.item.id.clone()).filter(bare).collect()
 }
 
 /// Textures every object anew: masks of later levels have taken pixels away from earlier ones.
@@ -90,20 +80,8 @@ async fn bake(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: Vec<ObjectId>) ->
             continue;
         };
         let at_wall = placed.item.level == Level::Wall;
-        // What is seen through glass is not its paint, but for the view out of a window.
-        let clear = model.mesh.materials.iter().filter(|m| !at_wall && is_clear(m)).map(|m| m.name.clone());
-        // A mirror shows what the photo shows in it; whoever traces paths takes that off again.
-        let mesh = &model.mesh;
-        let mirrors = |slot: &&String| {
-            mesh.materials.iter().enumerate().any(|(k, m)| m.name == **slot && mesh.is_looking_glass(k))
-        };
-        // So does a window's pane the view, whoever made it.
-        let is_window = at_wall && harmony_catalogue::opening(&placed.item.label) == Some(OpeningKind::Window);
-        let is_pane = |m: &Material| PANE_WORDS.iter().any(|word| m.name.to_lowercase().contains(word)) && is_clear(m);
-        let panes = |slot: &&String| is_window && mesh.materials.iter().any(|m| m.name == **slot && is_pane(m));
-        let plain = model.plain_slots.iter().filter(|slot| !mirrors(slot) && !panes(slot)).cloned();
         let options = BakeOptions {
-            plain_slots: plain.chain(clear).collect(),
+            plain_slots: plain_slots(model, &placed.item.label, at_wall),
             trusted: at_wall && harmony_catalogue::has(&placed.item.label, Trait::Planar),
             ..BakeOptions::default()
         };
@@ -180,6 +158,21 @@ fn thin_slots(state: &SceneState, id: &ObjectId, shown: &[u32]) -> Vec<String> {
     found().unwrap_or_default()
 }
 
+/// Slots that keep their look whatever the photo shows.
+///
+/// What is seen through glass is not its paint, but for the view out of a window: a window's pane shows it, whoever made it.
+/// A looking-glass shows what the photo shows in it; whoever traces paths takes that off again.
+fn plain_slots(model: &Model, label: &str, at_wall: bool) -> Vec<String> {
+    let is_window = at_wall && harmony_catalogue::opening(label) == Some(OpeningKind::Window);
+    let is_pane = |m: &Material| PANE_WORDS.iter().any(|word| m.name.to_lowercase().contains(word)) && is_clear(m);
+    let is_plain = |(k, m): (usize, &Material)| {
+        let said = model.plain_slots.contains(&m.name);
+        let shows = model.mesh.is_looking_glass(k) || (is_window && is_pane(m));
+        ((said && !shows) || (!at_wall && is_clear(m))).then(|| m.name.clone())
+    };
+    model.mesh.materials.iter().enumerate().filter_map(is_plain).collect()
+}
+
 /// Whether one sees through a material: black glass (a screen) lets nothing pass.
 fn is_clear(material: &Material) -> bool {
     let [r, g, b, _] = material.base_color;
@@ -223,8 +216,27 @@ mod tests {
             state.set_textured(id, mesh);
         }
         state.forget_look(&sofa);
-        assert_eq!(untextured(&state, |_| true), [sofa]);
-        assert!(untextured(&state, |level| level == Level::Decoration).is_empty());
+        assert_eq!(untextured(&state), [sofa]);
+    }
+
+    #[test]
+    fn a_looking_glass_and_a_windows_pane_take_the_photo_and_a_bottle_does_not() {
+        let mut state = empty_room();
+        let at = DVec3::new(2.0, 0.0, 1.0);
+        let id = add(&mut state, "box_01", Level::Wall, DVec3::new(1.0, 1.0, 0.01), at, Support::Floor);
+        let mut model = state.objects[&id].model.clone().unwrap();
+        let mut plain_of = |material: Material, label: &str, at_wall: bool| {
+            model.plain_slots = vec![material.name.clone()];
+            Arc::make_mut(&mut model.mesh).materials[0] = material;
+            plain_slots(&model, label, at_wall).len()
+        };
+        let mirror = Material { metallic: 1.0, roughness: 0.03, ..Material::plain("glass", [0.9; 3]) };
+        let clear = Material { transmission: 0.9, ..Material::plain("glass", [0.9; 3]) };
+        assert_eq!(plain_of(mirror, "mirror", true), 0);
+        assert_eq!(plain_of(clear.clone(), "window", true), 0);
+        assert_eq!(plain_of(clear.clone(), "bottle", false), 1);
+        assert_eq!(plain_of(clear, "display cabinet", true), 1, "no window");
+        assert_eq!(plain_of(Material::plain("frame", [0.5; 3]), "window", true), 1);
     }
 
     #[test]

@@ -266,10 +266,8 @@ fn feasible(scene: &PartialScene, all: &[Solid], object: usize, members: &[usize
         // What was outside already (a recessed window) must only not go further.
         let in_box = (0..3).all(|i| to_low[i] >= low[i].min(-below[i]) && to_high[i] <= high[i].max(e[i] + above[i]));
         let in_niche = || {
-            let areas = scene.room.standing_areas(to_low.y);
-            areas
-                .iter()
-                .any(|[from, to]| to_low.xz().cmpge(*from - slack).all() && to_high.xz().cmple(*to + slack).all())
+            let mut areas = scene.room.standing_areas(to_low.y);
+            areas.any(|[from, to]| to_low.xz().cmpge(from - slack).all() && to_high.xz().cmple(to + slack).all())
         };
         in_box || in_niche()
     });

@@ -324,10 +324,11 @@ impl PoseConstraint<'_> {
             (place, (place - v).abs())
         };
         // Wall-held objects keep their distance to the wall; the clamp along the other axis still applies.
-        let fixed_axis = match self.attachment {
-            Attachment::AgainstWall(w) | Attachment::OnWall(w) => Some(w.normal().x.abs() > 0.5),
+        let plane = match self.attachment {
+            Attachment::AgainstWall(w) | Attachment::OnWall(w) => Some(w),
             _ => None,
         };
+        let fixed_axis = plane.map(|w| w.normal().x.abs() > 0.5);
         let within = |[from, to]: [Vec2; 2]| {
             let (x, off_x) = along(at.x, low.x, high.x, [from.x, to.x], e.width, [Wall::Left, Wall::Right]);
             let (z, off_z) = along(at.z, low.z, high.z, [from.y, to.y], e.depth, [Wall::Back, Wall::Front]);
@@ -338,8 +339,11 @@ impl PoseConstraint<'_> {
             };
             (place, off_x.hypot(off_z))
         };
-        let areas = self.scene.room.standing_areas(at.y);
-        let places = areas.into_iter().map(within).min_by(|a, b| a.1.total_cmp(&b.1));
+        let foot = if let Attachment::OnHost { level, .. } = self.attachment { level } else { at.y };
+        // What is held by a wall of the box is before it.
+        let is_in_box = plane.is_some_and(|w| w.inset >= 0.0);
+        let areas = self.scene.room.standing_areas(foot).take(if is_in_box { 1 } else { usize::MAX });
+        let places = areas.map(within).min_by(|a, b| a.1.total_cmp(&b.1));
         places.map_or(at, |(place, _)| place)
     }
 
