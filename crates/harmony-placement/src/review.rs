@@ -21,7 +21,7 @@ use self::edit::{carry, copy, edit_item, exchange, hang_elsewhere, rehost, resca
 use self::effect::missed;
 pub use self::shape::{fit_shape, reshape};
 pub use self::verdict::{Verdict, energy_change, judge};
-use crate::contact::collision::relax;
+use crate::contact::collision::relax_around;
 use crate::scene::subtree::subtree;
 use crate::stats::median_of_ratios;
 use crate::{Evidence, PartialScene, PlacementSettings, YawHint, measure};
@@ -174,7 +174,11 @@ pub fn apply(
     let ReviewOutcome { scene: after, touched, removed, evidence, .. } = &mut outcome;
     if settings.collision {
         // Its neighbours make room for it, and it for them.
-        for (k, far) in relax(after, settings).into_iter().enumerate() {
+        let mut come = vec![false; after.placed.len()];
+        for i in touched.iter().filter_map(|id| after.position(id)) {
+            subtree(after, i).into_iter().for_each(|k| come[k] = true);
+        }
+        for (k, far) in relax_around(after, come, settings).into_iter().enumerate() {
             if far > 0.0 {
                 touched.push(after.placed[k].item.id.clone());
             }

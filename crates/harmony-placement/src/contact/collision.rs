@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use glam::Vec3Swizzles as _;
 use harmony_scene::{Level, ObjectId, Support, Vec2, Vec3, Wall};
 
-use super::solid::{Solid, directions_around, level_directions, way_out};
+use super::solid::{Solid, directions_around, level_directions};
 use crate::noise::Noise;
 use crate::scene::attachment::{Attachment, attachment_of};
 use crate::scene::subtree::{rests_on, subtree};
@@ -140,21 +140,34 @@ fn longest_move(size: &harmony_scene::Size, noise: &Noise) -> f64 {
 ///
 /// Returns how far each object went, metres.
 pub(crate) fn relax(scene: &mut PartialScene, settings: &PlacementSettings) -> Vec<f64> {
+    let all = vec![true; scene.placed.len()];
+    relax_around(scene, all, settings)
+}
+
+/// The same for objects that have come to a place (`come`, one for each placed one): they and whatever has to make room for
+/// them, and what that moves, go apart. What stood in one another before stays.
+pub(crate) fn relax_around(scene: &mut PartialScene, mut come: Vec<bool>, settings: &PlacementSettings) -> Vec<f64> {
     let mut gone = vec![Vec3::ZERO; scene.placed.len()];
     let mut longest: Vec<f64> = scene.placed.iter().map(|p| longest_move(&p.size(), &settings.noise)).collect();
-    if !relaxed(scene, settings, &longest, &mut gone) {
+    if !relaxed(scene, settings, &longest, &mut gone, &mut come) {
         for (longest, p) in longest.iter_mut().zip(&scene.placed) {
             if p.evidence.silhouette_iou.is_some_and(|iou| iou < GUESSED_IOU) {
                 *longest *= FARTHER;
             }
         }
-        relaxed(scene, settings, &longest, &mut gone);
+        relaxed(scene, settings, &longest, &mut gone, &mut come);
     }
     gone.into_iter().map(Vec3::length).collect()
 }
 
-/// Rounds of [`relax`] within the longest move of each object; whether nothing collides any more.
-fn relaxed(scene: &mut PartialScene, settings: &PlacementSettings, longest: &[f64], gone: &mut [Vec3]) -> bool {
+/// Rounds of [`relax`] within the longest move of each object; whether nothing of what has come collides any more.
+fn relaxed(
+    scene: &mut PartialScene,
+    settings: &PlacementSettings,
+    longest: &[f64],
+    gone: &mut [Vec3],
+    come: &mut [bool],
+) -> bool {
     let mut all = solids(scene);
     let n = all.len();
     let weights: Vec<f64> = scene
@@ -175,6 +188,9 @@ fn relaxed(scene: &mut PartialScene, settings: &PlacementSettings, longest: &[f6
         let (mut worst, mut any) = (0.0_f64, false);
         for a in 0..n {
             for b in a + 1..n {
+                if !(come[a] || come[b]) {
+                    continue;
+                }
                 if let Some((at, depth)) = settled.get(&(a, b))
                     && *at == [moves[a], moves[b]]
                 {
@@ -195,6 +211,7 @@ fn relaxed(scene: &mut PartialScene, settings: &PlacementSettings, longest: &[f6
                         any = true;
                         for moved in shift(scene, &mut all, object, by) {
                             moves[moved] += 1;
+                            come[moved] = true;
                         }
                         gone[object] += by;
                     }
@@ -223,19 +240,28 @@ fn cheapest_parting(
 ) -> Option<([usize; 2], [Vec3; 2])> {
     let [a, b] = pair;
     let mut best: Option<(f64, [Vec3; 2])> = None;
+    let mut asked: Vec<Vec3> = Vec::new();
+    let (wa, wb) = (weights[a], weights[b]);
+    let least = wa * wb / (wa + wb);
     for direction in free[a].iter().chain(&free[b]) {
         for d in [*direction, -*direction] {
-            let depth = STEP * (way_out(&all[a].meetings(&all[b], d)) + CLEARANCE);
+            if asked.iter().any(|known| known.distance_squared(d) < 1e-12) {
+                continue;
+            }
+            asked.push(d);
+            // No longer than what costs as much as the best so far.
+            let limit = best.map_or(f64::INFINITY, |(cost, _)| (cost / least).sqrt() / STEP);
+            let Some(way) = all[a].way_out(&all[b], d, limit) else { continue };
+            let depth = STEP * (way + CLEARANCE);
             let may = |object: usize, by: Vec3| {
                 let goes = free[object].iter().any(|f| f.dot(by.normalize_or_zero()) > 0.999);
                 let near = (gone[object] + by).length() <= longest[object];
                 goes && near && feasible(scene, all, object, &subtree(scene, object), by, noise)
             };
-            let (wa, wb) = (weights[a], weights[b]);
             let share = wb / (wa + wb);
             let both = [d * depth * share, -d * depth * (1.0 - share)];
             let options = [
-                (depth * depth * wa * wb / (wa + wb), both),
+                (depth * depth * least, both),
                 (depth * depth * wa, [d * depth, Vec3::ZERO]),
                 (depth * depth * wb, [Vec3::ZERO, -d * depth]),
             ];

@@ -5,11 +5,11 @@
 //! frame, metres; parts go to `f32` about their own centres. What is concave is as good as its parts: a hollow that
 //! they fill is solid. Depths are the shortest way out along sixteen level directions, up and down, not along any.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, LazyLock, OnceLock};
 
 use harmony_scene::{Pose as RoomPose, Vec3};
 use parry3d::math::{Pose, Vector};
-use parry3d::query::{ShapeCastOptions, cast_shapes};
+use parry3d::query::{ShapeCastOptions, cast_shapes, intersection_test};
 use parry3d::shape::ConvexPolyhedron;
 
 use crate::Item;
@@ -21,13 +21,16 @@ const THINNEST: f64 = 1e-3;
 /// Room positions go to f32 relative to the pair's middle: this covers the rounding, metres.
 const ROUNDING: f64 = 1e-4;
 
+/// Axes along which the extents of a part are known: eight level ones, half of [`level_directions`], and the vertical.
+const AXES: usize = 9;
+
 /// One convex part, in room coordinates relative to its own centre.
 #[derive(Debug, Clone)]
 struct Part {
     hull: ConvexPolyhedron,
     centre: Vec3,
-    low: Vec3,
-    high: Vec3,
+    /// From where to where it reaches along each of [`axes`].
+    extents: [[f64; 2]; AXES],
 }
 
 /// An object's convex parts in the room. Hulls are built when they are first needed: most objects are never near.
@@ -42,9 +45,16 @@ pub(crate) struct Solid {
 
 /// Displacements `t` along a direction at which two things meet.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Interval {
-    pub(crate) from: f64,
-    pub(crate) to: f64,
+struct Interval {
+    from: f64,
+    to: f64,
+}
+
+impl Interval {
+    /// Whether it begins at a displacement or before, and ends after it.
+    fn holds(&self, t: f64) -> bool {
+        self.from <= t + 1e-9 && self.to > t
+    }
 }
 
 fn vector(v: Vec3) -> Vector {
@@ -58,6 +68,10 @@ fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {
 fn part(points: &[Vec3]) -> Option<Part> {
     let (low, high) = bounds(points);
     let centre = (low + high) / 2.0;
+    let extents = axes().map(|axis| {
+        let along = points.iter().map(|p| p.dot(axis));
+        along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+    });
     let relative: Vec<Vector> = points.iter().map(|p| vector(*p - centre)).collect();
     let hull = ConvexPolyhedron::from_convex_hull(&relative).or_else(|| {
         // Coplanar points have no hull: give them some thickness in every direction.
@@ -69,7 +83,7 @@ fn part(points: &[Vec3]) -> Option<Part> {
             .collect();
         ConvexPolyhedron::from_convex_hull(&thick)
     })?;
-    Some(Part { hull, centre, low, high })
+    Some(Part { hull, centre, extents })
 }
 
 impl Solid {
@@ -93,26 +107,63 @@ impl Solid {
         out.pose.position += by;
         for p in out.parts.get_mut().into_iter().flatten() {
             p.centre += by;
-            p.low += by;
-            p.high += by;
+            for ([low, high], axis) in p.extents.iter_mut().zip(axes()) {
+                let along = axis.dot(by);
+                (*low, *high) = (*low + along, *high + along);
+            }
         }
         out.low += by;
         out.high += by;
         out
     }
 
-    /// All displacements of this solid along a unit direction at which it meets another one.
-    pub(crate) fn meetings(&self, other: &Self, direction: Vec3) -> Vec<Interval> {
-        let mut out = Vec::new();
-        if boxes_meet(self.low, self.high, other.low, other.high, direction).is_none() {
-            return out;
+    /// The shortest displacement of this solid along a unit direction after which it does not meet another one, metres: 0 when
+    /// they are apart already; `None` when it is `limit` or longer.
+    ///
+    /// Parts meet within the interval in which their extents do, so that a pair is cast only once the way has come there.
+    pub(crate) fn way_out(&self, other: &Self, direction: Vec3, limit: f64) -> Option<f64> {
+        if boxes_meet(self.low, self.high, other.low, other.high, direction).is_none_or(|boxes| !boxes.holds(0.0)) {
+            return (limit > 0.0).then_some(0.0);
         }
-        for a in self.parts() {
-            for b in other.parts() {
-                out.extend(meeting(a, b, direction));
+        let pairs = self.parts().iter().flat_map(|a| other.parts().iter().map(move |b| (a, b)));
+        let mut waiting: Vec<Pair<'_>> = pairs
+            .filter_map(|(a, b)| {
+                let meet = extents_meet(a, b, direction).filter(|meet| meet.to > 0.0)?;
+                Some(Pair { parts: Some((a, b)), meet })
+            })
+            .collect();
+        let mut t = 0.0;
+        loop {
+            let before = t;
+            waiting.retain_mut(|pair| {
+                if pair.meet.to > t
+                    && pair.meet.holds(t)
+                    && let Some((a, b)) = pair.parts.take()
+                {
+                    pair.meet = meeting(a, b, direction, &pair.meet).unwrap_or(Interval { from: t, to: t });
+                }
+                if pair.parts.is_none() && pair.meet.holds(t) {
+                    t = pair.meet.to;
+                }
+                pair.meet.to > t
+            });
+            if t >= limit {
+                return None;
+            }
+            if t <= before {
+                return Some(t);
             }
         }
-        out
+    }
+
+    /// Whether any part of this solid meets one of the other's where they are.
+    fn touches(&self, other: &Self) -> bool {
+        let mut pairs = self.parts().iter().flat_map(|a| other.parts().iter().map(move |b| (a, b)));
+        pairs.any(|(a, b)| {
+            let near = a.extents.iter().zip(&b.extents).all(|(a, b)| a[0] <= b[1] && b[0] <= a[1]);
+            let at = Pose::from_translation(vector(b.centre - a.centre));
+            near && intersection_test(&Pose::IDENTITY, &a.hull, &at, &b.hull).is_ok_and(|met| met.intersecting)
+        })
     }
 
     /// Whether the solids' boxes come nearer than `margin`.
@@ -122,26 +173,19 @@ impl Solid {
 
     /// How deep two solids are in one another: the shortest way out along any of the given directions, 0 if apart.
     pub(crate) fn penetration(&self, other: &Self, directions: &[Vec3]) -> f64 {
-        if !self.near(other, 0.0) {
+        if !self.near(other, 0.0) || !self.touches(other) {
             return 0.0;
         }
-        let ways = directions.iter().map(|d| way_out(&self.meetings(other, *d)));
-        let shortest = ways.fold(f64::INFINITY, f64::min);
+        let shortest = directions.iter().fold(f64::INFINITY, |best, d| self.way_out(other, *d, best).unwrap_or(best));
         if shortest.is_finite() { shortest } else { 0.0 }
     }
 }
 
-/// Smallest displacement, not negative, outside all intervals.
-pub(crate) fn way_out(intervals: &[Interval]) -> f64 {
-    let mut sorted: Vec<Interval> = intervals.to_vec();
-    sorted.sort_by(|a, b| a.from.total_cmp(&b.from));
-    let mut t = 0.0;
-    for i in sorted {
-        if i.from <= t + 1e-9 && i.to > t {
-            t = i.to;
-        }
-    }
-    t
+/// Two parts that meet at some displacements: at most within those of their extents while the parts are still there,
+/// then exactly.
+struct Pair<'a> {
+    parts: Option<(&'a Part, &'a Part)>,
+    meet: Interval,
 }
 
 /// Displacements along a direction at which two boxes overlap.
@@ -162,10 +206,28 @@ fn boxes_meet(low_a: Vec3, high_a: Vec3, low_b: Vec3, high_b: Vec3, d: Vec3) -> 
     (from < to && from.is_finite() && to.is_finite()).then_some(Interval { from, to })
 }
 
-/// Displacements of one part along a direction at which it meets another: an interval, both being convex.
-fn meeting(a: &Part, b: &Part, d: Vec3) -> Option<Interval> {
-    let boxes = boxes_meet(a.low, a.high, b.low, b.high, d)?;
-    let length = boxes.to - boxes.from + 0.02;
+/// Displacements of one part along a direction at which the extents of two overlap on every axis.
+fn extents_meet(a: &Part, b: &Part, d: Vec3) -> Option<Interval> {
+    let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
+    for ((axis, a), b) in axes().into_iter().zip(&a.extents).zip(&b.extents) {
+        let (near, far, along) = (b[0] - a[1], b[1] - a[0], axis.dot(d));
+        if along.abs() < 1e-9 {
+            if near >= 0.0 || far <= 0.0 {
+                return None;
+            }
+            continue;
+        }
+        let (p, q) = (near / along, far / along);
+        from = from.max(p.min(q));
+        to = to.min(p.max(q));
+    }
+    (from < to && from.is_finite() && to.is_finite()).then_some(Interval { from, to })
+}
+
+/// Displacements of one part along a direction at which it meets another: an interval, both being convex, within that of
+/// their extents.
+fn meeting(a: &Part, b: &Part, d: Vec3, within: &Interval) -> Option<Interval> {
+    let length = within.to - within.from + 0.02;
     let target = Pose::from_translation(vector(b.centre - a.centre));
     // From outside on either side until the first touch.
     let touch = |start: f64, towards: f64| -> Option<f64> {
@@ -174,9 +236,18 @@ fn meeting(a: &Part, b: &Part, d: Vec3) -> Option<Interval> {
         let hit = cast_shapes(&from, vector(d * towards), &a.hull, &target, Vector::ZERO, &b.hull, options).ok()??;
         Some(start + towards * f64::from(hit.time_of_impact))
     };
-    let to = touch(boxes.to + 0.01, -1.0)?;
-    let from = touch(boxes.from - 0.01, 1.0)?;
+    let to = touch(within.to + 0.01, -1.0)?;
+    let from = touch(within.from - 0.01, 1.0)?;
     (to > from + ROUNDING).then_some(Interval { from, to })
+}
+
+/// Axes of the extents of parts.
+fn axes() -> [Vec3; AXES] {
+    static ALL: LazyLock<[Vec3; AXES]> = LazyLock::new(|| {
+        let level = level_directions();
+        std::array::from_fn(|k| if k + 1 < AXES { level[k] } else { Vec3::Y })
+    });
+    *ALL
 }
 
 /// Unit directions: level ones all around, then up and down.
@@ -194,7 +265,8 @@ pub(crate) fn level_directions() -> Vec<Vec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{boxed, empty_room};
+    use crate::Shape;
+    use crate::testing::{boxed, empty_room, of_boxes};
     use proptest::prelude::*;
 
     #[test]
@@ -203,9 +275,9 @@ mod tests {
         let item = Arc::new(boxed(&scene, Vec3::new(0.6, 0.5, 0.4), Vec3::new(2.0, 0.0, 2.0), 0.0));
         let a = Solid::new(&item, &RoomPose::new(Vec3::new(2.0, 0.0, 2.0), 0.0, 1.0));
         let b = Solid::new(&item, &RoomPose::new(Vec3::new(2.2, 0.1, 2.1), 0.0, 1.0));
-        let meetings = a.meetings(&b, Vec3::X);
-        assert_eq!(meetings.len(), 1);
-        assert!((meetings[0].from + 0.4).abs() <= 1e-3 && (meetings[0].to - 0.8).abs() <= 1e-3, "{meetings:?}");
+        let [left, right] = [Vec3::NEG_X, Vec3::X].map(|d| a.way_out(&b, d, f64::INFINITY).unwrap());
+        assert!((left - 0.4).abs() <= 1e-3 && (right - 0.8).abs() <= 1e-3, "{left} {right}");
+        assert_eq!(a.way_out(&b, Vec3::X, 0.7), None, "longer than was asked for");
         let depth = a.penetration(&b, &directions_around());
         assert!((depth - 0.3).abs() <= 1e-3, "0.3 along -z is the shortest way, got {depth}");
         let away = a.moved(Vec3::new(1.5, 0.0, 0.0));
@@ -214,10 +286,23 @@ mod tests {
 
     #[test]
     fn a_gap_between_obstacles_is_a_way_out() {
-        let i = |from, to| Interval { from, to };
-        assert_eq!(way_out(&[i(-0.5, 0.2), i(0.6, 0.9)]), 0.2);
-        assert_eq!(way_out(&[i(0.1, 0.2)]), 0.0);
-        assert_eq!(way_out(&[i(0.15, 0.5), i(-1.0, 0.2)]), 0.5);
+        let scene = empty_room();
+        // A post against walls at these places along x.
+        let way = |walls: &[[f64; 2]]| {
+            let solid = |shape: Shape| {
+                let mut item = boxed(&scene, Vec3::ONE, Vec3::ZERO, 0.0);
+                item.shape = Arc::new(shape);
+                Solid::new(&Arc::new(item), &RoomPose::new(Vec3::new(2.0, 0.0, 2.0), 0.0, 1.0))
+            };
+            let wall = |[from, to]: &[f64; 2]| (Vec3::new(to - from, 1.0, 1.0), Vec3::X * (from + to) / 2.0);
+            let post = solid(of_boxes(&[wall(&[-0.1, 0.1])]));
+            let walls = solid(of_boxes(&walls.iter().map(wall).collect::<Vec<_>>()));
+            post.way_out(&walls, Vec3::X, f64::INFINITY).unwrap()
+        };
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-3;
+        assert!(near(way(&[[-0.4, 0.0], [0.3, 0.5]]), 0.1), "the gap is as wide as the post");
+        assert!(near(way(&[[0.3, 0.5]]), 0.0));
+        assert!(near(way(&[[0.15, 0.5], [-0.9, 0.1]]), 0.6), "too narrow a gap is none");
     }
 
     proptest! {
@@ -233,7 +318,7 @@ mod tests {
             let all = directions_around();
             prop_assert!(a.penetration(&b, &all) > 0.0);
             let d = level_directions()[k];
-            let t = way_out(&a.meetings(&b, d));
+            let t = a.way_out(&b, d, f64::INFINITY).unwrap();
             prop_assert!(t > 0.0);
             prop_assert!(a.moved(d * (t + 2e-3)).penetration(&b, &all) <= 1e-3);
             prop_assert!(a.moved(d * (t - 5e-3)).penetration(&b, &all) > 0.0);
