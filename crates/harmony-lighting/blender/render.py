@@ -64,9 +64,12 @@ def to_blender(v):
 # ---------------------------------------------------------------- scene and nodes
 
 
-# Distance between the planes of two pieces, metres, and how many different ones there are.
-PIECE_STEP = 1e-4
-PIECE_STEPS = 9
+# Distance between the planes of two pieces that shared one, metres, and how many different ones there are: all of them
+# together are less than what lies on one another is apart, a rug's border on its ground.
+PIECE_STEP = 3e-5
+PIECE_STEPS = 6
+# Planes as near as this are one, metres, where their normals are alike to a hundredth.
+ONE_PLANE = 2e-5
 
 
 def load_scene():
@@ -88,9 +91,10 @@ def load_scene():
 
 
 def part_faces(obj):
-    """Moves the connected pieces of a mesh inward by fractions of a millimetre, each by another amount.
+    """Moves connected pieces of a mesh that share a plane inward by fractions of a millimetre, each by another amount.
 
-    Parts of a model may share a plane (a table top of two boards), and Cycles draws coincident faces black.
+    Parts of a model may share a plane (a table top of two boards), and Cycles draws coincident faces black. What lies a
+    little higher than another piece stays on it.
     """
     mesh = obj.data
     if not mesh.polygons:
@@ -110,13 +114,34 @@ def part_faces(obj):
         if np.array_equal(piece, before):
             break
     _, number = np.unique(piece, return_inverse=True)
-    steps = (number % PIECE_STEPS).astype(np.float32)
     places = np.empty(3 * len(piece), np.float32)
-    normals = np.empty_like(places)
+    normals, level = np.empty_like(places), np.empty(3 * len(mesh.polygons), np.float32)
     mesh.vertices.foreach_get("co", places)
     mesh.vertices.foreach_get("normal", normals)
-    mesh.vertices.foreach_set("co", places - normals * np.repeat(steps * PIECE_STEP, 3))
+    mesh.polygons.foreach_get("normal", level)
+    level = level.reshape(-1, 3).astype(np.float64)
+    off = (level * places.reshape(-1, 3)[corners[starts]]).sum(axis=1)
+    own = number[corners[starts]]
+    rank = np.zeros(len(off), np.int64)
+    for shift in (0.0, 0.5):  # a plane near the border of two bins is whole in one of both divisions
+        planes = np.column_stack([np.rint(level * 100.0), np.rint(off / ONE_PLANE + shift), own]).astype(np.int64)
+        rank = np.maximum(rank, coplanar_rank(planes))
+    if not rank.any():
+        return
+    steps = np.zeros(int(number.max()) + 1, np.float32)
+    np.maximum.at(steps, own, (rank % PIECE_STEPS).astype(np.float32))
+    mesh.vertices.foreach_set("co", places - normals * np.repeat(steps[number] * PIECE_STEP, 3))
     mesh.update()
+
+
+def coplanar_rank(planes):
+    """For each face its piece's number among the pieces that have a face in its plane; `planes`: plane, then piece."""
+    pairs, which = np.unique(planes, axis=0, return_inverse=True)
+    # Rows of one plane follow one another, pieces in order.
+    new = np.ones(len(pairs), bool)
+    new[1:] = (pairs[1:, :-1] != pairs[:-1, :-1]).any(axis=1)
+    first = np.maximum.accumulate(np.where(new, np.arange(len(pairs)), 0))
+    return (np.arange(len(pairs)) - first)[which.reshape(-1)]
 
 
 def meshes_below(name):

@@ -18,6 +18,7 @@ use serde::Serialize;
 
 use crate::delta::bounds;
 use crate::linear::luminance;
+use crate::sources::is_unseen_id;
 use crate::{LightPass, LinearImage};
 
 /// Settings of the fit.
@@ -37,6 +38,8 @@ pub struct FitOptions {
     pub warmer_daylight: f64,
     /// Most that it gets greener or more purple, log2 of green over the mean of red and blue.
     pub greener: f64,
+    /// Most that the sky of a window that the photo does not show is brighter than that of those that it shows.
+    pub unseen_sky: f64,
     /// Rounds of re-weighting.
     pub rounds: usize,
     /// Exposure of the render in stops: the photo's light is compared before it.
@@ -53,6 +56,7 @@ impl Default for FitOptions {
             warmer: 1.2,
             warmer_daylight: 0.2,
             greener: 0.3,
+            unseen_sky: 1.5,
             rounds: 12,
             exposure: 0.0,
         }
@@ -143,7 +147,7 @@ pub fn fit_lights(
     let flat = vec![common_gain; n];
     let residual_before = lum.median_residual(&flat);
     // A light with no evidence keeps the common gain through its prior; one that the photo denies has gone to 0.
-    let intensities = lum.solve(&flat, &vec![options.intensity_ridge; n], options);
+    let intensities = under_one_sky(passes, &lum, &flat, options);
     let daylight: Vec<bool> = passes.iter().map(|p| p.is_daylight).collect();
     let gains = colors(&problem, &intensities, &daylight, options);
     let mean: Vec<f64> = gains.iter().map(|g| 0.2126 * g[0] + 0.7152 * g[1] + 0.0722 * g[2]).collect();
@@ -155,6 +159,28 @@ pub fn fit_lights(
         residual_after: lum.median_residual(&mean),
         coverage: problem.coverage,
     })
+}
+
+/// Intensities of all lights; windows that the photo does not show have no brighter sky than those that it shows.
+///
+/// Powers before the fit are by area, so that gains of daylight are radiances beside one another. What an unseen window may
+/// not have is left to the others, and their sky is brighter then: a few rounds settle it.
+fn under_one_sky(passes: &[LightPass], lum: &Channel, flat: &[f64], options: &FitOptions) -> Vec<f64> {
+    let n = passes.len();
+    let mut gains = lum.solve(flat, &vec![options.intensity_ridge; n], options);
+    let unseen: Vec<bool> = passes.iter().map(|p| p.light.as_deref().is_some_and(is_unseen_id)).collect();
+    for _ in 0..SKY_ROUNDS {
+        let seen = (0..n).filter(|i| passes[*i].is_daylight && !unseen[*i]).map(|i| gains[i]).fold(0.0, f64::max);
+        let most = options.unseen_sky * seen;
+        let is_over = |i: usize| unseen[i] && gains[i] > most * (1.0 + 1e-3);
+        if seen <= LightFit::OFF_SHARE * flat[0] || !(0..n).any(is_over) {
+            break;
+        }
+        let prior: Vec<f64> = (0..n).map(|i| if unseen[i] { gains[i].min(most) } else { flat[i] }).collect();
+        let ridge = (0..n).map(|i| if is_over(i) { HELD } else { options.intensity_ridge });
+        gains = lum.solve(&prior, &ridge.collect::<Vec<_>>(), options);
+    }
+    gains
 }
 
 /// Gains by channel around the intensities. A light whose colour is none that a light has gets the nearest that is, and
@@ -186,6 +212,9 @@ fn colors(problem: &Problem, intensities: &[f64], daylight: &[bool], options: &F
         }
     }
 }
+
+/// Rounds in which the sky of unseen windows is brought to that of seen ones.
+const SKY_ROUNDS: usize = 8;
 
 /// Pull that holds a gain where it is.
 const HELD: f64 = 1e6;
@@ -473,6 +502,22 @@ mod tests {
         passes[0].is_daylight = true;
         let [r, _, b] = fit_lights(&passes, &photo, &[], &options).unwrap().gains[0];
         assert!((1.2..1.33).contains(&(r / b)), "{r} {b}");
+    }
+
+    #[test]
+    fn a_window_that_nobody_sees_has_no_brighter_sky_than_the_one_that_is_seen() {
+        let mut passes = passes();
+        let photo = relight(&passes, &[[0.8; 3], [4.0; 3], [0.5; 3]]);
+        let gains = |passes: &[LightPass]| {
+            let fit = fit_lights(passes, &photo, &[], &FitOptions { intensity_ridge: 1e-3, ..FitOptions::default() });
+            fit.unwrap().gains.into_iter().map(|g| g[1]).collect::<Vec<f64>>()
+        };
+        let free = gains(&passes);
+        assert!(free[1] > 3.0 * free[0], "{free:?}");
+        (passes[0].is_daylight, passes[1].is_daylight) = (true, true);
+        passes[1].light = Some("daylight_front".to_owned());
+        let tied = gains(&passes);
+        assert!(tied[1] <= 1.55 * tied[0] && tied[0] > 1.2 * free[0], "{tied:?} {free:?}");
     }
 
     #[test]

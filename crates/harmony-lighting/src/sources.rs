@@ -1,6 +1,6 @@
 //! The light sources that a furnished room has.
 //!
-//! A window opening is a rectangle of daylight just inside its pane, a lamp is a bulb at the centre of its shade, the
+//! A window opening is a rectangle of daylight just inside its pane and behind its bars, a lamp is a bulb at the centre of its shade, the
 //! room has a little ambient light. Powers are radiant watts as Cycles understands them and typical values only: the
 //! model's specification, the fit and the reflective loop set them by the photo.
 
@@ -37,7 +37,7 @@ const FIRE_WATTS: f64 = 15.0;
 const FIRE: [f64; 3] = [1.0, 0.5, 0.18];
 /// Ambient radiance of a room with windows.
 pub const AMBIENT_RADIANCE: f64 = 0.06;
-/// Distance of the daylight rectangle from the wall plane, metres, where no window object says more.
+/// Distance of the daylight rectangle from the wall plane, metres, where no window object says more; half of it, from a pane.
 pub const PANE_GAP_M: f64 = 0.02;
 /// A window object sticks out of its wall by at most this much; more is a wrong bound (a curtain in the mesh).
 const MAX_PANE_GAP_M: f64 = 0.2;
@@ -60,6 +60,10 @@ const PASSAGE_SHARE: f64 = 0.5;
 /// Slots of part models, and material names, that shine.
 const EMITTER_WORDS: [&str; 8] = ["shade", "bulb", "globe", "diffuser", "lampshade", "emit", "glow", "flame"];
 
+/// Material names of panes, and the transmission from which a material is one.
+const PANE_WORDS: [&str; 4] = ["glass", "pane", "glazing", "view"];
+const CLEAR: f32 = 0.3;
+
 /// Bounds of the part of a mesh whose material emits, in the mesh's own frame.
 fn emissive_bounds(mesh: &Mesh) -> Option<Bounds> {
     group_bounds(mesh, |m| mesh.materials.get(m).is_some_and(|m| m.emissive.iter().any(|e| *e > 0.0)))
@@ -79,6 +83,17 @@ fn is_named_so(material: &str) -> bool {
 /// Whether light shines through a material of a lamp that gives none itself: the shade round its bulb.
 pub fn is_shade(material: &Material) -> bool {
     is_named_so(&material.name) && material.emissive.iter().all(|e| *e <= 0.0)
+}
+
+/// Bounds of a window's panes, in the mesh's own frame: what is clear, else slots named so.
+fn pane_bounds(mesh: &Mesh) -> Option<Bounds> {
+    let of = |is: fn(&Material) -> bool| group_bounds(mesh, |m| mesh.materials.get(m).is_some_and(is));
+    of(|m| m.transmission >= CLEAR).or_else(|| {
+        of(|m| {
+            let name = m.name.to_lowercase();
+            PANE_WORDS.iter().any(|w| name.contains(w))
+        })
+    })
 }
 
 fn group_bounds(mesh: &Mesh, wanted: impl Fn(usize) -> bool) -> Option<Bounds> {
@@ -247,7 +262,12 @@ pub fn is_passage_light(light: &Light) -> bool {
 
 /// Whether a light is one of [`unseen_windows`].
 pub fn is_unseen_window(light: &Light) -> bool {
-    light.object.is_none() && light.id.starts_with(UNSEEN)
+    light.object.is_none() && is_unseen_id(&light.id)
+}
+
+/// The same by its id.
+pub(crate) fn is_unseen_id(id: &str) -> bool {
+    id.starts_with(UNSEEN)
 }
 
 /// The longest stretch of a wall that the photo does not show, at the height of windows, metres along it.
@@ -281,9 +301,14 @@ fn window_light(
     let normal = opening.wall.normal();
     let own = WallPlane { wall: opening.wall, inset: opening.inset };
     let plane = own.point(&room.extents, 0.0, 0.0).dot(normal);
+    let reach = |o: &SceneObject, b: &Bounds| corners(o, b).map(|p| p.dot(normal) - plane).fold(f64::MIN, f64::max);
     let gap = object.map_or(PANE_GAP_M, |o| {
-        let reach = corners(o, mesh).map(|p| p.dot(normal) - plane).fold(0.0, f64::max);
-        if reach <= MAX_PANE_GAP_M { reach.max(0.0) + 0.5 * PANE_GAP_M } else { PANE_GAP_M }
+        // Behind frame and sill, where there is a pane: in front of them it burns the cloth beside the window.
+        if let Some(pane) = mesh.and_then(pane_bounds).map(|b| reach(o, &b)).filter(|g| g.abs() <= MAX_PANE_GAP_M) {
+            return pane + 0.5 * PANE_GAP_M;
+        }
+        let reach = reach(o, &object_bounds(o, mesh));
+        if reach <= MAX_PANE_GAP_M { (reach.max(0.0) + 0.5 * PANE_GAP_M).max(PANE_GAP_M) } else { PANE_GAP_M }
     });
     let centre =
         own.point(&room.extents, f64::midpoint(opening.u[0], opening.u[1]), f64::midpoint(opening.y[0], opening.y[1]));
@@ -292,7 +317,7 @@ fn window_light(
         id,
         intensity: bounds::intensity(&kind, WINDOW_WATTS_PER_M2 * size[0] * size[1]),
         kind,
-        position: (centre + normal * gap.max(PANE_GAP_M)).to_array(),
+        position: (centre + normal * gap).to_array(),
         color: DAYLIGHT,
         on: true,
         object: object.map(|o| o.id.clone()),
@@ -325,9 +350,9 @@ fn screen_light(object: &SceneObject, mesh: Option<&Mesh>) -> Option<Light> {
     })
 }
 
-/// Corners in the room of an object's box.
-fn corners(object: &SceneObject, mesh: Option<&Mesh>) -> impl Iterator<Item = DVec3> {
-    let b = object_bounds(object, mesh);
+/// Corners in the room of a box in an object's canonical frame.
+fn corners(object: &SceneObject, b: &Bounds) -> impl Iterator<Item = DVec3> {
+    let b = *b;
     let pose = object.pose;
     (0..8).map(move |i| {
         let pick = |bit: usize, axis: usize| if i >> bit & 1 == 0 { b.min[axis] } else { b.max[axis] };

@@ -132,6 +132,29 @@ fn what_shines_by_its_material_lights_the_room_from_where_it_is() {
 }
 
 #[test]
+fn what_lies_a_fifth_of_a_millimetre_above_is_on_top_and_shared_planes_are_not_black() {
+    let Some(cycles) = renderer() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let fixture = Fixture { glb: folder.path().join("room.glb"), _folder: folder };
+    let all: Vec<support::Node> = nodes().into_iter().chain([support::layered_rug()]).collect();
+    write_glb(&all, &fixture.glb);
+    let ids: BTreeMap<String, u32> = all.iter().map(|n| (n.name.to_owned(), n.id)).collect();
+    let job = CyclesJob { samples: 32, ..job(&fixture, 160) };
+    let picture = cycles.render(&job).unwrap().image.unwrap();
+    keep("layers.png", &picture);
+    let seen = cycles.render(&job.ids(ids)).unwrap().ids.unwrap();
+    let rug: Vec<[u8; 3]> = picture
+        .pixels()
+        .zip(0..seen.len())
+        .filter(|(_, i)| seen[*i] == 18 && is_interior(&seen, *i))
+        .map(|(p, _)| p.0)
+        .collect();
+    assert!(rug.len() > 100, "{} pixels", rug.len());
+    let green = rug.iter().filter(|p| p[1] > 40 && p[1] > 2 * p[0]).count();
+    assert!(green * 100 >= rug.len() * 98, "{green} of {} are green", rug.len());
+}
+
+#[test]
 fn a_closed_shade_lets_the_bulb_out() {
     let Some(cycles) = renderer() else { return };
     let fixture = scene();

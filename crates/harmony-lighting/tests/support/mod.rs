@@ -106,6 +106,20 @@ pub fn cove() -> Node {
     Node { name: "cove_01", id: 15, mesh }
 }
 
+/// A rug of twelve sheets on the bed, red ones and a green one at last, each a fifth of a millimetre above the one before; and
+/// two green sheets more that share the top's plane.
+pub fn layered_rug() -> Node {
+    let mut mesh = Mesh::default();
+    let sheet = |mesh: &mut Mesh, name, colour, top: f64| {
+        add_box(mesh, name, colour, DVec3::new(1.0, 0.5, 0.6), DVec3::new(2.4, 0.502 + top, 1.9));
+    };
+    for k in 0..12 {
+        sheet(&mut mesh, "red", [0.8, 0.02, 0.02], 2e-4 * f64::from(k));
+    }
+    (0..3).for_each(|_| sheet(&mut mesh, "green", [0.02, 0.8, 0.02], 2e-4 * 12.0));
+    Node { name: "rug_01", id: 18, mesh }
+}
+
 /// Looks into the back of the room, a little down, with an off-centre lens and unequal focal lengths.
 pub fn camera(width: u32) -> Camera {
     let size = ImageSize::new(640, 480);
