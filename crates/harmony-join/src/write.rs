@@ -500,6 +500,7 @@ fn run_file(out: &Path, joined: &Joined<'_>) -> Result<RunFile, JoinError> {
         settings: files.iter().find_map(|(_, f)| Some(f.as_ref()?.settings.clone())).unwrap_or_default(),
         objects: joined.things.len(),
         questions_per_object: 0.0,
+        looks: Vec::new(),
         bill: Default::default(),
         plausibility: Vec::new(),
         joined_from,

@@ -15,6 +15,7 @@ use serde_json::json;
 use crate::Phase;
 use crate::ctx::{PhaseCtx, PhaseError, Warnings};
 use crate::graph::Graph;
+use crate::looks;
 use crate::outputs::{self, GENERATOR};
 use crate::phases;
 use crate::progress::{ProgressEvent, ProgressSink};
@@ -149,6 +150,7 @@ pub async fn run(
         objects: 0,
         questions_per_object: 0.0,
         bill: Bill::default(),
+        looks: Vec::new(),
         plausibility: Vec::new(),
         joined_from: Vec::new(),
         files: BTreeMap::new(),
@@ -294,9 +296,10 @@ fn finish(
     let log = calls.book().log()?;
     let file = &mut outcome.file;
     file.objects = state.partial.placed.len();
-    let questions = log.iter().filter(|c| c.role == Role::VisionLanguage).count();
-    file.questions_per_object = questions as f64 / (file.objects.max(1)) as f64;
+    let questions: Vec<&str> = log.iter().filter(|c| c.role == Role::VisionLanguage).map(|c| &*c.name).collect();
+    file.questions_per_object = questions.len() as f64 / (file.objects.max(1)) as f64;
     file.bill = Bill::of(&log);
+    file.looks = looks::counted(state.looks.clone(), &questions);
     harmony_io::write_json(&request.run.join("bill.json"), &file.bill.without_times())?;
     file.answers = calls.book().answers_digest("")?;
     let written =
@@ -313,6 +316,7 @@ fn finish(
                     format!("{:.2}", file.questions_per_object),
                 ),
             ];
+            report.facts.extend(file.looks.iter().map(looks::Came::fact));
             report.facts.extend(unseen);
             harmony_viewer::write_report(&request.run, &scene, &report)?;
             Ok(scene)

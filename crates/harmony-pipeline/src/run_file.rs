@@ -10,6 +10,7 @@ use harmony_roles::{PlayerCard, Role};
 use harmony_viewer::{PlausibilityRow, ReportError, show_plausibility};
 use serde::{Deserialize, Serialize};
 
+use crate::looks::Came;
 use crate::{LOCK_FILE, Settings};
 
 /// How a phase ended.
@@ -91,6 +92,9 @@ pub struct RunFile {
     pub questions_per_object: f64,
     /// Calls, tokens, cost and time spent in calls, from their records.
     pub bill: Bill,
+    /// What the looks at what was placed were asked and have changed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub looks: Vec<Came>,
     /// How plausible the scene is as a place, when `harmony simulate` was asked; a new reconstruction has none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub plausibility: Vec<PlausibilityRow>,

@@ -15,6 +15,7 @@ use serde_json::Value;
 
 use crate::Phase;
 use crate::filter::Filtered;
+use crate::looks::{Came, LookKind};
 use crate::steps::programs::Program;
 use crate::steps::surfaces::Beyond;
 use crate::views::Gallery;
@@ -37,6 +38,8 @@ pub struct Object {
     pub mask_score: Option<f64>,
     /// Host that the list named, for decorations.
     pub host_hint: Option<ObjectId>,
+    /// The look that found it; `None` when its level listed or detected it.
+    pub found_by: Option<LookKind>,
     /// What was said about it; until it is inspected, what its label alone says.
     pub said: InspectedObject,
     /// Its geometry, once there is some; always there for objects of [`SceneState::objects`].
@@ -60,6 +63,7 @@ impl Object {
             mask: Arc::new(mask),
             mask_score: None,
             host_hint: None,
+            found_by: None,
             said,
             model: None,
             look: Look::default(),
@@ -207,6 +211,8 @@ pub struct SceneState {
     pub left: Vec<Left>,
     /// What reviews asked for in vain, one line each: the next level's review and the last look are told.
     pub refused: Vec<String>,
+    /// What the looks at what was placed have changed.
+    pub looks: Vec<Came>,
     /// Sentences about the scene, one a level.
     pub summaries: Vec<String>,
     /// Light, after phase 6.

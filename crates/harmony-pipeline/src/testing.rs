@@ -136,6 +136,7 @@ pub fn empty_room() -> SceneState {
         trims: harmony_mesh::Trims::default(),
         rejected: Vec::new(),
         left: Vec::new(),
+        looks: Vec::new(),
         summaries: Vec::new(),
         lighting: None,
         sun: None,

@@ -327,7 +327,7 @@ impl Oracle {
 
     fn list(&self, level: Level, with_boxes: bool) -> ListAnswer {
         let mut counts: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
-        for i in self.seen(level) {
+        for i in self.seen(level).filter(|i| !self.overlooks(&self.room.objects[*i].id)) {
             counts.entry(&self.room.objects[i].label).or_default().push(i);
         }
         let mut items = Vec::new();

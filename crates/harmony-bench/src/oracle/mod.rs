@@ -223,6 +223,11 @@ impl Oracle {
     }
 
     /// Objects of a level that are seen and not missed.
+    /// Whether lists and detector pass over an object that the photo shows.
+    fn overlooks(&self, id: &str) -> bool {
+        self.draws.happens(&format!("overlooked {id}"), self.noise.overlooked)
+    }
+
     fn seen(&self, level: Level) -> impl Iterator<Item = usize> + '_ {
         (0..self.room.objects.len())
             .filter(move |i| self.room.objects[*i].level == level)

@@ -50,6 +50,9 @@ pub struct Noise {
     pub holes: f64,
     /// Objects merged with a neighbour, and as many missed: half of this each.
     pub merged_or_missed: f64,
+    /// Objects that neither list nor detector has, share of them: what second looks are for.
+    #[serde(default)]
+    pub overlooked: f64,
     /// Sizes named by the language model, relative, each side; part of it common to all three.
     pub size: f64,
     /// Height of the room, relative.
@@ -108,6 +111,7 @@ impl NoiseLevel {
             mask_px: 2.0,
             holes: 0.01,
             merged_or_missed: 0.03,
+            overlooked: 0.0,
             size: 0.15,
             height: 0.04,
             extent: 0.1,

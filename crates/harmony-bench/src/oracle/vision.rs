@@ -233,7 +233,8 @@ impl Detector for Oracle {
             }
             for i in self.seen(request.level) {
                 let object = &self.room.objects[i];
-                let missed = self.draws.happens(&format!("missed {}", object.id), self.noise.merged_or_missed / 2.0);
+                let missed = self.draws.happens(&format!("missed {}", object.id), self.noise.merged_or_missed / 2.0)
+                    || self.overlooks(&object.id);
                 if missed || !same_kind(&object.label, &phrase.label) {
                     continue;
                 }

@@ -1,7 +1,7 @@
 //! Comma-separated tables.
 
 use crate::run::BenchResult;
-use crate::score::RoomScore;
+use crate::score::{LookScore, RoomScore, in_all};
 use crate::summary::{Figure, summary};
 
 /// A field as RFC 4180 wants it.
@@ -128,6 +128,45 @@ pub fn objects(rooms: &[RoomScore]) -> String {
             out.push_str(&line(fields));
         }
     }
+    out
+}
+
+/// `looks.csv`: a line a look of a run, and their sums; errors in the tolerances by which an object is right.
+pub fn looks(rooms: &[RoomScore]) -> String {
+    let head = [
+        "room",
+        "seed",
+        "look",
+        "questions",
+        "moved",
+        "mended",
+        "made_worse",
+        "gained",
+        "added_right",
+        "added_wrong",
+        "removed",
+    ];
+    let row = |room: &str, seed: String, s: &LookScore| {
+        line([
+            room.to_owned(),
+            seed,
+            s.look.about().to_owned(),
+            s.questions.to_string(),
+            s.moved.to_string(),
+            s.mended.to_string(),
+            s.made.to_string(),
+            number(s.gained),
+            s.added_right.to_string(),
+            s.added_wrong.to_string(),
+            s.removed.to_string(),
+        ])
+    };
+    let mut out = line(head.map(str::to_owned));
+    for r in rooms {
+        let seed = r.seed.map_or_else(String::new, |s| s.to_string());
+        r.looks.iter().for_each(|s| out.push_str(&row(&r.room, seed.clone(), s)));
+    }
+    in_all(rooms.iter().flat_map(|r| &r.looks)).iter().for_each(|s| out.push_str(&row("all", String::new(), s)));
     out
 }
 

@@ -16,7 +16,7 @@ pub use svg::histogram;
 
 use crate::run::BenchResult;
 
-/// Writes `scores.json`, `table.csv`, `objects.csv`, `views.csv` where there are views, and `report.html`; pictures are taken from `cases/`.
+/// Writes `scores.json`, `table.csv`, `objects.csv`, `looks.csv` and `views.csv` where there are looks and views, and `report.html`; pictures are taken from `cases/`.
 ///
 /// # Errors
 /// A file that cannot be written.
@@ -25,6 +25,9 @@ pub fn write_tables(out: &Path, result: &BenchResult) -> Result<(), FileError> {
     write_json(&out.join("scores.json"), result)?;
     write_atomic(&out.join("table.csv"), csv::figures(result).as_bytes())?;
     write_atomic(&out.join("objects.csv"), csv::objects(&result.raw).as_bytes())?;
+    if result.raw.iter().any(|r| !r.looks.is_empty()) {
+        write_atomic(&out.join("looks.csv"), csv::looks(&result.raw).as_bytes())?;
+    }
     if result.raw.iter().any(|r| !r.views.is_empty() || r.lit.is_some()) {
         write_atomic(&out.join("views.csv"), crate::views::csv(&result.raw).as_bytes())?;
     }

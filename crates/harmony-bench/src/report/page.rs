@@ -8,7 +8,7 @@ use base64::engine::general_purpose::STANDARD;
 
 use super::svg::histogram;
 use crate::run::{BenchResult, PICTURES};
-use crate::score::RoomScore;
+use crate::score::{RoomScore, in_all};
 use crate::summary::{self, Figure, find, number, summary, targets};
 
 /// Cases shown with their pictures, for each of the two orders.
@@ -94,6 +94,7 @@ pub fn page(result: &BenchResult, out: &Path) -> String {
         "</div><h2>Rooms</h2><p class=\"soft\">Turn and centre: errors of the camera. Position and size: medians.</p>",
     );
     rooms(&mut html, &result.raw);
+    looks(&mut html, &result.raw);
     super::views::section(&mut html, &result.raw, out);
     worst(&mut html, result, out);
     html.push_str(
@@ -104,6 +105,35 @@ pub fn page(result: &BenchResult, out: &Path) -> String {
     html.push_str(NOTES);
     html.push_str("</body></html>\n");
     html
+}
+
+/// What each look mended, over all rooms.
+fn looks(html: &mut String, rooms: &[RoomScore]) {
+    let all = in_all(rooms.iter().flat_map(|r| &r.looks));
+    if all.is_empty() {
+        return;
+    }
+    html.push_str(
+        "<h2>Looks at what was placed</h2><p class=\"soft\">Objects that a look moved, turned or resized, against the \
+         truth; one tolerance is 15 cm, 10 degrees or 12 %.</p><div class=\"wide\"><table><tr><th>look<th>questions\
+         <th>changed<th>mended<th>made worse<th>tolerances gained<th>added: right<th>wrong<th>taken out</tr>",
+    );
+    for s in all {
+        let _ = write!(
+            html,
+            "<tr><td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}</tr>",
+            s.look.about(),
+            s.questions,
+            s.moved,
+            s.mended,
+            s.made,
+            number(s.gained),
+            s.added_right,
+            s.added_wrong,
+            s.removed,
+        );
+    }
+    html.push_str("</table></div>");
 }
 
 const NOTES: &str = "<h2>How it is measured</h2><p class=\"soft\">gen3dsr: points drawn evenly from the surfaces of \

@@ -8,6 +8,7 @@
 
 mod contact;
 mod geometry;
+mod looks;
 mod objects;
 mod prediction;
 
@@ -18,6 +19,7 @@ use serde::{Deserialize, Serialize};
 pub use contact::{PairScore, Solid};
 pub use geometry::pictures;
 pub use geometry::{BENCH_POINTS, GeometryScore, MidiFigures, SurfaceScore, ThresholdFigures};
+pub use looks::{LookScore, in_all};
 pub use objects::ObjectScore;
 pub(crate) use objects::{matched, place};
 pub use prediction::{Prediction, PredictionError};
@@ -92,6 +94,9 @@ pub struct RoomScore {
     /// The lit picture in the photo's view, when it was judged.
     #[serde(default)]
     pub lit: Option<LitScore>,
+    /// What each look mended and made worse.
+    #[serde(default)]
+    pub looks: Vec<LookScore>,
     /// Questions to the language model for each placed object, as the run tells; `None` where it does not.
     #[serde(default)]
     pub questions_per_object: Option<f64>,
@@ -137,6 +142,7 @@ impl RoomScore {
             lpips: None,
             views: Vec::new(),
             lit: None,
+            looks: Vec::new(),
             questions_per_object: None,
             seconds,
             failure: Some(reason),
@@ -180,6 +186,7 @@ pub fn score(truth: &TruthRoom, run: &Prediction, options: ScoreOptions) -> Room
         lpips: None,
         views: Vec::new(),
         lit: None,
+        looks: looks::looks(truth, &run, scale),
         questions_per_object: None,
         seconds: 0.0,
         failure: None,

@@ -182,7 +182,7 @@ fn sides(t: &TruthObject, o: &PredictedObject) -> Vec<f64> {
 /// Both are centred and brought to one size first. It is the geometry that is judged: a generated mesh whose front was
 /// named wrongly, but which stands as in the photo, is right. Among turns that fit nearly as well as the best (the
 /// object's symmetries) the smallest counts.
-fn turn(t: &TruthObject, found: &Mesh) -> Option<f64> {
+pub(super) fn turn(t: &TruthObject, found: &Mesh) -> Option<f64> {
     let true_mesh = {
         let mut m = (*t.mesh).clone();
         m.map(|p| t.point(p.as_dvec3()).as_vec3(), |n| n);

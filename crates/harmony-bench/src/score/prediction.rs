@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 use harmony_io::{ReadLimits, load_glb};
 use harmony_mesh::Mesh;
+use harmony_pipeline::{Came, RunFile};
 use harmony_render::{Instance, RenderOptions, render_depth_ids};
 use harmony_scene::{Camera, Extents, Mask, Room, Scene, SceneObject};
 
@@ -50,6 +51,8 @@ pub struct Prediction {
     pub objects: Vec<PredictedObject>,
     /// The room's shell.
     pub shell: Arc<Mesh>,
+    /// What its looks have changed, where it tells.
+    pub looks: Vec<Came>,
 }
 
 impl Prediction {
@@ -93,6 +96,7 @@ impl Prediction {
             corner: DVec3::ZERO,
             objects,
             shell: Arc::new(shell),
+            looks: RunFile::read(folder).map(|file| file.looks).unwrap_or_default(),
         })
     }
 

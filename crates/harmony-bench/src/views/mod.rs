@@ -264,6 +264,7 @@ mod tests {
             corner: DVec3::ZERO,
             objects: Vec::new(),
             shell: Arc::new(shell),
+            looks: Vec::new(),
         };
         judge(&truth, &run, &[], 0.0, &Looking::default()).unwrap().remove(0)
     }

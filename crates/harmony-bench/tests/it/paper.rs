@@ -9,7 +9,7 @@ use harmony_bench::oracle::{NoiseLevel, Oracle};
 use harmony_bench::run::{Play, judged};
 use harmony_bench::truth::TruthRoom;
 use harmony_calls::{BookOptions, CallBook};
-use harmony_pipeline::{Phase, ProgressSink, Questions, Settings};
+use harmony_pipeline::{LookKind, Phase, ProgressSink, Questions, Settings};
 use harmony_roles::Role;
 use harmony_scene::{ImageSize, Level};
 
@@ -68,6 +68,23 @@ async fn a_run_asks_as_often_as_the_paper_and_ends_with_a_scene() {
     assert!((outcome.file.questions_per_object - per_object).abs() < 1e-9);
     let [score, _] = judged(&truth, &out, 0, 1.0, None, &Looking::default());
     assert_eq!(score.questions_per_object, Some(outcome.file.questions_per_object));
+
+    // Each look is told with its questions, and what it changed is held against the truth.
+    let looks = &outcome.file.looks;
+    for (look, begins) in [(LookKind::Missing, "missing/"), (LookKind::Turns, "turn_"), (LookKind::Counts, "counts")] {
+        let told: usize = looks.iter().filter(|came| came.look == look).map(|came| came.questions).sum();
+        let logged = asked.iter().filter(|name| name.split_once('/').is_some_and(|(_, step)| step.starts_with(begins)));
+        assert_eq!(told, logged.count(), "{look:?}");
+    }
+    let moved: usize = looks.iter().map(|came| came.moved.len()).sum();
+    let judged: usize = score.looks.iter().map(|look| look.moved).sum();
+    assert!(
+        judged <= moved && score.looks.iter().all(|look| look.mended + look.made <= look.moved),
+        "{:?}",
+        score.looks
+    );
+    let questions: usize = looks.iter().map(|came| came.questions).sum();
+    assert_eq!(score.looks.iter().map(|look| look.questions).sum::<usize>(), questions);
 
     // Masks are there of what an inspection kept, and of nothing else.
     for level in Level::ALL {

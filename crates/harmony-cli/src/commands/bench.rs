@@ -119,6 +119,9 @@ struct RunArgs {
     /// No point map: room and camera from the layout answer and the photo's lines, as without VGGT's weights.
     #[arg(long)]
     photo_alone: bool,
+    /// Share of the objects that lists and detector overlook, 0 to 1: what second looks are there for.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    overlooked: f64,
     /// Go on through materials and light, and judge lit pictures, too, from the photo's place and from the room's
     /// other views; needs Blender.
     #[arg(long)]
@@ -334,6 +337,10 @@ fn request(args: &RunArgs) -> Result<BenchRequest> {
     let settings = config.settings;
     let told = [(args.untold, "shape untold"), (args.photo_alone, "photo alone")];
     let told = told.into_iter().filter(|(is_so, _)| *is_so).map(|(_, what)| what.to_owned());
+    if !(0.0..=1.0).contains(&args.overlooked) {
+        return Err(hinted(format!("--overlooked {} is no share", args.overlooked), Some("give 0 to 1, such as 0.1")));
+    }
+    let overlooked = (args.overlooked > 0.0).then(|| format!("overlooked {}", args.overlooked));
     Ok(BenchRequest {
         rooms: truths(&args.rooms, args.only.as_deref())?,
         out: args.out.clone(),
@@ -341,12 +348,13 @@ fn request(args: &RunArgs) -> Result<BenchRequest> {
         noise: Noise {
             features_untold: if args.untold { 1.0 } else { 0.0 },
             photo_alone: args.photo_alone,
+            overlooked: args.overlooked,
             ..args.noise.noise()
         },
         seeds: args.seeds.clone(),
         exact_height: args.exact_height,
         settings: with_changes(&settings, &args.changes).map_err(|e| refused(&e))?,
-        changes: args.changes.iter().cloned().chain(told).collect(),
+        changes: args.changes.iter().cloned().chain(told).chain(overlooked).collect(),
         points: args.points,
         jobs: args.jobs.into(),
         keep: args.keep,

@@ -136,6 +136,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         trims: harmony_mesh::Trims::default(),
         rejected: Vec::new(),
         left: Vec::new(),
+        looks: Vec::new(),
         summaries: Vec::new(),
         lighting: None,
         sun: None,

@@ -8,6 +8,7 @@ use image::RgbImage;
 use serde_json::{Value, json};
 
 use crate::ctx::{PhaseCtx, PhaseError};
+use crate::looks::{LookKind, SceneBefore};
 use crate::outputs;
 use crate::relight::{LitPictures, finish, relight};
 use crate::state::SceneState;
@@ -35,7 +36,10 @@ pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneStat
                 .into(),
         );
     }
-    let lit = match last_look::until_settled(ctx, &mut state, lit).await? {
+    let before = SceneBefore::of(&state);
+    let looked = last_look::until_settled(ctx, &mut state, lit).await?;
+    before.came(ctx, LookKind::LastLook, &mut state);
+    let lit = match looked {
         Some(lit) => Some(finish(ctx, &state, lit).await?),
         None => None,
     };

@@ -11,6 +11,7 @@ use serde_json::json;
 
 use crate::before::{Before, Known};
 use crate::ctx::{PhaseCtx, PhaseError};
+use crate::looks::{LookKind, SceneBefore, missing_came};
 use crate::state::{DropReason, Left, Object, SceneState};
 use crate::steps::inspect::Inspection;
 use crate::steps::{
@@ -148,14 +149,22 @@ pub async fn place(
         programs::refit(ctx, &mut state, &ids).await?;
         texture::bare(ctx, &mut state).await?;
         if level == Level::Decoration {
+            let before = SceneBefore::of(&state);
             hosts::verify(ctx, &mut state).await?;
+            let before = before.came(ctx, LookKind::Hosts, &mut state);
             turns::quarters(ctx, &mut state).await?;
+            before.came(ctx, LookKind::Quarters, &mut state);
         }
+        let before = SceneBefore::of(&state);
         turns::fine(ctx, level, &mut state).await?;
+        let before = before.came(ctx, LookKind::Turns, &mut state);
         groups::order(ctx, level, &mut state).await?;
+        let before = before.came(ctx, LookKind::Groups, &mut state);
         texture::bare(ctx, &mut state).await?;
         review::until_settled(ctx, level, &mut state).await?;
+        let before = before.came(ctx, LookKind::Review, &mut state);
         second_look::until_settled(ctx, level, &mut state).await?;
+        before.came(ctx, LookKind::SecondLook, &mut state);
         texture::bare(ctx, &mut state).await?;
         if !prepared.summary.is_empty() {
             state.summaries.push(prepared.summary);
@@ -164,7 +173,10 @@ pub async fn place(
         outcome = json!({ "placed": placed, "unresolved": report.unresolved.len() });
     }
     if level == Level::Decoration {
+        missing_came(ctx, &mut state);
+        let before = SceneBefore::of(&state);
         counts::settle(ctx, &mut state).await?;
+        before.came(ctx, LookKind::Counts, &mut state);
         relief::stand(ctx, &mut state).await?;
     }
     // On every level: walls that are not seen move with what stands at them.

@@ -14,6 +14,7 @@ use super::missing;
 use crate::before::{Before, stem};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::filter::{Dropped, cut_to_boxes, filter_boxes, filter_masks, part_merged, unveil};
+use crate::looks::LookKind;
 use crate::state::{Object, SceneState};
 
 /// Overlap from which two boxes show one object.
@@ -32,6 +33,8 @@ pub struct Found {
     pub rejected: Vec<(String, Arc<Mask>)>,
     /// Hosts that the list named, by box.
     hosts: BTreeMap<[i64; 4], String>,
+    /// Boxes that only the question of what is missing on a piece of furniture named.
+    missed: BTreeSet<[i64; 4]>,
 }
 
 /// Looks for the objects of a level.
@@ -59,9 +62,11 @@ pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> 
         found = all;
         dropped.extend(more);
     }
+    let mut missed = BTreeSet::new();
     if level == Level::Decoration {
         for (detection, host) in missing::decorations(ctx, state, &found).await? {
             hosts.insert(host_key(&detection), host.to_string());
+            missed.insert(host_key(&detection));
             found.push(detection);
         }
     }
@@ -119,7 +124,7 @@ pub async fn find(ctx: &PhaseCtx<'_>, level: Level, state: &Arc<SceneState>) -> 
         let key = |d: &Detection| (d.bounds.x0, d.bounds.y0);
         key(&a.0.0).partial_cmp(&key(&b.0.0)).unwrap_or(std::cmp::Ordering::Equal)
     });
-    Ok(Found { kept, dropped, rejected, hosts })
+    Ok(Found { kept, dropped, rejected, hosts, missed })
 }
 
 /// Names what was found, with numbers that earlier levels have not taken.
@@ -139,7 +144,8 @@ pub fn name(level: Level, found: Found, before: &Before) -> Vec<Object> {
             }
         };
         let host_hint = found.hosts.get(&host_key(&detection)).cloned().and_then(|h: String| ObjectId::new(&h).ok());
-        candidates.push(Object { mask_score, host_hint, ..Object::found(id, level, detection, mask) });
+        let found_by = found.missed.contains(&host_key(&detection)).then_some(LookKind::Missing);
+        candidates.push(Object { mask_score, host_hint, found_by, ..Object::found(id, level, detection, mask) });
     }
     candidates
 }

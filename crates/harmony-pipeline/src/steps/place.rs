@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 
 use super::inspect::is_unusual;
 use crate::ctx::{PhaseCtx, PhaseError};
+use crate::looks::{LookKind, SceneBefore};
 use crate::state::{Left, Object, SceneState, is_flat};
 use crate::views;
 
@@ -27,13 +28,18 @@ pub async fn in_order(
 ) -> Result<LevelReport, PhaseError> {
     let items: Vec<Item> =
         objects.iter().filter_map(|id| state.objects.get(id)).filter_map(|object| item(level, state, object)).collect();
-    let (mut partial, mut report) = placed(ctx, &state.partial, items.clone(), order).await?;
+    let (partial, mut report) = placed(ctx, &state.partial, items.clone(), order).await?;
     if !report.unresolved.is_empty()
         && let Some((other, again)) = in_another_order(ctx, level, state, (&partial, &report), items).await?
     {
-        (partial, report) = (other, again);
+        state.take(partial);
+        let before = SceneBefore::of(state);
+        state.take(other);
+        before.came(ctx, LookKind::Reorder, state);
+        report = again;
+    } else {
+        state.take(partial);
     }
-    state.take(partial);
     for warning in &report.warnings {
         ctx.warn(warning.kind, warning.object.clone(), warning.message.clone());
     }
