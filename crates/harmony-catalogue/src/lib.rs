@@ -59,10 +59,11 @@ pub fn default_size(label: &str) -> Size {
     kind(label).map_or(Size { width: 0.5, height: 0.5, depth: 0.5 }, Kind::usual_size)
 }
 
-/// Smallest and largest plausible size of a label's kind, metres.
+/// Smallest and largest plausible size of a label's kind, metres, where it ends in its name: a `computer mouse` has not the
+/// size of a computer.
 pub fn size_range(label: &str) -> (Size, Size) {
     let cube = |side| Size { width: side, height: side, depth: side };
-    kind(label).map_or((cube(0.02), cube(4.0)), Kind::size_range)
+    kind_at_end(label).map_or((cube(0.002), cube(4.0)), Kind::size_range)
 }
 
 /// Whether a label's kind has a trait; what is unknown has none.
@@ -80,9 +81,9 @@ pub fn back(label: &str) -> Option<Back> {
     kind(label).and_then(|k| k.back)
 }
 
-/// The opening of the wall that a label's kind fills.
+/// The opening of the wall that a label's kind fills, where the label ends in its name: a `window seat` fills none.
 pub fn opening(label: &str) -> Option<OpeningKind> {
-    kind(label).and_then(|k| k.opening)
+    kind_at_end(label).and_then(|k| k.opening)
 }
 
 /// Whether a door slides: its kind does, or its label says so.

@@ -82,6 +82,27 @@ fn labels_find_their_kind() {
         assert_eq!(name(label), None, "{label}");
     }
     assert_eq!(kind_at_end("lamp stand").map(|k| &k.name), None);
+    for (label, wanted) in [
+        ("computer mouse", "computer_mouse"),
+        ("telephone", "telephone"),
+        ("TV remote", "remote_control"),
+        ("window sill", "window_sill"),
+        ("white plastic bag", "carrier_bag"),
+        ("bag", "suitcase"),
+        ("sheet of paper", "paper"),
+    ] {
+        assert_eq!(name(label), Some(wanted), "{label}");
+    }
+}
+
+#[test]
+fn a_word_before_a_name_that_nobody_knows_gives_no_size_and_opens_no_wall() {
+    assert_eq!(opening("white sash window"), Some(OpeningKind::Window));
+    assert_eq!(opening("window sill"), None);
+    assert_eq!(opening("window contraption"), None);
+    let unknown = size_range("quantum flux capacitor");
+    assert_eq!(size_range("computer contraption"), unknown);
+    assert_ne!(size_range("computer"), unknown);
 }
 
 #[test]

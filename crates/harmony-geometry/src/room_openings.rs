@@ -33,7 +33,7 @@ const AT_FLOOR: f64 = 0.25;
 const AT_BORDER: f64 = 0.01;
 /// Corners this near to a side's end are on that side, metres.
 const AT_END: f64 = 0.02;
-/// Points beside the outline, as a share of its size, show the wall that it is cut into.
+/// Points this far beyond and within the outline, as a share of its size, show the wall that it is cut into.
 const BESIDE: f64 = 0.08;
 /// Heights taken along a top.
 const SAMPLES: usize = 21;
@@ -95,7 +95,8 @@ fn is_at_border(camera: &Camera, pixel: Vec2) -> bool {
     pixel.cmple(Vec2::splat(near)).any() || pixel.cmpge(size - near).any()
 }
 
-/// The plane, looking as the named wall does, that most rays just outside the outline meet.
+/// The plane, looking as the named wall does, that most rays in the outline and just outside it meet: a window that fills the
+/// back of a recess has the wall's face around it, and is not there.
 fn plane_of(hint: &OpeningHint, camera: &Camera, room: &Room) -> Option<WallPlane> {
     let n = hint.face.len();
     if n < 3 {
@@ -103,11 +104,12 @@ fn plane_of(hint: &OpeningHint, camera: &Camera, room: &Room) -> Option<WallPlan
     }
     let middle = hint.face.iter().sum::<Vec2>() / n as f64;
     let faces = room.faces();
-    let beside = (0..n).flat_map(|i| {
+    let probes = (0..n).flat_map(|i| {
         let (a, b) = (hint.face[i], hint.face[(i + 1) % n]);
-        [0.25, 0.5, 0.75].map(|t| middle + (a.lerp(b, t) - middle) * (1.0 + BESIDE))
+        let on_edge = [0.25, 0.5, 0.75].map(|t| a.lerp(b, t) - middle);
+        on_edge.into_iter().flat_map(move |p| [1.0 + BESIDE, 1.0 - BESIDE, 0.5].map(|far| middle + p * far))
     });
-    let met: Vec<f64> = beside
+    let met: Vec<f64> = probes
         .filter(|p| camera.contains(*p))
         .filter_map(|p| faces.hit_plane(&camera.ray(p)))
         .filter(|p| p.wall == hint.wall)
@@ -243,6 +245,26 @@ mod tests {
         assert!(notes.is_empty(), "{notes:?}");
         assert_eq!(found[0].kind, OpeningKind::Window);
         assert!((found[0].y[0] - 0.2).abs() < 0.02, "{:?}", found[0]);
+    }
+
+    #[test]
+    fn a_window_that_fills_the_back_of_a_recess_is_there() {
+        let mut recessed = room(vec![]);
+        recessed.shape.niches.push(harmony_scene::Niche {
+            kind: "window recess".into(),
+            surface: harmony_scene::Surface::Back,
+            sides: None,
+            glow: None,
+            min: Vec3::new(1.2, 0.9, -0.4),
+            max: Vec3::new(3.0, 2.2, 0.0),
+        });
+        let window =
+            Opening { kind: OpeningKind::Window, y: [0.92, 2.18], ..passage_at(Wall::Back, [1.22, 2.98], -0.4, 0.0) };
+        let (found, notes) = measure_openings(&[seen(&window, &recessed)], &camera(), &recessed);
+        assert!(notes.is_empty(), "{notes:?}");
+        let found = &found[0];
+        assert!((found.inset + 0.4).abs() < 1e-6, "{found:?}");
+        assert!((found.u[0] - 1.22).abs() < 0.02 && (found.u[1] - 2.98).abs() < 0.02, "{found:?}");
     }
 
     #[test]

@@ -341,7 +341,7 @@ impl View<'_> {
         if corners.len() < 3 {
             return None;
         }
-        let low_is_left = (wall.point(e, 1.0, 0.0) - wall.point(e, 0.0, 0.0)).dot(self.camera.right()) > 0.0;
+        let low_is_left = wall.runs_to_the_right();
         let [floor, ceiling, left, right] = hint.reaches;
         let ends = if low_is_left { [left, right] } else { [right, left] };
         let length = wall.length(e);

@@ -85,6 +85,8 @@ pub struct LightingSpec {
     pub point_lights: Vec<PointLightSpec>,
     /// Windows and screens.
     pub windows: Vec<WindowSpec>,
+    /// Whether the sun falls directly on anything in the room, through whatever window; null when that is not clear.
+    pub direct_sun: Option<bool>,
     /// Direct sun through openings that the photo does not show; null when there is none.
     pub sun: Option<SunSpec>,
     /// One sentence: time of day, what lights the room.
@@ -216,7 +218,7 @@ mod tests {
     #[test]
     fn the_schema_requires_every_field_and_allows_null() {
         let schema = LightingSpec::schema();
-        assert_eq!(schema["required"].as_array().unwrap().len(), 6);
+        assert_eq!(schema["required"].as_array().unwrap().len(), 7);
         assert_eq!(schema["additionalProperties"], false);
         let lamp = &schema["properties"]["point_lights"]["items"];
         assert_eq!(lamp["required"].as_array().unwrap().len(), 4, "{lamp}");

@@ -9,13 +9,14 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use harmony_imaging::color::rgb8_from_linear;
 use harmony_lighting::{
     Assessment, Comparison, FieldNode, FitOptions, Judgement, LightPass, LightingDelta, LinearImage, Measured,
     PictureError, SceneFit, ViewTable, assess, bounce_response, design_of, display_linear, fit_scene, is_cove,
     is_found_sun, is_passage_light, is_unseen_window, judge, neutral_field, picture_error, propose, unseen_windows,
     updated_field,
 };
-use harmony_mesh::Mesh;
+use harmony_mesh::{Material, Mesh};
 use harmony_prompts::LightingReviewQuestion;
 use harmony_render::OUTSIDE;
 use harmony_roles::{LightMeasurement, LitImage, LitKind, LitRequest, Picture, RoleError};
@@ -30,6 +31,7 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::outputs;
 use crate::settings::LightingSettings;
 use crate::state::SceneState;
+use crate::steps::last_look::mean_linear;
 use crate::steps::sun::Sun;
 use crate::steps::surfaces;
 use crate::views;
@@ -209,7 +211,7 @@ fn field_nodes(state: &SceneState) -> Vec<FieldNode> {
             _ => "wall",
         };
         let is_even = state.even_surfaces.keys().any(|s| name.strip_prefix("wall_").unwrap_or(&name) == s.name());
-        FieldNode { name, kind, is_even }
+        FieldNode { name, kind, is_even, paint: None }
     });
     let objects = state.partial.placed.iter().filter_map(|p| {
         let said = state.objects.get(&p.item.id)?.model.as_ref().map_or(&[][..], |model| &model.said_slots);
@@ -225,13 +227,30 @@ fn parts(id: &str, mesh: &Mesh, said: &[String]) -> Vec<FieldNode> {
     names.sort_unstable();
     names.dedup();
     let is_said = |name: &str| said.iter().any(|slot| slot == name);
+    let paint = |name: &str| {
+        let material = mesh.materials.iter().find(|m| m.name == name).filter(|_| is_said(name))?;
+        Some(paint_of(material))
+    };
     if names.len() < 2 || names.contains(&"") {
         let is_even = !names.is_empty() && names.iter().all(|name| is_said(name));
-        return vec![FieldNode { is_even, ..FieldNode::new(id, "object") }];
+        let paint = names.first().filter(|_| is_even && names.len() == 1).and_then(|name| paint(name));
+        return vec![FieldNode { is_even, paint, ..FieldNode::new(id, "object") }];
     }
-    let part = |name: &str| FieldNode { is_even: is_said(name), ..FieldNode::part(id, name, "object") };
+    let part =
+        |name: &str| FieldNode { is_even: is_said(name), paint: paint(name), ..FieldNode::part(id, name, "object") };
     names.into_iter().map(part).collect()
 }
+
+/// A material's name and mean colour in steps that nobody sees.
+fn paint_of(material: &Material) -> String {
+    let shown = material.tile.as_ref().map_or([1.0; 3], |tile| mean_linear(&tile.color));
+    let rgb = rgb8_from_linear([0, 1, 2].map(|c| material.base_color[c] * shown[c]));
+    let [r, g, b] = rgb.map(|v| v / PAINT_STEP);
+    format!("{} {r} {g} {b}", material.name)
+}
+
+/// Step of an sRGB channel below which two said colours are one.
+const PAINT_STEP: u8 = 24;
 
 /// What has been found about the photo's light.
 struct Look {

@@ -139,6 +139,7 @@ pub fn empty_room() -> SceneState {
         looks: Vec::new(),
         summaries: Vec::new(),
         lighting: None,
+        is_sunless: false,
         sun: None,
         unseen_openings: Vec::new(),
         next_index: 10,

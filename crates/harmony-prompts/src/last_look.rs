@@ -140,6 +140,11 @@ pub enum LastActionKind {
     Add,
 }
 
+/// A text; none where null stands.
+fn text_or_null<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    Ok(Option::<String>::deserialize(deserializer)?.unwrap_or_default())
+}
+
 /// One action; fields that do not belong to its kind are left out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -147,7 +152,8 @@ pub struct LastAction {
     /// Which.
     pub action: LastActionKind,
     /// Id of the object, room surface or light source.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "text_or_null")]
+    #[schemars(with = "Option<String>")]
     pub id: String,
     /// How far from where it is now, metres along room x, y, z.
     #[serde(default)]
@@ -204,7 +210,7 @@ pub struct AddedObject {
 pub const AMBIENT: &str = "ambient";
 
 /// Most actions of one answer.
-pub const MAX_LAST_ACTIONS: usize = 12;
+pub const MAX_LAST_ACTIONS: usize = 20;
 
 impl Ask for LastLookQuestion {
     type Answer = LastLookAnswer;

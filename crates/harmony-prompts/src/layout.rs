@@ -233,8 +233,9 @@ pub enum LayoutFeatureKind {
 pub enum LayoutReach {
     Floor,
     Ceiling,
-    /// The wall at its left end, as seen in the photo.
+    /// The wall at its left end, as one faces it from inside: of a right wall the far one, of a left wall the near one.
     LeftEnd,
+    /// The same at its right end: of a right wall the near one.
     RightEnd,
 }
 
@@ -463,8 +464,8 @@ impl LayoutOpening {
             return Err(format!("the outline of a passage has {given} corner(s); three or more are needed"));
         }
         for p in &self.face {
-            in_range("an opening corner's x", p[0], -500.0, 1500.0)?;
-            in_range("an opening corner's y", p[1], -500.0, 1500.0)?;
+            in_range("an opening corner's x", p[0], -2000.0, 3000.0)?;
+            in_range("an opening corner's y", p[1], -2000.0, 3000.0)?;
         }
         self.arch_m.map_or(Ok(()), |arch| in_range("an opening's arch_m", arch, 0.0, 3.0))
     }
@@ -485,8 +486,8 @@ impl LayoutFeature {
             ));
         }
         for p in &self.face {
-            in_range("a face corner's x", p[0], -500.0, 1500.0)?;
-            in_range("a face corner's y", p[1], -500.0, 1500.0)?;
+            in_range("a face corner's x", p[0], -2000.0, 3000.0)?;
+            in_range("a face corner's y", p[1], -2000.0, 3000.0)?;
         }
         let most = if self.kind == LayoutFeatureKind::Tray { 1.5 } else { 20.0 };
         in_range("a shape's depth_m", self.depth_m, 0.02, most)?;

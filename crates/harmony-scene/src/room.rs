@@ -63,6 +63,14 @@ impl Wall {
         }
     }
 
+    /// Whether its u grows to the right, as one faces it from inside: of the right wall to the viewer, of the left one not.
+    pub fn runs_to_the_right(self) -> bool {
+        match self {
+            Self::Back | Self::Right => true,
+            Self::Left | Self::Front => false,
+        }
+    }
+
     /// Yaw of an object whose back is on this wall and whose front faces the room.
     pub fn yaw(self) -> f64 {
         use std::f64::consts::{FRAC_PI_2, PI};
@@ -340,6 +348,16 @@ pub struct Room {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_wall_runs_to_the_right_of_who_faces_it_or_to_the_left() {
+        let e = Extents { width: 4.0, height: 2.5, depth: 5.0 };
+        for wall in Wall::ALL {
+            let along = wall.point(&e, 1.0, 0.0) - wall.point(&e, 0.0, 0.0);
+            let to_the_right = -wall.normal().cross(DVec3::Y);
+            assert_eq!(along.dot(to_the_right) > 0.0, wall.runs_to_the_right(), "{wall:?}");
+        }
+    }
 
     #[test]
     fn walls_and_faces_agree_on_coordinates_and_normals() {

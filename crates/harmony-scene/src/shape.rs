@@ -193,16 +193,6 @@ impl RoomFace {
         low >= -EPS || high <= EPS
     }
 
-    /// Whether it covers the coordinates `(u, v)` of its surface, and faces as that does (slopes count as ceiling).
-    fn covers(&self, uv: DVec2) -> bool {
-        if self.normal.dot(self.surface.normal()) < 0.1 {
-            return false;
-        }
-        let p = self.polygon.iter().map(|p| self.surface.coordinates(*p));
-        let (low, high) = p.fold((DVec2::MAX, DVec2::MIN), |(l, h), c| (l.min(c), h.max(c)));
-        uv.cmpge(low - EPS).all() && uv.cmple(high + EPS).all()
-    }
-
     /// The point of its plane that lies at a place along its surface's normal.
     fn lift(&self, on_box: DVec3) -> Option<DVec3> {
         let along = self.surface.normal();
@@ -237,20 +227,70 @@ impl Exit {
 pub struct RoomFaces {
     /// The faces; empty for a box.
     faces: Arc<Vec<RoomFace>>,
+    /// Where each of them is.
+    places: Arc<Vec<FacePlace>>,
     extents: Extents,
 }
 
+/// Where a face is: what rules it out before its corners are asked.
+#[derive(Debug, Clone, PartialEq)]
+struct FacePlace {
+    low: DVec3,
+    high: DVec3,
+    /// Bounds in the coordinates of its surface; `None` where it does not face as that does.
+    uv: Option<[DVec2; 2]>,
+    /// Whether it fills its bounds.
+    is_rectangle: bool,
+}
+
+impl FacePlace {
+    fn of(face: &RoomFace) -> Self {
+        let (low, high) = face.polygon.iter().fold((DVec3::MAX, DVec3::MIN), |(l, h), p| (l.min(*p), h.max(*p)));
+        let corners = face.polygon.iter().map(|p| face.surface.coordinates(*p));
+        let uv = corners.fold([DVec2::MAX, DVec2::MIN], |[l, h], c| [l.min(c), h.max(c)]);
+        let at_end = |p: &DVec3| (0..3).all(|k| (p[k] - low[k]).min(high[k] - p[k]) < EPS);
+        Self {
+            low,
+            high,
+            // Slopes count as ceiling.
+            uv: (face.normal.dot(face.surface.normal()) >= 0.1).then_some(uv),
+            is_rectangle: face.polygon.len() == 4
+                && face.normal.abs().max_element() > 1.0 - 1e-9
+                && face.polygon.iter().all(at_end),
+        }
+    }
+
+    /// Whether a point of the face's plane is within its bounds.
+    fn is_near(&self, p: DVec3) -> bool {
+        p.cmpge(self.low - EPS).all() && p.cmple(self.high + EPS).all()
+    }
+
+    /// Whether it covers the coordinates `(u, v)` of its surface.
+    fn covers(&self, uv: DVec2) -> bool {
+        self.uv.is_some_and(|[low, high]| uv.cmpge(low - EPS).all() && uv.cmple(high + EPS).all())
+    }
+}
+
 impl RoomFaces {
+    fn new(faces: Arc<Vec<RoomFace>>, extents: Extents) -> Self {
+        let places = Arc::new(faces.iter().map(FacePlace::of).collect());
+        Self { faces, places, extents }
+    }
+
     /// Where a ray that starts inside leaves the room.
     pub fn exit(&self, ray: &Ray) -> Option<Exit> {
         let mut best: Option<(f64, &RoomFace)> = None;
-        for face in self.faces.iter() {
+        for (face, place) in self.faces.iter().zip(self.places.iter()) {
             let towards = ray.direction.dot(face.normal);
             if towards > -1e-12 {
                 continue;
             }
             let k = (face.polygon[0] - ray.origin).dot(face.normal) / towards;
-            if k >= 0.0 && best.is_none_or(|(b, _)| k < b) && face.holds(ray.at(k)) {
+            if k < 0.0 || best.is_some_and(|(b, _)| k >= b) {
+                continue;
+            }
+            let p = ray.at(k);
+            if place.is_near(p) && (place.is_rectangle || face.holds(p)) {
                 best = Some((k, face));
             }
         }
@@ -283,8 +323,9 @@ impl RoomFaces {
         let inward = |p: &DVec3| (*p - on_box).dot(surface.normal());
         self.faces
             .iter()
-            .filter(|f| f.surface == surface && f.covers(uv))
-            .filter_map(|f| Some((f.lift(on_box)?, f.normal)))
+            .zip(self.places.iter())
+            .filter(|(f, place)| f.surface == surface && place.covers(uv))
+            .filter_map(|(f, _)| Some((f.lift(on_box)?, f.normal)))
             .max_by(|a, b| inward(&a.0).total_cmp(&inward(&b.0)))
             .unwrap_or((on_box, surface.normal()))
     }
@@ -308,7 +349,7 @@ impl RoomFaces {
 impl From<Extents> for RoomFaces {
     /// A room that is a box.
     fn from(extents: Extents) -> Self {
-        Self { faces: Arc::default(), extents }
+        Self { faces: Arc::default(), places: Arc::default(), extents }
     }
 }
 
@@ -391,7 +432,7 @@ enum At<'a> {
 }
 
 /// A room's faces by what they depend on.
-type Known = (Extents, RoomShape, Arc<Vec<RoomFace>>);
+type Known = (Extents, RoomShape, RoomFaces);
 
 thread_local! {
     static KNOWN: RefCell<Vec<Known>> = const { RefCell::new(Vec::new()) };
@@ -400,20 +441,19 @@ thread_local! {
 impl Room {
     /// The faces of the room, ready for many questions.
     pub fn faces(&self) -> RoomFaces {
-        let faces = if self.shape.is_box() { Arc::default() } else { self.known_faces() };
-        RoomFaces { faces, extents: self.extents }
+        if self.shape.is_box() { RoomFaces::from(self.extents) } else { self.known_faces() }
     }
 
     /// [`Room::all_faces`], kept for the rooms that this thread asked about last: placement asks thousands of times about
     /// the same few.
-    fn known_faces(&self) -> Arc<Vec<RoomFace>> {
+    fn known_faces(&self) -> RoomFaces {
         KNOWN.with_borrow_mut(|known| {
             if let Some((.., faces)) = known.iter().find(|(e, s, _)| *e == self.extents && *s == self.shape) {
-                return Arc::clone(faces);
+                return faces.clone();
             }
-            let faces = Arc::new(self.all_faces());
+            let faces = RoomFaces::new(Arc::new(self.all_faces()), self.extents);
             known.truncate(KEPT - 1);
-            known.insert(0, (self.extents, self.shape.clone(), Arc::clone(&faces)));
+            known.insert(0, (self.extents, self.shape.clone(), faces.clone()));
             faces
         })
     }
@@ -537,7 +577,7 @@ impl Room {
             return vec![wall.into()];
         }
         let mut out: Vec<(WallPlane, f64)> = Vec::new();
-        for face in self.known_faces().iter() {
+        for face in self.known_faces().all() {
             let Some(plane) = face.plane(&self.extents).filter(|p| p.wall == wall) else { continue };
             let area = area(&face.polygon);
             match out.iter_mut().find(|(p, _)| (p.inset - plane.inset).abs() < TOUCH) {
@@ -557,7 +597,7 @@ impl Room {
         }
         let faces = self.known_faces();
         let foot = |plane: &WallPlane| {
-            let own = faces.iter().filter(|f| {
+            let own = faces.all().iter().filter(|f| {
                 let same = |p: WallPlane| p.wall == wall && (p.inset - plane.inset).abs() < TOUCH;
                 f.plane(&self.extents).is_some_and(same)
             });
@@ -601,6 +641,7 @@ impl Room {
         let here = wall.coordinates(at);
         let away = |p: &WallPlane| p.distance(&self.extents, at).abs();
         self.known_faces()
+            .all()
             .iter()
             .filter_map(|face| {
                 let plane = face.plane(&self.extents).filter(|p| p.wall == wall)?;

@@ -304,7 +304,7 @@ impl Oracle {
     ) -> LayoutFeature {
         let e = &self.room.extents;
         let (a, b) = (wall.coordinates(min), wall.coordinates(max));
-        let low_is_left = (wall.point(e, 1.0, 0.0) - wall.point(e, 0.0, 0.0)).dot(self.room.camera.right()) > 0.0;
+        let low_is_left = wall.runs_to_the_right();
         let (low, high) = (a.x < 0.02, b.x > wall.length(e) - 0.02);
         let (left, right) = if low_is_left { (low, high) } else { (high, low) };
         let reaches = [

@@ -139,6 +139,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         looks: Vec::new(),
         summaries: Vec::new(),
         lighting: None,
+        is_sunless: false,
         sun: None,
         unseen_openings: Vec::new(),
         next_index: 10,

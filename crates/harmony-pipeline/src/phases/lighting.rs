@@ -24,7 +24,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneStat
     physical::estimate(ctx, &mut state).await?;
     write_materials(ctx, &state)?;
     let mut lighting = sources(&state);
-    state.sun = ask_sources(ctx, &state, &mut lighting).await?;
+    (state.sun, state.is_sunless) = ask_sources(ctx, &state, &mut lighting).await?;
     state.lighting = Some(lighting.clone());
     let lit = if ctx.path_tracer { relight(ctx, &mut state, true).await? } else { None };
     if !ctx.path_tracer {
@@ -66,14 +66,15 @@ fn write_materials(ctx: &PhaseCtx<'_>, state: &SceneState) -> Result<(), PhaseEr
     ctx.write_json("materials.json", &rows)
 }
 
-/// Asks which sources emit, and sets them; what was said of a sun through openings that the photo does not show.
+/// Asks which sources emit, and sets them; what was said of a sun through openings that the photo does not show, and whether
+/// there is none at all.
 async fn ask_sources(
     ctx: &PhaseCtx<'_>,
     state: &SceneState,
     lighting: &mut Lighting,
-) -> Result<Option<SunSpec>, PhaseError> {
+) -> Result<(Option<SunSpec>, bool), PhaseError> {
     if lighting.lights.is_empty() && !ctx.is_looked_at("lights") {
-        return Ok(None);
+        return Ok((None, false));
     }
     let objects = outputs::scene_objects(state);
     let question = LightsQuestion {
@@ -98,7 +99,9 @@ async fn ask_sources(
     for note in spec.apply(lighting) {
         ctx.warn(WarningKind::AnswerRepaired, None, note);
     }
-    Ok(spec.sun.filter(|sun| !sun.patches.is_empty()))
+    let told = spec.sun.filter(|sun| !sun.patches.is_empty());
+    let is_sunless = told.is_none() && spec.direct_sun == Some(false);
+    Ok((told, is_sunless))
 }
 
 /// Whether a rectangle of light is that of a screen, a strip, a luminous field or a cove, not of a window.

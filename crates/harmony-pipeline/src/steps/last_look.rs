@@ -421,7 +421,8 @@ fn scaled(rgb: [u8; 3], factor: [f32; 3]) -> [u8; 3] {
     harmony_imaging::color::rgb8_from_linear([0, 1, 2].map(|k| (linear[k] * factor[k]).min(1.0)))
 }
 
-fn mean_linear(image: &RgbaImage) -> [f32; 3] {
+/// Mean linear colour of a picture.
+pub fn mean_linear(image: &RgbaImage) -> [f32; 3] {
     let mut sum = [0.0_f64; 3];
     let n = (f64::from(image.width()) * f64::from(image.height())).max(1.0);
     for p in image.pixels() {

@@ -34,7 +34,11 @@ pub struct Sun {
 
 /// The sun that the photo speaks for, through what gives daylight in `lighting`, or through openings that the photo does not
 /// show and that patches of sun tell of.
+/// None where who looked at it says that there is none: brightness alone takes a white table under a window for it.
 pub fn found(state: &SceneState, lighting: &Lighting) -> Option<Sun> {
+    if state.is_sunless {
+        return None;
+    }
     let room = &state.partial.room;
     let gives_light = |o: &&Opening| {
         !o.is_passage()

@@ -38,6 +38,15 @@ impl Proxy {
         self.triangles.iter().map(half).sum()
     }
 
+    /// A box.
+    pub(crate) fn boxed(low: Vec3, high: Vec3) -> Self {
+        let pick = |i: u32, bit: u32, axis: usize| if i & bit == 0 { low[axis] } else { high[axis] };
+        let points = (0..8).map(|i| Vec3::new(pick(i, 1, 0), pick(i, 2, 1), pick(i, 4, 2))).collect();
+        let sides: [[u32; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = sides.map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).concat();
+        Self::of(points, &triangles)
+    }
+
     /// From the [`harmony_mesh::simple_form`] of a mesh.
     pub(crate) fn new(form: &Mesh) -> Self {
         let proxy = Self::welded(form);

@@ -10,13 +10,14 @@ use std::sync::Arc;
 
 use harmony_geometry::robust_mean_scalar;
 use harmony_mesh::Bounds;
-use harmony_scene::{Camera, ImageSize, Intrinsics, Mask, PixelBox, Pose, Vec2, Vec3};
+use harmony_scene::{Camera, ImageSize, Intrinsics, Mask, PixelBox, Pose, Support, Vec2, Vec3};
 
 use super::contour::Contour;
 use super::outline::Outline;
+use super::proxy::Proxy;
 use super::raster::{NEAR, Span, rasterise, with_scratch};
 use crate::scene::shape::corners;
-use crate::{Item, PartialScene, PlacementSettings, Shape};
+use crate::{Item, PartialScene, Placed, PlacementSettings, Shape};
 
 /// Fewest pixels with a depth in the point map that say something about an object's own.
 const MIN_DEPTHS: usize = 12;
@@ -51,6 +52,8 @@ pub(crate) struct Window {
     /// Window pixels per image pixel.
     zoom: f64,
     mask: Vec<bool>,
+    /// Pixels of the mask that the mask of what stands on it has, too: to be hidden there is no fault.
+    shared: Vec<bool>,
     mask_count: f64,
     /// Pixels along the mask's edge.
     edge_count: f64,
@@ -82,7 +85,8 @@ pub(crate) struct Window {
 pub(crate) struct Match {
     /// IoU where both could be visible.
     pub(crate) iou: f64,
-    /// IoU of mask and what would be visible in the partial scene, nothing excused but unplaced neighbours.
+    /// IoU of mask and what would be visible in the partial scene, nothing excused but unplaced neighbours and pixels
+    /// that are in the mask of what stands on it, too.
     pub(crate) strict_iou: f64,
     /// Share of the mask that the silhouette covers and nothing placed hides.
     pub(crate) covered: f64,
@@ -134,6 +138,7 @@ impl Window {
             region,
             zoom,
             mask: Vec::with_capacity(n),
+            shared: Vec::with_capacity(n),
             mask_count: 0.0,
             edge_count: 0.0,
             depth_count: 0,
@@ -153,12 +158,15 @@ impl Window {
             .filter(|n| n.mask.bounds().is_some_and(|b| b.intersection(&region).area() > 0.0))
             .copied()
             .collect();
+        let stands = |p: &&Placed| matches!(&p.support, Support::Object { id } if *id == item.id);
+        let guests: Vec<&Mask> = scene.placed.iter().filter(stands).map(|p| &*p.item.mask).collect();
         for y in 0..size.height {
             for x in 0..size.width {
                 let at = Vec2::new(region.x0 + (f64::from(x) + 0.5) / zoom, region.y0 + (f64::from(y) + 0.5) / zoom);
                 let (u, v) = (at.x as i64, at.y as i64);
                 let on = mask.get(u, v);
                 window.mask.push(on);
+                window.shared.push(on && guests.iter().any(|mask| mask.get(u, v)));
                 window.mask_count += f64::from(u8::from(on));
                 window.others.push(if near.iter().any(|n| n.may_hide && !n.placed && n.mask.get(u, v)) {
                     Other::MayHide
@@ -185,6 +193,11 @@ impl Window {
         let size = self.size;
         let mut depth = std::mem::take(&mut self.scene);
         let whole = PixelBox { x0: 0.0, y0: 0.0, x1: f64::from(size.width), y1: f64::from(size.height) };
+        // What stands out of the walls hides what is behind it, too.
+        for block in &scene.room.shape.blocks {
+            let form = Proxy::boxed(block.min.as_vec3(), block.max.as_vec3());
+            rasterise(&self.camera, &form, &Pose::new(Vec3::ZERO, 0.0, 1.0), &mut depth);
+        }
         for (i, placed) in scene.placed.iter().enumerate() {
             if Some(i) != skip && may_be_seen(&self.camera, &placed.item.shape.bounds(), &placed.pose, &whole) {
                 let shape = &placed.item.shape;
@@ -229,7 +242,7 @@ impl Window {
                 both += 1;
                 let hides = self.opaque.as_ref().map_or(s, |o| o[i]);
                 let behind = hides > 0.0 && z > hides + self.hiding;
-                strict_both += u32::from(!behind);
+                strict_both += u32::from(!behind || self.shared[i]);
                 let r = self.reference[i];
                 if r.is_finite() {
                     let a = 2.0 * (z - r).abs() / ((z + r) * depth_scale);
@@ -454,6 +467,47 @@ mod tests {
             chair.mask.get(i64::from(x), i64::from(y)) && f64::from(y) < top.y0 + 0.1 * top.height()
         });
         assert!((compare(&glass, &half).iou - compare(&wood, &half).iou).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_a_chimney_breast_hides_is_hidden() {
+        let mut scene = empty_room();
+        let at = Vec3::new(1.0, 0.0, 0.4);
+        let shelf = boxed(&scene, Vec3::new(0.6, 1.0, 0.3), at, 0.0);
+        let settings = PlacementSettings::default();
+        let iou = |scene: &PartialScene| {
+            let window = Window::new(scene, &shelf, None, &[], &settings).unwrap();
+            window.compare(&shelf.shape, &Pose::new(at, 0.0, 1.0), 0.1).strict_iou
+        };
+        assert!(iou(&scene) > 0.95);
+        let (min, max) = (Vec3::new(0.2, 0.0, 0.9), Vec3::new(2.2, 2.5, 1.2));
+        scene.room.shape.blocks.push(harmony_scene::Block { kind: "breast".into(), min, max });
+        assert!(iou(&scene) < 0.1, "{}", iou(&scene));
+    }
+
+    /// A table whose mask holds the vase on it, as masks of different levels may.
+    #[test]
+    fn what_stands_on_a_table_and_is_in_its_mask_takes_nothing_from_its_agreement() {
+        let mut scene = empty_room();
+        let at = Vec3::new(2.2, 0.0, 2.5);
+        let table = boxed(&scene, Vec3::new(0.8, 0.7, 0.6), at, 0.0);
+        let mut vase = boxed(&scene, Vec3::new(0.5, 0.5, 0.3), at + Vec3::Y * 0.5 + Vec3::Z * 0.35, 0.0);
+        vase.id = harmony_scene::ObjectId::numbered("vase", 1);
+        let settings = PlacementSettings::default();
+        let pose = Pose::new(at, 0.0, 1.0);
+        let iou = |scene: &PartialScene| {
+            let window = Window::new(scene, &table, None, &[], &settings).unwrap();
+            window.compare(&table.shape, &pose, 0.1).strict_iou
+        };
+        assert!(iou(&scene) > 0.95);
+        let mut own = vase.clone();
+        own.mask = vase.mask.minus(&table.mask).into();
+        let before = Pose::new(at + Vec3::Y * 0.5 + Vec3::Z * 0.35, 0.0, 1.0);
+        for (item, held) in [(vase, true), (own, false)] {
+            let (item, support) = (Arc::new(item), Support::Object { id: table.id.clone() });
+            scene.placed = vec![crate::Placed { item, pose: before, support, evidence: crate::Evidence::default() }];
+            assert_eq!(iou(&scene) > 0.95, held, "{}", iou(&scene));
+        }
     }
 
     /// A box that the image's lower border cuts: the outline that counts is that of the part in view, which is narrower

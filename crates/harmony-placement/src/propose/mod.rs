@@ -59,7 +59,9 @@ impl<'a> Proposer<'a, '_> {
     pub(crate) fn quarter_turns(&self, rule: YawRule) -> Vec<(YawRule, f64)> {
         let mut out = vec![(rule, 0.0)];
         if let YawRule::About { yaw, sigma } = rule {
-            let wrong = surprise(self.settings.noise.wrong_turn);
+            let noise = &self.settings.noise;
+            let is_answered = matches!(self.item.yaw, YawHint::About(_));
+            let wrong = surprise(if is_answered { noise.wrong_turn } else { noise.wrong_side });
             let turned = |k: f64| YawRule::About { yaw: yaw + k * std::f64::consts::FRAC_PI_2, sigma };
             // Outlines hardly tell half a turn, so that noise would: it takes two wrong quarters.
             out.extend([(1.0, 1.0), (2.0, 2.0), (3.0, 1.0)].map(|(k, times)| (turned(k), times * wrong)));

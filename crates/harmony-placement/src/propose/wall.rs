@@ -147,7 +147,7 @@ fn seen_on(proposer: &Proposer, wall: WallPlane, size: Vec3) -> Option<[(f64, f6
 ///
 /// Projecting every pixel is the exact foreshortening correction.
 fn on_wall(proposer: &Proposer, wall: WallPlane) -> Pose {
-    let (item, window, camera) = (proposer.item, proposer.window, &proposer.scene.camera);
+    let (item, window) = (proposer.item, proposer.window);
     let e = &proposer.scene.room.extents;
     let mut pose = proposer.sized(Vec3::ZERO, wall.yaw());
     let size = size_of(item, &pose);
@@ -156,11 +156,8 @@ fn on_wall(proposer: &Proposer, wall: WallPlane) -> Pose {
         pose.position = wall.point(e, centre.x, centre.y - size.y / 2.0);
         return pose;
     };
-    // Left and right in the image are low and high u on the back wall, and so on around the room.
-    let along = wall.point(e, 1.0, 0.0) - wall.point(e, 0.0, 0.0);
-    let low_is_left = along.dot(camera.right()) > 0.0;
     let free = window.free;
-    let (low_free, high_free) = if low_is_left { (free[0], free[2]) } else { (free[2], free[0]) };
+    let (low_free, high_free) = if wall.wall.runs_to_the_right() { (free[0], free[2]) } else { (free[2], free[0]) };
     let measured_w = (low_free && high_free).then_some(u1 - u0);
     let measured_h = (free[1] && free[3]).then_some(y1 - y0);
     let clamp = |measured: f64, prior: f64| (measured / prior).clamp(1.0 / PLAUSIBLE, PLAUSIBLE);

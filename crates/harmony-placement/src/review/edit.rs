@@ -72,10 +72,20 @@ pub(super) fn rescale(scene: &mut PartialScene, object: usize, factor: Vec3, set
         item.size = wanted;
         item.traits.corrected = true;
     });
+    let base = scene.placed[object].pose.position.y;
     carry(scene, object, settings, |pose| {
         pose.scale *= common;
         pose.stretch *= factor / common;
     });
+    // Its surfaces have gone up or down, and what stands on them with them.
+    let host = scene.placed[object].item.id.clone();
+    let moved = scene.placed[object].pose.position.y - base;
+    let stands = |p: &Placed| matches!(&p.support, Support::Object { id } if *id == host);
+    for guest in (0..scene.placed.len()).filter(|k| stands(&scene.placed[*k])).collect::<Vec<_>>() {
+        let mut pose = scene.placed[guest].pose;
+        pose.position.y += (pose.position.y - base - moved) * (factor.y - 1.0);
+        take_along(scene, guest, pose);
+    }
 }
 
 /// Two objects exchange their places: what is seen there, what carries them and what they carry. Each keeps its

@@ -10,6 +10,8 @@ use crate::{PartialScene, Placed};
 
 /// Share of what was asked for that must have come about.
 const CAME_ABOUT: f64 = 0.5;
+/// How far beside the place that was asked for something may land, beside that share of the way, metres.
+const ASIDE: f64 = 0.1;
 /// What is asked for in smaller steps than these need not be seen: metres, radians, logarithm of a side.
 const HARDLY: [f64; 3] = [0.01, 0.02, 0.02];
 
@@ -110,6 +112,12 @@ fn of_one(id: &ObjectId, asked: &Asked, old: &Placed, new: &Placed) -> Option<St
     let along = (new.pose.position - old.pose.position).dot(asked.by) / far.max(1e-9);
     if far > HARDLY[0] && along < CAME_ABOUT * far {
         return Some(format!("{id} is held by {}: of {far:.2} m it would go {along:.2} m", holder(new)));
+    }
+    let beside = (new.pose.position - old.pose.position - asked.by).with_y(0.0).length();
+    if far > HARDLY[0] && beside > ASIDE + CAME_ABOUT * far {
+        return Some(format!(
+            "{id} would land {beside:.2} m beside the place that was asked for: something stands there"
+        ));
     }
     // What hangs on a wall is turned as the wall is, which is near enough.
     let wanted = old.pose.yaw + asked.turn;

@@ -236,6 +236,31 @@ fn sides_take_their_own_factors_and_the_size_that_comes_of_it_is_the_said_one() 
 }
 
 #[test]
+fn what_stands_on_a_rescaled_table_stands_on_its_new_top() {
+    let mut scene = empty_room();
+    let at = Vec3::new(2.0, 0.0, 2.0);
+    let mut put = |id: &str, size: Vec3, at: Vec3, support: Support| {
+        let mut item = boxed(&scene, size, at, 0.0);
+        item.id = ObjectId::numbered(id, 1);
+        let (item, pose) = (Arc::new(item), Pose::new(at, 0.0, 1.0));
+        scene.placed.push(Placed { item, pose, support, evidence: Evidence::default() });
+    };
+    let on = |id: &str| Support::Object { id: ObjectId::numbered(id, 1) };
+    put("table", Vec3::new(1.0, 0.9, 0.6), at, Support::Floor);
+    put("tray", Vec3::new(0.4, 0.05, 0.3), at + Vec3::Y * 0.9, on("table"));
+    put("cup", Vec3::new(0.1, 0.1, 0.1), at + Vec3::Y * 0.95, on("tray"));
+    let lower = ReviewAction::Rescale { object: ObjectId::numbered("table", 1), factor: [1.0, 0.8, 1.0] };
+    let after = apply(&scene, &[lower], &PlacementSettings::default()).unwrap().scene;
+    let base = |id: &str| after.find(&ObjectId::numbered(id, 1)).unwrap().pose.position.y;
+    assert!(
+        (base("tray") - 0.72).abs() < 1e-6 && (base("cup") - 0.77).abs() < 1e-6,
+        "{} {}",
+        base("tray"),
+        base("cup")
+    );
+}
+
+#[test]
 fn exchanged_objects_take_masks_and_places_and_keep_shapes_and_what_rests_there_stays() {
     let mut scene = empty_room();
     // Each stands where the other's mask is.

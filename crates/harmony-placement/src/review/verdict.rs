@@ -16,6 +16,9 @@ use crate::scene::Energy;
 use crate::terms::{NAMED, absent_energy, scene_energy};
 use crate::{Evidence, PartialScene, PlacementSettings, measure};
 
+/// Outline agreement below which a mask was not met at all.
+const MET: f64 = 0.05;
+
 /// The judgement of an action.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Verdict {
@@ -50,7 +53,14 @@ pub fn judge(before: &PartialScene, after: &ReviewOutcome, settings: &PlacementS
     let earlier: Vec<Evidence> = concerned.iter().filter_map(|id| old(id)).collect();
     let (was, is) = (scene_energy(before, settings), scene_energy(&after.scene, settings));
     let gone = before.placed.iter().enumerate().filter(|(_, p)| after.removed.contains(&p.item.id));
-    let unexplained: f64 = gone.filter_map(|(i, _)| absent_energy(before, i, settings)).sum();
+    // A mask that was not met by what is gone is explained as little as before.
+    let unexplained: f64 = gone
+        .filter_map(|(i, p)| {
+            let absent = absent_energy(before, i, settings)?;
+            let met = measure(before, i, settings).silhouette_iou.is_none_or(|iou| iou >= MET);
+            Some(if met || p.item.mask.count() == 0 { absent } else { absent.min(was[i].silhouette) })
+        })
+        .sum();
     let (pressed, presses) = (penetration(before, settings), penetration(&after.scene, settings));
     let change = total(&is) + presses + unexplained - total(&was) - pressed;
     let kept = after.missed.is_none() && accepts(0.0, change, odds(settings.noise.wrong_review));

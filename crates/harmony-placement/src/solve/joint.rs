@@ -115,7 +115,7 @@ pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -
     let mut trial = scene.clone();
     let (mut scale, mut size_inflation) = (1.0, 1.0);
     for _ in 0..ROUNDS {
-        let problem = Problem::new(&trial, settings)?;
+        let problem = Problem::new(&trial, settings, true)?;
         size_inflation = problem.size_inflation;
         let step = problem.solved()?;
         scale *= step.scale;
@@ -151,7 +151,7 @@ pub fn refine_globally(scene: &mut PartialScene, settings: &PlacementSettings) -
 
 /// Looks at every object once more in the camera and room that the least squares left: one that agrees less than `before`
 /// (energies of the placed objects) by more than [`Noise::joint_slack`] is solved anew, and the new pose kept by the rule
-/// of `accept`: a host that contradicts an answer has its price here, too.
+/// of `accept`: a host that contradicts an answer has its price here, too. What a reviewer has corrected is left alone.
 fn polish_all(scene: &mut PartialScene, before: &[Energy], settings: &PlacementSettings) {
     use rayon::prelude::*;
     let still: &PartialScene = scene;
@@ -159,6 +159,9 @@ fn polish_all(scene: &mut PartialScene, before: &[Energy], settings: &PlacementS
         .into_par_iter()
         .filter_map(|i| {
             let p = &still.placed[i];
+            if p.item.traits.corrected {
+                return None;
+            }
             let window = Window::new(still, &p.item, Some(i), &[], settings)?;
             let yaw = YawRule::About { yaw: p.pose.yaw, sigma: settings.noise.yaw_square };
             let attachment = attachment_of(still, i, &settings.noise);
@@ -204,7 +207,7 @@ fn better_anew(
 /// How uncertain each placed object is: its part of the posterior of everything; `None` for those without a mask.
 pub(crate) fn spreads(scene: &PartialScene, settings: &PlacementSettings) -> Vec<Option<Spread>> {
     let mut out = vec![None; scene.placed.len()];
-    let Some(problem) = Problem::new(scene, settings) else { return out };
+    let Some(problem) = Problem::new(scene, settings, false) else { return out };
     let start = problem.start();
     let rows = problem.rows();
     let jacobian = problem.jacobian(&start, &rows);
@@ -251,11 +254,14 @@ impl Step {
 }
 
 impl<'a> Problem<'a> {
-    fn new(scene: &'a PartialScene, settings: &'a PlacementSettings) -> Option<Self> {
+    /// With `hold`, what a reviewer has corrected goes where the room goes: its outline has been overruled.
+    fn new(scene: &'a PartialScene, settings: &'a PlacementSettings, hold: bool) -> Option<Self> {
         use rayon::prelude::*;
         let noise = &settings.noise;
-        let mut blocks: Vec<ObjectBlock> =
-            (0..scene.placed.len()).into_par_iter().filter_map(|i| ObjectBlock::new(scene, i, settings)).collect();
+        let mut blocks: Vec<ObjectBlock> = (0..scene.placed.len())
+            .into_par_iter()
+            .filter_map(|i| ObjectBlock::new(scene, i, settings, hold))
+            .collect();
         let item = |b: &ObjectBlock| &scene.placed[b.object].item;
         for i in 0..blocks.len() {
             let set = item(&blocks[i]).relations.matched_set.as_ref().filter(|_| settings.groups);
@@ -462,11 +468,12 @@ fn size_inflation(scene: &PartialScene, blocks: &[ObjectBlock], noise: &Noise) -
 }
 
 impl ObjectBlock {
-    fn new(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Option<Self> {
+    fn new(scene: &PartialScene, object: usize, settings: &PlacementSettings, hold: bool) -> Option<Self> {
         let placed = &scene.placed[object];
         let item = &placed.item;
         let window = Window::new(scene, item, Some(object), &[], settings)?;
-        let trusted = placed.evidence.silhouette_iou.unwrap_or(0.0) >= TRUSTED_IOU;
+        let held = hold && item.traits.corrected;
+        let trusted = !held && placed.evidence.silhouette_iou.unwrap_or(0.0) >= TRUSTED_IOU;
         let ratio = if trusted { window.depth_ratio(&item.shape, &placed.pose).map(f64::ln) } else { None };
         let sigma = DepthNoise::new(scene, &window, &settings.noise).mean;
         Some(Self {
@@ -716,7 +723,7 @@ mod tests {
     #[test]
     fn sizes_that_contradict_each_other_are_doubted() {
         let doubt = |count: u32, spread: f64| {
-            Problem::new(&with_sizes_off(count, spread), &PlacementSettings::default()).unwrap().size_inflation
+            Problem::new(&with_sizes_off(count, spread), &PlacementSettings::default(), true).unwrap().size_inflation
         };
         // Together too large is not doubt, but the scale's affair; nor is a spread as that of good models.
         assert_eq!([doubt(10, 0.0), doubt(10, 0.15)], [1.0, 1.0]);

@@ -20,7 +20,7 @@ const FEWEST: usize = 40;
 /// Light on a board as a share of that in which its colour was said.
 const LIGHT: [f32; 2] = [0.05, 1.4];
 /// Less light than this share of what the walls have is the shadow of something, not the board's light.
-const SHADED: f32 = 0.3;
+const SHADED: f32 = 0.5;
 /// Difference in hue, Lab units, up to which the photo's colour is the board's in coloured light.
 const TINT: f32 = 14.0;
 /// How far from a board the wall beside it is looked at, as a share of the photo's longer side.
