@@ -226,10 +226,11 @@ fn changes(before: &SceneState, after: &SceneState, look: LookKind, ctx: &PhaseC
     came
 }
 
-/// What has other colours or shines otherwise, beside what moved or has another shape.
+/// What has other colours or shines otherwise, beside what moved or has another shape. The photo's light on what was modelled is
+/// laid on anew after every change, and is none.
 fn repainted(before: &SceneState, after: &SceneState, came: &Came) -> Vec<String> {
     let touched = |id: &ObjectId| came.moved.iter().any(|m| m.id == *id) || came.reshaped.contains(id);
-    let other = |id: &&ObjectId| match (before.mesh_of(id), after.mesh_of(id)) {
+    let other = |id: &&ObjectId| match (before.unlit(id), after.unlit(id)) {
         (Some(was), Some(now)) => !touched(id) && !Arc::ptr_eq(was, now),
         _ => false,
     };
