@@ -285,7 +285,9 @@ fn keep_to_thing(field: &mut AlbedoField, found: &mut [Found<'_>]) {
         let Some(cells) = field.nodes.get_mut(&f.node.name) else { continue };
         let moved = |log: [f32; 3]| rounded(log.map(|v| v.log2() + by));
         cells.mean = moved(cells.mean);
-        cells.factors.iter_mut().for_each(|c| *c = moved(*c));
+        for factor in &mut cells.factors {
+            *factor = moved(*factor);
+        }
         cells.gloss = (cells.gloss * by.exp2()).min(1.0);
     }
 }

@@ -185,7 +185,9 @@ fn under_one_sky(passes: &[LightPass], lum: &Channel, flat: &[f64], options: &Fi
         let one = lum.with_tied(seen, &tied, options.unseen_sky);
         // What is tied has no light of its own there.
         gains = one.solve(flat, &vec![options.intensity_ridge; n], options);
-        tied.iter().for_each(|i| gains[*i] = options.unseen_sky * gains[seen]);
+        for i in &tied {
+            gains[*i] = options.unseen_sky * gains[seen];
+        }
     }
 }
 
@@ -203,7 +205,9 @@ fn colors(
     let mut prior: Vec<[f64; 3]> = intensities.iter().map(|g| [*g; 3]).collect();
     let mut ridge: Vec<f64> = intensities.iter().map(|g| if *g > 0.0 { options.color_ridge } else { HELD }).collect();
     // What shines by one sky has its colour.
-    tied.iter().for_each(|i| ridge[*i] = HELD);
+    for i in tied {
+        ridge[*i] = HELD;
+    }
     loop {
         let by_channel = [0, 1, 2].map(|c| {
             let prior: Vec<f64> = prior.iter().map(|g| g[c]).collect();
@@ -348,7 +352,9 @@ impl Channel {
         let mut lights = self.lights.clone();
         for i in tied {
             let own = std::mem::replace(&mut lights[*i], vec![0.0; self.target.len()]);
-            lights[to].iter_mut().zip(own).for_each(|(all, more)| *all += ratio * more);
+            for (all, more) in lights[to].iter_mut().zip(own) {
+                *all += ratio * more;
+            }
         }
         Self { lights, target: self.target.clone(), weights: self.weights.clone(), floor: self.floor }
     }

@@ -170,12 +170,12 @@ impl Came {
 const SAME: (f64, f64, f64) = (0.002, 0.005, 0.002);
 
 /// The scene before a look.
-pub struct SceneBefore(SceneState);
+pub struct SceneBefore(Box<SceneState>);
 
 impl SceneBefore {
     /// Remembers the scene.
     pub fn of(state: &SceneState) -> Self {
-        Self(state.clone())
+        Self(Box::new(state.clone()))
     }
 
     /// Keeps what a look has changed since; the scene after it, for the next one.

@@ -176,7 +176,9 @@ pub fn apply(
         // Its neighbours make room for it, and it for them.
         let mut come = vec![false; after.placed.len()];
         for i in touched.iter().filter_map(|id| after.position(id)) {
-            subtree(after, i).into_iter().for_each(|k| come[k] = true);
+            for k in subtree(after, i) {
+                come[k] = true;
+            }
         }
         for (k, far) in relax_around(after, come, settings).into_iter().enumerate() {
             if far > 0.0 {

@@ -164,9 +164,13 @@ pub fn looks(rooms: &[RoomScore]) -> String {
     let mut out = line(head.map(str::to_owned));
     for r in rooms {
         let seed = r.seed.map_or_else(String::new, |s| s.to_string());
-        r.looks.iter().for_each(|s| out.push_str(&row(&r.room, seed.clone(), s)));
+        for s in &r.looks {
+            out.push_str(&row(&r.room, seed.clone(), s));
+        }
     }
-    in_all(rooms.iter().flat_map(|r| &r.looks)).iter().for_each(|s| out.push_str(&row("all", String::new(), s)));
+    for s in in_all(rooms.iter().flat_map(|r| &r.looks)) {
+        out.push_str(&row("all", String::new(), &s));
+    }
     out
 }
 

@@ -116,7 +116,9 @@ pub fn layered_rug() -> Node {
     for k in 0..12 {
         sheet(&mut mesh, "red", [0.8, 0.02, 0.02], 2e-4 * f64::from(k));
     }
-    (0..3).for_each(|_| sheet(&mut mesh, "green", [0.02, 0.8, 0.02], 2e-4 * 12.0));
+    for _ in 0..3 {
+        sheet(&mut mesh, "green", [0.02, 0.8, 0.02], 2e-4 * 12.0);
+    }
     Node { name: "rug_01", id: 18, mesh }
 }
 
