@@ -313,9 +313,12 @@ pub fn summary(rooms: &[RoomScore]) -> Vec<Figure> {
     figures
 }
 
+/// Within these an object is right: metres, degrees, share of size.
+pub const RIGHT: (f64, f64, f64) = (0.15, 10.0, 0.12);
+
 /// Whether an object is within three times the median targets (the 90th percentile of the position).
 pub fn good(o: &ObjectScore) -> bool {
-    o.truth.is_some() && o.position_m <= 0.15 && o.size <= 0.12 && (!o.has_front || o.yaw_deg <= 10.0)
+    o.truth.is_some() && o.position_m <= RIGHT.0 && o.size <= RIGHT.2 && (!o.has_front || o.yaw_deg <= RIGHT.1)
 }
 
 /// A number as tables show it.

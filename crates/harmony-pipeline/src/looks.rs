@@ -5,6 +5,7 @@
 //! proposed in vain is told by its warnings ([`harmony_scene::WarningKind::ActionRefused`]). Poses are of the room frame, in
 //! metres and radians, in the room as it was at that look: later levels move camera and room once more.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use harmony_placement::energy_change;
@@ -249,9 +250,13 @@ fn repainted(before: &SceneState, after: &SceneState, came: &Came) -> Vec<String
 }
 
 /// Counts the questions of each look by the names of the calls that asked somebody, and leaves out looks that were not asked
-/// and changed nothing.
+/// and changed nothing. Where a phase has a look more than once, the first has the questions.
 pub fn counted(mut all: Vec<Came>, names: &[&str]) -> Vec<Came> {
+    let mut known = BTreeSet::new();
     for came in &mut all {
+        if !known.insert((came.phase.clone(), came.look)) {
+            continue;
+        }
         let begins = format!("{}/{}", came.phase, came.look.asked_as());
         came.questions = names.iter().filter(|name| name.starts_with(&begins)).count();
     }

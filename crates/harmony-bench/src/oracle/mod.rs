@@ -222,12 +222,12 @@ impl Oracle {
         known.iter().find(|(_, i)| self.room.objects[**i].id == truth).map(|(id, _)| id.clone())
     }
 
-    /// Objects of a level that are seen and not missed.
     /// Whether lists and detector pass over an object that the photo shows.
     fn overlooks(&self, id: &str) -> bool {
         self.draws.happens(&format!("overlooked {id}"), self.noise.overlooked)
     }
 
+    /// Objects of a level that are seen and not missed.
     fn seen(&self, level: Level) -> impl Iterator<Item = usize> + '_ {
         (0..self.room.objects.len())
             .filter(move |i| self.room.objects[*i].level == level)

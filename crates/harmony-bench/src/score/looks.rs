@@ -11,10 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use super::objects::{matched, place, turn};
 use super::prediction::{PredictedObject, Prediction};
+use crate::summary::RIGHT;
 use crate::truth::{TruthObject, TruthRoom};
 
-/// Tolerances: metres, degrees, share of size.
-const TOLERANCES: (f64, f64, f64) = (0.15, 10.0, 0.12);
 /// A change of the error by less is neither mended nor made, tolerances.
 const SAME: f64 = 0.1;
 
@@ -90,7 +89,7 @@ fn gained(moved: &Moved, object: &PredictedObject, truth: &TruthObject, corner: 
         let half = if object.object.level == Level::Wall { size.y / 2.0 } else { 0.0 };
         let at = pose.position * scale + *corner + DVec3::Y * half;
         let off = at.distance(place(object.object.level, &truth.mesh, Some(truth)));
-        off / TOLERANCES.0 + turned(pose, object, truth) / TOLERANCES.1 + sized(size, truth) / TOLERANCES.2
+        off / RIGHT.0 + turned(pose, object, truth) / RIGHT.1 + sized(size, truth) / RIGHT.2
     });
     was - is
 }

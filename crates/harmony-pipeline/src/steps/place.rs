@@ -29,16 +29,19 @@ pub async fn in_order(
     let items: Vec<Item> =
         objects.iter().filter_map(|id| state.objects.get(id)).filter_map(|object| item(level, state, object)).collect();
     let (partial, mut report) = placed(ctx, &state.partial, items.clone(), order).await?;
-    if !report.unresolved.is_empty()
-        && let Some((other, again)) = in_another_order(ctx, level, state, (&partial, &report), items).await?
-    {
-        state.take(partial);
+    let mut other = None;
+    let persists = !report.unresolved.is_empty();
+    if persists {
+        other = in_another_order(ctx, level, state, (&partial, &report), items).await?;
+    }
+    state.take(partial);
+    if persists {
         let before = SceneBefore::of(state);
-        state.take(other);
+        if let Some((scene, again)) = other {
+            state.take(scene);
+            report = again;
+        }
         before.came(ctx, LookKind::Reorder, state);
-        report = again;
-    } else {
-        state.take(partial);
     }
     for warning in &report.warnings {
         ctx.warn(warning.kind, warning.object.clone(), warning.message.clone());

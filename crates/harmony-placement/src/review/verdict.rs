@@ -55,10 +55,10 @@ pub fn judge(before: &PartialScene, after: &ReviewOutcome, settings: &PlacementS
     let gone = before.placed.iter().enumerate().filter(|(_, p)| after.removed.contains(&p.item.id));
     // A mask that was not met by what is gone is explained as little as before.
     let unexplained: f64 = gone
-        .filter_map(|(i, p)| {
+        .filter_map(|(i, _)| {
             let absent = absent_energy(before, i, settings)?;
             let met = measure(before, i, settings).silhouette_iou.is_none_or(|iou| iou >= MET);
-            Some(if met || p.item.mask.count() == 0 { absent } else { absent.min(was[i].silhouette) })
+            Some(if met { absent } else { absent.min(was[i].silhouette) })
         })
         .sum();
     let (pressed, presses) = (penetration(before, settings), penetration(&after.scene, settings));
