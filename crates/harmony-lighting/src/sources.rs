@@ -88,12 +88,13 @@ pub fn is_shade(material: &Material) -> bool {
 /// Bounds of a window's panes, in the mesh's own frame: what is clear, else slots named so.
 fn pane_bounds(mesh: &Mesh) -> Option<Bounds> {
     let of = |is: fn(&Material) -> bool| group_bounds(mesh, |m| mesh.materials.get(m).is_some_and(is));
-    of(|m| m.transmission >= CLEAR).or_else(|| {
-        of(|m| {
-            let name = m.name.to_lowercase();
-            PANE_WORDS.iter().any(|w| name.contains(w))
-        })
-    })
+    of(|m| m.transmission >= CLEAR).or_else(|| of(|m| is_pane_name(&m.name)))
+}
+
+/// Whether a material's name is one that the path tracer takes for a pane, whatever is painted on it.
+pub fn is_pane_name(material: &str) -> bool {
+    let name = material.to_lowercase();
+    PANE_WORDS.iter().any(|w| name.contains(w))
 }
 
 fn group_bounds(mesh: &Mesh, wanted: impl Fn(usize) -> bool) -> Option<Bounds> {

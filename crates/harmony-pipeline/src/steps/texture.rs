@@ -11,8 +11,6 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Model, Object, SceneState};
 use crate::views;
 
-/// Names of materials that the path tracer takes for panes, whatever is painted on them.
-const PANE_WORDS: [&str; 4] = ["glass", "pane", "glazing", "view"];
 /// Linear brightness up to which glass is black.
 const BLACK: f32 = 0.06;
 
@@ -164,7 +162,7 @@ fn thin_slots(state: &SceneState, id: &ObjectId, shown: &[u32]) -> Vec<String> {
 /// A looking-glass shows what the photo shows in it; whoever traces paths takes that off again.
 fn plain_slots(model: &Model, label: &str, at_wall: bool) -> Vec<String> {
     let is_window = at_wall && harmony_catalogue::opening(label) == Some(OpeningKind::Window);
-    let is_pane = |m: &Material| PANE_WORDS.iter().any(|word| m.name.to_lowercase().contains(word)) && is_clear(m);
+    let is_pane = |m: &Material| harmony_lighting::sources::is_pane_name(&m.name) && is_clear(m);
     let is_plain = |(k, m): (usize, &Material)| {
         let said = model.plain_slots.contains(&m.name);
         let shows = model.mesh.is_looking_glass(k) || (is_window && is_pane(m));
