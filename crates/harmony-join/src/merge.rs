@@ -368,6 +368,7 @@ fn connect(sources: &[Source], things: &mut [Thing], joint: &Joint) {
             facing_toward: first(&|run, r| named(run, &r.facing_toward)),
             group: members.iter().find_map(|(_, o)| o.object.relations.group.clone()),
             matched_set: members.iter().find_map(|(_, o)| o.object.relations.matched_set.clone()),
+            joined_row: members.iter().find_map(|(_, o)| o.object.relations.joined_row.clone()),
         };
         let t = &mut things[k];
         t.object.support = support;

@@ -327,6 +327,7 @@ pub fn objects_json(scene: &Scene) -> Value {
                 "facing": o.relations.facing_toward, "in_front_of": o.relations.in_front_of,
                 "behind": o.relations.behind, "on_top_of": o.relations.on_top_of,
                 "grouped_with": o.relations.group, "matched_set": o.relations.matched_set,
+                "joined_row": o.relations.joined_row,
                 "confidence": o.confidence.overall,
             })
         })

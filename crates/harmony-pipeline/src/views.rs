@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec3;
-use harmony_imaging::sheet::{LabelledBox, LineEnds, draw_boxes, draw_polyline, palette, ruled_window};
+use harmony_imaging::sheet::{LabelledBox, LineEnds, draw_boxes, draw_polyline, draw_tags, palette, ruled_window};
 use harmony_mesh::{Bounds, Mesh, ShellOptions, Trims, room_shell_with};
 use harmony_placement::{Placed, may_be_seen};
 use harmony_prompts::{PlacedObject, RoomSummary};
@@ -321,12 +321,11 @@ pub fn blend(state: &SceneState, drawn: &Drawn) -> Arc<RgbImage> {
         outline(&mut picture, seen_in, [255, 255, 255], |x, y| mask.get(x as i64, y as i64));
         outline(&mut picture, drawn_in, color, own);
         if let Some(bounds) = drawn_in.or(seen_in) {
-            let c = bounds.centre();
-            let bounds = PixelBox { x0: c.x, y0: c.y, x1: c.x + 1.0, y1: c.y + 1.0 };
             boxes.push(LabelledBox { bounds, label: placed.item.id.to_string(), color });
         }
     }
-    Arc::new(draw_boxes(&picture, &boxes))
+    draw_tags(&mut picture, &boxes);
+    Arc::new(picture)
 }
 
 /// The tight box of each id in an image of ids.

@@ -14,7 +14,7 @@ use crate::accept::{accepts, odds};
 use crate::contact::collision::{Collision, collisions, deepest, relax, solids};
 use crate::contact::layers::{hang_in_layers, yield_off_walls};
 use crate::contact::rest::{back_onto_hosts, hangs_in_the_air, settle_all};
-use crate::contact::rows::narrow_rows;
+use crate::contact::rows::{join_rows, narrow_rows};
 use crate::measure::{measure_all, measure_posterior};
 use crate::observe::{Contour, Window, drop_strangers, neighbours};
 use crate::propose::between_curtains;
@@ -151,6 +151,9 @@ pub fn place_level(
     each.hold(scene, scale, settings.noise.joint_slack, settings);
     report.shifted_x = scene.fit_loose_walls();
     settle_all(scene, settings);
+    if join_rows(scene, settings) {
+        settle_all(scene, settings);
+    }
     hang_in_layers(scene, settings);
     if settings.collision {
         yield_off_walls(scene, settings);

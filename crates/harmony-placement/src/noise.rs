@@ -78,6 +78,8 @@ pub struct Noise {
     pub back_gap: f64,
     /// Room that somebody needs before a front to use it, and its sigma, metres. By eye.
     pub front_room: [f64; 2],
+    /// How far from the camera a thing may be beyond the nearest place of what it is said to be in front of, metres. By eye.
+    pub before: f64,
     /// Distance of lamps from the middle of the room or of a table, as a share of the room's shorter side. By eye.
     pub lamp_middle: f64,
 
@@ -91,6 +93,8 @@ pub struct Noise {
     /// The front, by a quarter turn (half a turn: the square). Of fifteen fronts that outlines overruled in eight photos, thirteen
     /// had been right; the benchmark's 5 % (level `real`) come out the same with either, decision 0020.
     pub wrong_turn: f64,
+    /// What it stands before or behind: "in front of" is also said of where a sofa looks. By eye.
+    pub wrong_before: f64,
     /// The side that an object turns to its wall, by a quarter turn, where no front was answered. Decision 0020.
     pub wrong_side: f64,
     /// A change that a reviewer asks for. By eye.
@@ -158,11 +162,13 @@ impl Default for Noise {
             support: [0.8, 0.1],
             back_gap: 0.08,
             front_room: [0.4, 0.2],
+            before: 0.1,
             lamp_middle: 0.25,
             wrong_wall: 0.03,
             wrong_hung: 0.15,
             wrong_host: 0.03,
             wrong_turn: 0.01,
+            wrong_before: 0.15,
             wrong_side: 0.05,
             wrong_review: 0.12,
             off_curtains: 0.1,

@@ -177,9 +177,6 @@ pub struct InspectedObject {
     /// back wall, -90 to the left; null when it has no front or you can't tell.
     #[serde(default)]
     pub front_deg: Option<f64>,
-    /// Relation to a door or window, in words.
-    #[serde(default)]
-    pub opening_relation: Option<String>,
     /// Functional group, such as `dining`.
     #[serde(default)]
     pub group: Option<String>,
@@ -189,6 +186,9 @@ pub struct InspectedObject {
     /// Number of identical instances in that set.
     #[serde(default)]
     pub count: Option<u32>,
+    /// Name of the row of things it is built together with side by side at a wall, such as `kitchen_units`.
+    #[serde(default)]
+    pub joined_row: Option<String>,
     /// Decorations: how it rests.
     #[serde(default)]
     pub placement_type: PlacementType,
@@ -236,10 +236,10 @@ impl InspectedObject {
             behind: None,
             facing_toward: None,
             front_deg: None,
-            opening_relation: None,
             group: None,
             matched_set: None,
             count: None,
+            joined_row: None,
             placement_type: PlacementType::OnSurface,
             surface_position: SurfacePosition::Center,
             depth_position: DepthPosition::Middle,

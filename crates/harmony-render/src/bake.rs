@@ -84,6 +84,9 @@ const SEEN_ENOUGH: usize = 60;
 /// A slot with a tile of which less than this share is seen keeps it, which is sharper than any bake.
 const HARDLY_SEEN: f64 = 0.03;
 
+/// Share of a slot that must be seen for its fine texture to be found elsewhere on it.
+const SEEN_TEXTURE: f64 = 0.05;
+
 /// Puts the photo's pixels on the mesh and completes what was not seen.
 ///
 /// `mesh` is in its canonical frame with a unique unwrap, `pose` carries it into the room, `visible` holds the photo
@@ -127,7 +130,12 @@ pub fn bake_texture(
             base.take(seen.rgb);
         }
     }
-    let mut made_up = fill::made_up(&texels, mesh, &bases, side as usize);
+    // A window, a picture: what they show in one place is not what they show in another.
+    let has_texture = |slot: usize| {
+        let (direct, all) = of_slot[slot];
+        !options.trusted && direct as f64 >= SEEN_TEXTURE * all as f64
+    };
+    let mut made_up = fill::made_up(&texels, mesh, &bases, side as usize, has_texture);
     let done = exemplar::improve(&mut made_up, &texels, &bases, side as usize);
     if let Some(view) = &view {
         symmetry::complete(&mut texels, &made_up, &bases, &done, view);

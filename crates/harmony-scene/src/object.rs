@@ -266,6 +266,9 @@ pub struct Relations {
     pub group: Option<String>,
     /// Matched set of identical instances, such as `dining_chair`.
     pub matched_set: Option<String>,
+    /// Row of things that are built together side by side, such as `kitchen_units`.
+    #[serde(default)]
+    pub joined_row: Option<String>,
 }
 
 /// How sure the evidence makes us, 0 to 1 each; `None` where there was no evidence of that kind.

@@ -247,6 +247,7 @@ impl Rooms<'_> {
         relations.facing_toward = renamed(&o.relations.facing_toward);
         relations.group = named(&o.relations.group);
         relations.matched_set = named(&o.relations.matched_set);
+        relations.joined_row = named(&o.relations.joined_row);
         let support = match &o.support {
             Support::Wall { wall } => Support::Wall { wall: place.turn.wall(*wall) },
             Support::Object { id } => Support::Object { id: home_id(&room.name, id) },

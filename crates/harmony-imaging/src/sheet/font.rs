@@ -48,10 +48,16 @@ pub(super) fn draw_text(image: &mut RgbImage, text: &str, (x, y): (i64, i64), sc
     }
 }
 
+/// Width and height of the ground of a text.
+pub(super) fn tag_size(text: &str, scale: u32) -> (i64, i64) {
+    let margin = i64::from(scale);
+    (i64::from(text_width(text, scale)) + 2 * margin, i64::from(GLYPH_PX * scale) + 2 * margin)
+}
+
 /// Text on a filled ground with a margin; moved to stay inside the image.
 pub(super) fn draw_tag(image: &mut RgbImage, text: &str, (x, y): (i64, i64), scale: u32, ground: [u8; 3]) {
     let margin = i64::from(scale);
-    let (w, h) = (i64::from(text_width(text, scale)) + 2 * margin, i64::from(GLYPH_PX * scale) + 2 * margin);
+    let (w, h) = tag_size(text, scale);
     let x = x.min(i64::from(image.width()) - w).max(0);
     let y = y.min(i64::from(image.height()) - h).max(0);
     for py in y..y + h {

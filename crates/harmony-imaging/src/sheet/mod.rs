@@ -108,12 +108,59 @@ pub fn draw_boxes(photo: &RgbImage, boxes: &[LabelledBox]) -> RgbImage {
         line(&mut picture, &[[x0, y0], [x1, y0], [x1, y1], [x0, y1]], LineEnds::Closed, b.color, width);
     }
     // All tags after all lines, so that no line crosses a tag.
-    for b in boxes.iter().filter(|b| !b.label.is_empty()) {
-        let at = (b.bounds.x0.clamp(-1e6, 1e6) as i64, b.bounds.y0.clamp(-1e6, 1e6) as i64);
-        let label = fitted(&b.label, scale, photo.width());
-        draw_tag(&mut picture, &label, at, scale, b.color);
-    }
+    draw_tags(&mut picture, boxes);
     picture
+}
+
+/// Draws the labels of boxes beside them: where they hide least of their own boxes, of small other ones and of each other.
+pub fn draw_tags(picture: &mut RgbImage, boxes: &[LabelledBox]) {
+    let scale = text_scale(picture.width(), picture.height());
+    let whole = [0, 0, i64::from(picture.width()), i64::from(picture.height())];
+    let corners = |b: &PixelBox| [b.x0, b.y0, b.x1, b.y1].map(|v| v.clamp(-1e6, 1e6) as i64);
+    let all: Vec<[i64; 4]> = boxes.iter().map(|b| corners(&b.bounds)).collect();
+    let mut tags: Vec<[i64; 4]> = Vec::new();
+    // Small things first: they have the least room beside them.
+    let mut order: Vec<usize> = (0..boxes.len()).filter(|i| !boxes[*i].label.is_empty()).collect();
+    order.sort_by_key(|i| area(all[*i]));
+    for i in order {
+        let label = fitted(&boxes[i].label, scale, picture.width());
+        let (w, h) = font::tag_size(&label, scale);
+        let [x0, y0, x1, y1] = all[i];
+        let places = [
+            (x0, y0 - h),
+            (x1 - w, y0 - h),
+            (x0, y1),
+            (x1 - w, y1),
+            (x1, y0),
+            (x0 - w, y0),
+            (x1, y1 - h),
+            (x0 - w, y1 - h),
+            (x0, y0),
+        ];
+        let hidden = |tag: [i64; 4]| {
+            let others = all.iter().enumerate().filter(|(j, b)| *j != i && area(**b) < SMALL_BOX * area(tag));
+            let of_others: i64 = others.map(|(_, b)| common(tag, *b)).sum();
+            let of_tags: i64 = tags.iter().map(|t| common(tag, *t)).sum();
+            10 * of_tags + 2 * common(tag, all[i]) + of_others
+        };
+        let inside = |(x, y): (i64, i64)| (x.min(whole[2] - w).max(0), y.min(whole[3] - h).max(0));
+        let tag = |(x, y): (i64, i64)| [x, y, x + w, y + h];
+        let Some(best) = places.into_iter().map(inside).min_by_key(|at| hidden(tag(*at))) else { continue };
+        draw_tag(picture, &label, best, scale, boxes[i].color);
+        tags.push(tag(best));
+    }
+}
+
+/// Boxes of fewer times a tag's area are not to be hidden by it.
+const SMALL_BOX: i64 = 30;
+
+fn area([x0, y0, x1, y1]: [i64; 4]) -> i64 {
+    (x1 - x0).max(0) * (y1 - y0).max(0)
+}
+
+/// Area that two boxes have in common.
+fn common(a: [i64; 4], b: [i64; 4]) -> i64 {
+    area([a[0].max(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].min(b[3])])
 }
 
 /// The photo with a line through the points (pixels), `width` pixels thick.
@@ -286,6 +333,35 @@ mod tests {
         let boxed = draw_boxes(&photo, &[LabelledBox { bounds: b, label: String::new(), color: [255, 0, 0] }]);
         assert_eq!(boxed.get_pixel(40, 59).0, [255, 0, 0]);
         assert_eq!(boxed.get_pixel(40, 40).0, [0, 0, 0]);
+    }
+
+    #[test]
+    fn ids_stand_beside_their_boxes_and_not_on_one_another() {
+        let mut picture = RgbImage::new(400, 300);
+        let labelled = |x0: f64, y0: f64, side: f64, color: [u8; 3]| {
+            let bounds = PixelBox { x0, y0, x1: x0 + side, y1: y0 + side };
+            LabelledBox { bounds, label: "cup_01".into(), color }
+        };
+        // Two small things side by side, one in the corner of the picture, and one that is all of it.
+        let boxes = [
+            labelled(100.0, 100.0, 20.0, [255, 0, 0]),
+            labelled(122.0, 100.0, 20.0, [0, 255, 0]),
+            labelled(0.0, 0.0, 30.0, [0, 0, 255]),
+            labelled(0.0, 0.0, 400.0, [255, 255, 0]),
+        ];
+        draw_tags(&mut picture, &boxes);
+        let (w, h) = font::tag_size("cup_01", text_scale(400, 300));
+        for b in &boxes {
+            let of_it = picture.enumerate_pixels().filter(|(_, _, p)| p.0 == b.color);
+            let ground: Vec<(u32, u32)> = of_it.map(|(x, y, _)| (x, y)).collect();
+            assert!(ground.len() as i64 > w * h / 2, "its whole tag is to be seen: {b:?}");
+        }
+        let on = |b: &LabelledBox| {
+            let c = &b.bounds;
+            (c.y0 as u32..c.y1 as u32)
+                .any(|y| (c.x0 as u32..c.x1 as u32).any(|x| picture.get_pixel(x, y).0 != [0, 0, 0]))
+        };
+        assert!(!on(&boxes[0]) && !on(&boxes[1]) && !on(&boxes[2]));
     }
 
     #[test]

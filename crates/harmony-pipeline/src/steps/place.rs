@@ -140,6 +140,7 @@ fn item(level: Level, state: &SceneState, object: &Object) -> Option<Item> {
         facing_toward: known(&o.facing_toward),
         group: o.group.clone(),
         matched_set: o.matched_set.clone(),
+        joined_row: o.joined_row.clone(),
     };
     let has_front = harmony_catalogue::has_front(&label) || o.faces_room;
     let yaw = match o.front_deg {

@@ -51,7 +51,8 @@ pub struct Collision {
 /// How deep two objects may be in one another, or `None` when they may share space.
 fn tolerance(scene: &PartialScene, a: usize, b: usize, settings: &PlacementSettings) -> Option<f64> {
     let (p, q) = (&scene.placed[a], &scene.placed[b]);
-    if p.item.traits.flat || q.item.traits.flat || rests_on(scene, a, b) || rests_on(scene, b, a) {
+    let carried = |on: usize, by: usize| rests_on(scene, on, by) && !stands_in(scene, on, by);
+    if p.item.traits.flat || q.item.traits.flat || carried(a, b) || carried(b, a) {
         return None;
     }
     let on_wall = |p: &Placed| p.item.level == Level::Wall;
@@ -78,6 +79,18 @@ fn tolerance(scene: &PartialScene, a: usize, b: usize, settings: &PlacementSetti
     Some(settings.noise.contact)
 }
 
+/// Whether an object that keeps its form stands on another or in it, by itself: it may be in what is beside it there.
+fn stands_in(scene: &PartialScene, guest: usize, host: usize) -> bool {
+    let Support::Object { id } = &scene.placed[guest].support else { return false };
+    let traits = &scene.placed[guest].item.traits;
+    !traits.soft && !traits.drapes && !scene.placed[host].item.traits.soft && scene.position(id) == Some(host)
+}
+
+/// Which of two stands in the other.
+fn guest_and_host(scene: &PartialScene, a: usize, b: usize) -> Option<[usize; 2]> {
+    [[a, b], [b, a]].into_iter().find(|[guest, host]| stands_in(scene, *guest, *host))
+}
+
 /// Solids of all placed objects, in their order.
 pub(crate) fn solids(scene: &PartialScene) -> Vec<Solid> {
     scene.placed.iter().map(|p| Solid::new(&p.item, &p.pose)).collect()
@@ -89,7 +102,11 @@ fn excess(scene: &PartialScene, all: &[Solid], a: usize, b: usize, settings: &Pl
     if a == b || !all[a].near(&all[b], 0.0) {
         return 0.0;
     }
-    let depth = all[a].penetration(&all[b], &directions_around());
+    let directions = directions_around();
+    let depth = match guest_and_host(scene, a, b) {
+        Some([guest, host]) => all[guest].penetration_beside(&all[host], &directions),
+        None => all[a].penetration(&all[b], &directions),
+    };
     if depth > allowed { depth } else { 0.0 }
 }
 
@@ -199,9 +216,11 @@ fn relaxed(
                 }
                 let depth = excess(scene, &all, a, b, settings);
                 worst = worst.max(depth);
-                let parting = (depth > 0.0)
-                    .then(|| cheapest_parting(scene, &all, [a, b], &weights, &free, (gone, longest), &settings.noise))
-                    .flatten();
+                let parting = || match guest_and_host(scene, a, b) {
+                    Some(pair) => way_beside(scene, &all, pair, depth, (gone, longest), &settings.noise),
+                    None => cheapest_parting(scene, &all, [a, b], &weights, &free, (gone, longest), &settings.noise),
+                };
+                let parting = (depth > 0.0).then(parting).flatten();
                 let Some((who, by)) = parting else {
                     settled.insert((a, b), ([moves[a], moves[b]], depth));
                     continue;
@@ -275,6 +294,29 @@ fn cheapest_parting(
     }
     best.map(|(_, by)| (pair, by))
 }
+
+/// The level displacement of what stands in a host out of the parts beside it: its host stays. `None` when it is shortest to lift
+/// it, which its support does not allow.
+fn way_beside(
+    scene: &PartialScene,
+    all: &[Solid],
+    [guest, host]: [usize; 2],
+    depth: f64,
+    (gone, longest): (&[Vec3], &[f64]),
+    noise: &Noise,
+) -> Option<([usize; 2], [Vec3; 2])> {
+    let members = subtree(scene, guest);
+    let may =
+        |by: Vec3| (gone[guest] + by).length() <= longest[guest] && feasible(scene, all, guest, &members, by, noise);
+    let mut ways = level_directions().into_iter().filter_map(|d| {
+        let way = all[guest].way_out_beside(&all[host], d, depth + ROUNDING)?;
+        Some(d * (way + CLEARANCE))
+    });
+    ways.find(|by| may(*by)).map(|by| ([guest, host], [by, Vec3::ZERO]))
+}
+
+/// A way as long as the depth counts as that, metres.
+const ROUNDING: f64 = 1e-4;
 
 /// How far an object may reach out of the room, in metres.
 const SLACK: f64 = 5e-3;
@@ -406,6 +448,39 @@ mod tests {
         table.shape = Arc::new(crate::Shape::new(Arc::clone(table.shape.mesh()), hulls));
         scene.placed[0].item = Arc::new(table);
         assert!(collisions(&scene, &settings).is_empty());
+    }
+
+    #[test]
+    fn what_stands_in_a_case_comes_forward_out_of_its_back() {
+        let settings = PlacementSettings::default();
+        // A case 1 m wide, 0.4 m deep and high, of boards of 2 cm, and a box on its lowest board.
+        let case = |boards: &[(Vec3, Vec3)], z: f64| {
+            let mut scene = with(&[(Vec3::new(1.0, 0.4, 0.4), 2.0, 2.5), (Vec3::new(0.2, 0.25, 0.2), 2.0, 2.5 + z)]);
+            let mut host = (*scene.placed[0].item).clone();
+            host.shape = Arc::new(crate::testing::of_boxes(boards));
+            scene.placed[0].item = Arc::new(host);
+            scene.placed[1].support = Support::Object { id: scene.placed[0].item.id.clone() };
+            scene.placed[1].pose.position.y = 0.02;
+            scene
+        };
+        let boards = [
+            (Vec3::new(1.0, 0.02, 0.4), Vec3::new(0.0, 0.0, 0.0)),
+            (Vec3::new(1.0, 0.02, 0.4), Vec3::new(0.0, 0.38, 0.0)),
+            (Vec3::new(0.02, 0.36, 0.4), Vec3::new(-0.49, 0.02, 0.0)),
+            (Vec3::new(0.02, 0.36, 0.4), Vec3::new(0.49, 0.02, 0.0)),
+            (Vec3::new(1.0, 0.36, 0.02), Vec3::new(0.0, 0.02, -0.19)),
+        ];
+        // Its back stands out behind the panel by 2 cm.
+        let mut scene = case(&boards, -0.12);
+        assert!((collisions(&scene, &settings)[0].penetration - 0.04).abs() < 2e-3);
+        let gone = relax(&mut scene, &settings);
+        assert_eq!(collisions(&scene, &settings), vec![]);
+        assert_eq!(gone[0], 0.0, "the case stays");
+        let moved = scene.placed[1].pose.position - Vec3::new(2.0, 0.02, 2.38);
+        assert!((moved.z - 0.041).abs() < 2e-3 && moved.x.abs() < 1e-9, "{moved}");
+        // Where there is room nothing is in anything, and a case that is one solid says nothing about its inside.
+        assert_eq!(collisions(&case(&boards, -0.05), &settings), vec![]);
+        assert_eq!(collisions(&case(&[(Vec3::new(1.0, 0.4, 0.4), Vec3::ZERO)], -0.12), &settings), vec![]);
     }
 
     #[test]

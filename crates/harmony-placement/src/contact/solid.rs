@@ -9,7 +9,7 @@ use std::sync::{Arc, LazyLock, OnceLock};
 
 use harmony_scene::{Pose as RoomPose, Vec3};
 use parry3d::math::{Pose, Vector};
-use parry3d::query::{ShapeCastOptions, cast_shapes, intersection_test};
+use parry3d::query::{PointQuery as _, ShapeCastOptions, cast_shapes, intersection_test};
 use parry3d::shape::ConvexPolyhedron;
 
 use crate::Item;
@@ -20,6 +20,9 @@ const THINNEST: f64 = 1e-3;
 
 /// Room positions go to f32 relative to the pair's middle: this covers the rounding, metres.
 const ROUNDING: f64 = 1e-4;
+
+/// How far a guest may be below the top of what carries it, metres.
+const SUNK: f64 = 0.03;
 
 /// Axes along which the extents of a part are known: eight level ones, half of [`level_directions`], and the vertical.
 const AXES: usize = 9;
@@ -122,10 +125,19 @@ impl Solid {
     ///
     /// Parts meet within the interval in which their extents do, so that a pair is cast only once the way has come there.
     pub(crate) fn way_out(&self, other: &Self, direction: Vec3, limit: f64) -> Option<f64> {
+        self.way_out_of(other, &other.all_parts(), direction, limit)
+    }
+
+    /// The same out of the parts of a host that are beside what stands in it ([`Solid::parts_beside`]).
+    pub(crate) fn way_out_beside(&self, host: &Self, direction: Vec3, limit: f64) -> Option<f64> {
+        self.way_out_of(host, &host.parts_beside(self), direction, limit)
+    }
+
+    fn way_out_of(&self, other: &Self, parts: &[&Part], direction: Vec3, limit: f64) -> Option<f64> {
         if boxes_meet(self.low, self.high, other.low, other.high, direction).is_none_or(|boxes| !boxes.holds(0.0)) {
             return (limit > 0.0).then_some(0.0);
         }
-        let pairs = self.parts().iter().flat_map(|a| other.parts().iter().map(move |b| (a, b)));
+        let pairs = self.parts().iter().flat_map(|a| parts.iter().map(move |b| (a, *b)));
         let mut waiting: Vec<Pair<'_>> = pairs
             .filter_map(|(a, b)| {
                 let meet = extents_meet(a, b, direction).filter(|meet| meet.to > 0.0)?;
@@ -157,13 +169,26 @@ impl Solid {
     }
 
     /// Whether any part of this solid meets one of the other's where they are.
-    fn touches(&self, other: &Self) -> bool {
-        let mut pairs = self.parts().iter().flat_map(|a| other.parts().iter().map(move |b| (a, b)));
+    fn touches(&self, parts: &[&Part]) -> bool {
+        let mut pairs = self.parts().iter().flat_map(|a| parts.iter().map(move |b| (a, *b)));
         pairs.any(|(a, b)| {
             let near = a.extents.iter().zip(&b.extents).all(|(a, b)| a[0] <= b[1] && b[0] <= a[1]);
             let at = Pose::from_translation(vector(b.centre - a.centre));
             near && intersection_test(&Pose::IDENTITY, &a.hull, &at, &b.hull).is_ok_and(|met| met.intersecting)
         })
+    }
+
+    fn all_parts(&self) -> Vec<&Part> {
+        self.parts().iter().collect()
+    }
+
+    /// The parts that are beside a guest, as back and sides of a bookcase are beside its books: not what carries it, nor what
+    /// has the guest's middle in it, for that part fills a hollow.
+    fn parts_beside(&self, guest: &Self) -> Vec<&Part> {
+        let up = AXES - 1;
+        let carries = |p: &Part| p.extents[up][1] <= guest.low.y + SUNK;
+        let fills = |p: &Part| guest.parts().iter().any(|g| holds(p, g.centre));
+        self.parts().iter().filter(|p| !carries(p) && !fills(p)).collect()
     }
 
     /// Whether the solids' boxes come nearer than `margin`.
@@ -173,12 +198,27 @@ impl Solid {
 
     /// How deep two solids are in one another: the shortest way out along any of the given directions, 0 if apart.
     pub(crate) fn penetration(&self, other: &Self, directions: &[Vec3]) -> f64 {
-        if !self.near(other, 0.0) || !self.touches(other) {
+        self.penetration_of(other, &other.all_parts(), directions)
+    }
+
+    /// How deep what stands in a host is in the parts beside it.
+    pub(crate) fn penetration_beside(&self, host: &Self, directions: &[Vec3]) -> f64 {
+        self.penetration_of(host, &host.parts_beside(self), directions)
+    }
+
+    fn penetration_of(&self, other: &Self, parts: &[&Part], directions: &[Vec3]) -> f64 {
+        if !self.near(other, 0.0) || !self.touches(parts) {
             return 0.0;
         }
-        let shortest = directions.iter().fold(f64::INFINITY, |best, d| self.way_out(other, *d, best).unwrap_or(best));
+        let way = |d: Vec3, limit: f64| self.way_out_of(other, parts, d, limit);
+        let shortest = directions.iter().fold(f64::INFINITY, |best, d| way(*d, best).unwrap_or(best));
         if shortest.is_finite() { shortest } else { 0.0 }
     }
+}
+
+/// Whether a point is in a part.
+fn holds(part: &Part, point: Vec3) -> bool {
+    part.hull.contains_local_point(vector(point - part.centre))
 }
 
 /// Two parts that meet at some displacements: at most within those of their extents while the parts are still there,

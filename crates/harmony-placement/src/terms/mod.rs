@@ -11,9 +11,9 @@
 mod kernel;
 mod size;
 
-use harmony_scene::{Level, PlacementType, PointMapKind, Pose, Support, Vec3};
+use harmony_scene::{Level, ObjectId, PlacementType, PointMapKind, Pose, Support, Vec3};
 
-use crate::noise::Noise;
+use crate::noise::{Noise, surprise};
 use crate::observe::{DIRECTIONS, Match, Window};
 use crate::scene::attachment::{Attachment, PoseConstraint, YawRule, angle_between, facing, reach};
 use crate::scene::support::gap_to_back;
@@ -165,8 +165,22 @@ impl<'a> Objective<'a> {
             let [needed, sigma] = self.noise.front_room;
             loss += NAMED.loss((needed - room_before(scene, item, pose)).max(0.0) / sigma);
         }
+        loss += self.order(pose);
         let over = item.shape.extent().y * pose.scale * pose.stretch.y / scene.room.extents.height - 1.0;
         loss + NAMED.loss(over.max(0.0) / self.noise.size)
+    }
+
+    /// What it is said to stand before or behind, as the camera sees them.
+    fn order(&self, pose: &Pose) -> f64 {
+        let (scene, relations) = (self.constraint.scene, &self.constraint.item.relations);
+        // A wrong answer costs as much as it is improbable, and no more.
+        let kernel = Kernel::GemanMcClure((2.0 * surprise(self.noise.wrong_before)).sqrt());
+        let loss = |anchor: &Option<ObjectId>, side: f64| {
+            let anchor = anchor.as_ref().and_then(|id| scene.find(id));
+            let beyond = anchor.map_or(0.0, |anchor| side * beyond(scene, anchor, pose.position));
+            kernel.loss(beyond.max(0.0) / self.noise.before)
+        };
+        loss(&relations.in_front_of, 1.0) + loss(&relations.behind, -1.0)
     }
 
     /// How far a lamp that hangs alone is from where lamps hang, in sigmas.
@@ -224,6 +238,16 @@ fn room_before(scene: &PartialScene, item: &Item, pose: &Pose) -> f64 {
     wall.distance(&scene.room.extents, pose.position) - (high - low).dot(wall.normal().abs()) / 2.0
 }
 
+/// How much farther from the camera a place is than the place of an object's footprint that is nearest to it, level, metres; 0
+/// within the footprint.
+fn beyond(scene: &PartialScene, object: &Placed, at: Vec3) -> f64 {
+    let (low, high) = reach(&object.item, &object.pose);
+    let nearest = at.clamp(object.pose.position + low, object.pose.position + high);
+    let eye = scene.camera.centre();
+    let away = |p: Vec3| (p.x - eye.x).hypot(p.z - eye.z);
+    away(at) - away(nearest)
+}
+
 /// Energy of everything that is placed, each object among all others: what `accept` compares. Objects without a mask count
 /// by what they hide of others.
 pub(crate) fn scene_energy(scene: &PartialScene, settings: &PlacementSettings) -> Vec<Energy> {
@@ -271,7 +295,6 @@ fn told_yaw(scene: &PartialScene, placed: &Placed, noise: &Noise) -> YawRule {
 
 /// `-ln p` of a placed object that is held by another thing than was said.
 fn told_prior(placed: &Placed, noise: &Noise) -> f64 {
-    use crate::noise::surprise;
     let relations = &placed.item.relations;
     match &placed.support {
         Support::Object { id } if relations.on_top_of.as_ref().is_some_and(|said| said != id) => {
@@ -377,6 +400,30 @@ mod tests {
             energy(&scene, &item, Attachment::Ceiling, YawRule::Free(0.0), &Pose::new(at, 0.0, 1.0)).place
         };
         assert!(place(true) < 0.01 && place(false) > 1.0, "{} {}", place(true), place(false));
+    }
+
+    #[test]
+    fn what_is_said_to_stand_before_a_thing_costs_behind_it_as_much_as_a_wrong_answer_and_no_more() {
+        let mut scene = empty_room();
+        add(&mut scene, "sofa_01", Vec3::new(2.0, 0.8, 0.8), Vec3::new(2.0, 0.0, 1.4), |_| {});
+        let place = |behind: bool, z: f64| {
+            let at = Vec3::new(2.0, 0.0, z);
+            let mut item = boxed(&scene, Vec3::new(0.5, 0.4, 0.5), Vec3::new(2.0, 0.0, 2.4), 0.0);
+            let sofa = Some(ObjectId::new("sofa_01").unwrap());
+            if behind {
+                item.relations.behind = sofa;
+            } else {
+                item.relations.in_front_of = sofa;
+            }
+            energy(&scene, &item, Attachment::Floor, YawRule::Free(0.0), &Pose::new(at, 0.0, 1.0)).place
+        };
+        assert!(place(false, 2.4) < 1e-9 && place(true, 0.5) < 1e-9, "the camera is at the front");
+        // A quarter of a metre behind the sofa's back, and far off.
+        let limit = surprise(Noise::default().wrong_before);
+        for (behind, near, far) in [(false, 0.75, 0.1), (true, 2.05, 4.0)] {
+            let (near, far) = (place(behind, near), place(behind, far));
+            assert!(near > 0.5 && near < far && far < limit, "{near} {far} {limit}");
+        }
     }
 
     #[test]

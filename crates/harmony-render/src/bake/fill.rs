@@ -40,13 +40,21 @@ const UNEVEN: f32 = 1.8;
 
 /// A made-up colour for every texel that is not wholly the photo's: its slot's material, with the light that was observed
 /// nearby and the fine texture of what was seen well.
-pub(super) fn made_up(texels: &[Texel], mesh: &Mesh, bases: &[Base], side: usize) -> Vec<[f32; 3]> {
+///
+/// `has_texture` tells for each slot whether that is to be had: a sliver of a pane's frame or of a picture is none.
+pub(super) fn made_up(
+    texels: &[Texel],
+    mesh: &Mesh,
+    bases: &[Base],
+    side: usize,
+    has_texture: impl Fn(usize) -> bool,
+) -> Vec<[f32; 3]> {
     let diagonal = mesh.bounds().map_or(1.0, |b| b.size().length().max(1e-6)) as f32;
     let means = Means::new(texels, bases, diagonal);
     let patches: Vec<Option<Patch>> = bases
         .iter()
         .enumerate()
-        .map(|(slot, base)| if base.is_tiled() { None } else { Patch::find(texels, slot, side) })
+        .map(|(slot, base)| if base.is_tiled() || !has_texture(slot) { None } else { Patch::find(texels, slot, side) })
         .collect();
     let color = |texel: &Texel| {
         let base = bases[texel.slot].at(texel);

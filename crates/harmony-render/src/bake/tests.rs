@@ -181,6 +181,11 @@ fn fine_texture_goes_on_where_nothing_was_seen() {
     let back = spread(&got, &behind_mask);
     // The base is the material's even colour: only the fine part of what was seen goes on, a quarter of it here.
     assert!(back > 0.2 * front && front > 1.0, "spread {front} where seen, {back} behind");
+    // What a picture shows in one place is no texture of the rest.
+    let shown = bake_texture(&mesh, &pose(), &camera(0.8), &rgb, &mask, &BakeOptions { trusted: true, ..options() });
+    let (got, _) = photo(&shown.mesh, &pose(), &camera(0.8 + std::f64::consts::PI));
+    let of_a_picture = spread(&got, &behind_mask);
+    assert!(of_a_picture < 0.5 * back, "spread {of_a_picture} behind a picture");
 }
 
 /// A rug of a long pile of which only faint fibres were said; the photo shows its near end, from above.

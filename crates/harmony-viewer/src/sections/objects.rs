@@ -102,6 +102,7 @@ fn facts(object: &SceneObject, extra: &ObjectReport) -> Facts {
     }
     relations.extend(r.group.iter().map(|g| format!("group {g}")));
     relations.extend(r.matched_set.iter().map(|g| format!("set {g}")));
+    relations.extend(r.joined_row.iter().map(|g| format!("row {g}")));
     f.add("Relations", &relations.join(", "));
     let m = &object.material;
     let mut material = format!("{:?}, roughness {:.2}", m.category, m.pbr.roughness).to_lowercase();
