@@ -95,7 +95,7 @@ pub async fn all(
         state.objects.insert(object.id.clone(), object);
     }
     if !ids.is_empty() {
-        place::in_order(ctx, level, state, ids.clone(), &order).await?;
+        place::late(ctx, level, state, ids.clone(), &order).await?;
         texture::bare(ctx, state).await?;
     }
     ids.retain(|id| state.partial.find(id).is_some());

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use harmony_catalogue::Trait;
-use harmony_placement::{Collision, Item, LevelReport, PartialScene, Traits, YawHint, energy_change, place_level};
+use harmony_placement::{Collision, Item, LevelReport, PartialScene, PlacementSettings, Traits, YawHint, energy_change, place_level};
 use harmony_prompts::{Occlusion, ReorderQuestion};
 use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, OpeningKind, Placement, Relations, Support, WallAffinity, WarningKind};
@@ -26,13 +26,40 @@ pub async fn in_order(
     objects: Vec<ObjectId>,
     order: &[ObjectId],
 ) -> Result<LevelReport, PhaseError> {
+    in_order_by(ctx, level, state, objects, order, &ctx.settings.placement).await
+}
+
+/// Places what was found after its level was finished: by itself, for camera, scale and all others were solved without it, and one
+/// more thing is no reason to move them.
+///
+/// # Errors
+/// As [`in_order`].
+pub async fn late(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &mut SceneState,
+    objects: Vec<ObjectId>,
+    order: &[ObjectId],
+) -> Result<LevelReport, PhaseError> {
+    let settings = PlacementSettings { global_refinement: false, ..ctx.settings.placement.clone() };
+    in_order_by(ctx, level, state, objects, order, &settings).await
+}
+
+async fn in_order_by(
+    ctx: &PhaseCtx<'_>,
+    level: Level,
+    state: &mut SceneState,
+    objects: Vec<ObjectId>,
+    order: &[ObjectId],
+    settings: &PlacementSettings,
+) -> Result<LevelReport, PhaseError> {
     let items: Vec<Item> =
         objects.iter().filter_map(|id| state.objects.get(id)).filter_map(|object| item(level, state, object)).collect();
-    let (partial, mut report) = placed(ctx, &state.partial, items.clone(), order).await?;
+    let (partial, mut report) = placed(ctx, &state.partial, items.clone(), order, settings).await?;
     let mut other = None;
     let persists = !report.unresolved.is_empty();
     if persists {
-        other = in_another_order(ctx, level, state, (&partial, &report), items).await?;
+        other = in_another_order(ctx, level, state, (&partial, &report), items, settings).await?;
     }
     state.take(partial);
     if persists {
@@ -65,8 +92,9 @@ async fn placed(
     before: &PartialScene,
     items: Vec<Item>,
     order: &[ObjectId],
+    settings: &PlacementSettings,
 ) -> Result<(PartialScene, LevelReport), PhaseError> {
-    let (mut partial, settings, order) = (before.clone(), ctx.settings.placement.clone(), order.to_vec());
+    let (mut partial, settings, order) = (before.clone(), settings.clone(), order.to_vec());
     ctx.computed(move || {
         let report = place_level(&mut partial, items, Some(&order), &settings);
         (partial, report)
@@ -82,6 +110,7 @@ async fn in_another_order(
     state: &SceneState,
     (partial, report): (&PartialScene, &LevelReport),
     items: Vec<Item>,
+    settings: &PlacementSettings,
 ) -> Result<Option<(PartialScene, LevelReport)>, PhaseError> {
     if !ctx.settings.asked_looks().reorder || !ctx.is_looked_at("reorder") {
         return Ok(None);
@@ -106,8 +135,8 @@ async fn in_another_order(
     if order.is_empty() {
         return Ok(None);
     }
-    let (other, again) = placed(ctx, &state.partial, items, &order).await?;
-    let change = energy_change(partial, &other, &ctx.settings.placement);
+    let (other, again) = placed(ctx, &state.partial, items, &order, settings).await?;
+    let change = energy_change(partial, &other, settings);
     let fewer = again.unresolved.len() <= report.unresolved.len();
     let kept = change < 0.0 && fewer && again.dropped.len() <= report.dropped.len();
     ctx.write_json(
