@@ -63,7 +63,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let root = folders.first().ok_or("which folder?")?;
     let mut noise = Noise(1);
     let mut classes: Vec<(&str, Vec<Overlaps>)> =
-        ["all", "furniture", "furniture in one piece", "all in one piece", "four corners"].map(|name| (name, Vec::new())).to_vec();
+        ["all", "furniture", "furniture in one piece", "all in one piece", "four corners"]
+            .map(|name| (name, Vec::new()))
+            .to_vec();
     let mut scenes: Vec<_> = std::fs::read_dir(root)?.flatten().map(|e| e.path()).filter(|p| p.is_dir()).collect();
     scenes.sort();
     for scene in scenes {
@@ -87,10 +89,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             let corners = few_points(&truth, 4);
             let whole = filled(&corners, size).iou(&truth) > 0.93 && corners.len() == 4;
             let drawn = if whole { corners } else { few_points(&truth, if outline_noise < 0.01 { 60 } else { 20 }) };
-            let outline: Vec<[f64; 2]> = drawn
-                .iter()
-                .map(|p| [p[0] + sigma * noise.normal(), p[1] + sigma * noise.normal()])
-                .collect();
+            let outline: Vec<[f64; 2]> =
+                drawn.iter().map(|p| [p[0] + sigma * noise.normal(), p[1] + sigma * noise.normal()]).collect();
             let text = |key: &str| object[key].as_str().unwrap_or("").to_owned();
             truths.push((text("label"), text("level"), truth));
             outlines.push(SegmentPrompt::from_outline(outline));

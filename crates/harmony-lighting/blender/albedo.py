@@ -14,6 +14,8 @@ GROUP = "photo_frame"
 GLOSSES = ("Specular IOR Level", "Sheen Weight")
 # Share of the frame's size over which a field fades to its mean beyond the frame.
 FADE = 3.0
+# By how much a channel may be above the largest base colour and is clipped alone: white walls in warm light stay white.
+OVER = 1.25
 
 
 def place_camera(camera):
@@ -91,6 +93,20 @@ def field_image(name, columns, rows, factors):
     return image
 
 
+def bounded(tree, color):
+    """A colour of which no channel is above MAX_ALBEDO by more than a little: all channels give way together, for a yellow that
+    is clipped channel by channel turns green."""
+    split = tree.nodes.new("ShaderNodeSeparateXYZ")
+    tree.links.new(color, split.inputs[0])
+    largest = math(tree, "MAXIMUM", math(tree, "MAXIMUM", split.outputs[0], split.outputs[1]), split.outputs[2])
+    most = OVER * MAX_ALBEDO
+    share = math(tree, "DIVIDE", most, math(tree, "MAXIMUM", largest, most))
+    join = tree.nodes.new("ShaderNodeCombineXYZ")
+    for axis in join.inputs:
+        tree.links.new(share, axis)
+    return vector(tree, "MULTIPLY", color, join.outputs[0])
+
+
 def scale_base(material, gain, mean, image=None, group=None, gloss=1.0):
     """base colour := min(base colour * gain * field, MAX_ALBEDO); specular reflection and sheen scaled by `gloss`."""
     shader = principled(material)
@@ -115,7 +131,7 @@ def scale_base(material, gain, mean, image=None, group=None, gloss=1.0):
         field = vector(tree, "MULTIPLY_ADD", off, wide.outputs[0], tuple(mean))
         factor = vector(tree, "MULTIPLY", field, (gain, gain, gain))
     base = socket.links[0].from_socket if socket.links else tuple(socket.default_value[:3])
-    scaled = vector(tree, "MULTIPLY", base, factor)
+    scaled = bounded(tree, vector(tree, "MULTIPLY", base, factor))
     tree.links.new(vector(tree, "MINIMUM", scaled, (MAX_ALBEDO,) * 3), socket)
 
 

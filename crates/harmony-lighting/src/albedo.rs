@@ -130,7 +130,9 @@ pub fn neutral_field(camera: &Camera) -> AlbedoField {
 }
 
 fn rounded(log: [f32; 3]) -> [f32; 3] {
-    log.map(|v| (v.clamp(-MAX_STOPS, MAX_STOPS).exp2() * 1000.0).round() / 1000.0)
+    // All channels give way together: what is clipped alone has another hue.
+    let over = (log.into_iter().fold(f32::MIN, f32::max) - MAX_STOPS).max(0.0);
+    log.map(|v| ((v - over).clamp(-MAX_STOPS, MAX_STOPS).exp2() * 1000.0).round() / 1000.0)
 }
 
 /// By how much more than its reflectances a closed room changes, channel by channel: what is brighter lights the rest.

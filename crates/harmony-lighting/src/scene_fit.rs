@@ -315,8 +315,9 @@ impl SceneFit {
     /// Writes light, exposure and view into the lighting that was measured.
     ///
     /// The common gain becomes exposure, so that the powers stay those of real lamps; a light that shines by the model's
-    /// word stays on, however little of it the photo shows. Returns what had to be changed.
-    pub fn apply(&self, lighting: &mut Lighting) -> Vec<String> {
+    /// word stays on, however little of it the photo shows: at a share of its `typical` power, so that a scene which is lit again
+    /// does not dim it once more. Returns what had to be changed.
+    pub fn apply(&self, lighting: &mut Lighting, typical: &Lighting) -> Vec<String> {
         let mut notes = Vec::new();
         let common = self.fit.common_gain.max(1e-9);
         // Lights were measured before exposure: the one that the lighting had says nothing.
@@ -340,7 +341,9 @@ impl SceneFit {
                     let Some(light) = lighting.lights.iter_mut().find(|l| l.id == *id) else { continue };
                     if level < MIN_SHARE {
                         notes.push(format!("{name}: the photo shows little light of it"));
-                        light.intensity = bounds::intensity(&light.kind, light.intensity * MIN_SHARE);
+                        let usual = typical.lights.iter().find(|l| l.id == *id).map_or(0.0, |l| l.intensity);
+                        let least = MIN_SHARE * light.intensity.max(usual);
+                        light.intensity = bounds::intensity(&light.kind, light.intensity.min(least));
                         continue;
                     }
                     let target = colored(light.color);
@@ -474,7 +477,7 @@ mod tests {
         let mut lighting = evening();
         lighting.lights[0].on = true;
         let before = lighting.clone();
-        found.apply(&mut lighting);
+        found.apply(&mut lighting, &before);
         assert!(lighting.lights[0].on);
         assert!(lighting.lights[0].intensity < 0.3 * before.lights[0].intensity, "{lighting:?}");
         let rendered = |l: &Lighting, i: usize| l.lights[i].intensity * l.exposure.exp2();
@@ -488,9 +491,13 @@ mod tests {
         let (measured, photo) = measured(&[[0.0; 3], [0.9; 3], [0.4; 3]], &ViewTable::standard());
         let found = fit_scene(&measured, &photo, &[], &FitOptions::default()).unwrap();
         let mut first = evening();
-        found.apply(&mut first);
+        found.apply(&mut first, &evening());
         let mut again = Lighting { exposure: 3.0, ..evening() };
-        found.apply(&mut again);
+        found.apply(&mut again, &evening());
         assert_eq!(again, first);
+        // What was dimmed for want of light is not dimmed again.
+        let mut third = first.clone();
+        found.apply(&mut third, &evening());
+        assert_eq!(third.lights[0].intensity, first.lights[0].intensity);
     }
 }

@@ -31,7 +31,8 @@ pub struct Before {
 impl Before {
     /// The objects: where they stand, or where they are seen when they are not placed yet.
     pub fn objects(&self) -> Vec<KnownObject> {
-        let placed = self.state.partial.placed.iter().map(|p| KnownObject::Placed(views::placed_object(p)));
+        let objects = self.state.partial.placed.iter().map(views::placed_object);
+        let placed = objects.chain(views::ledges(&self.state)).map(KnownObject::Placed);
         placed.chain(self.waiting().map(|o| KnownObject::Found(self.found(o)))).collect()
     }
 

@@ -404,7 +404,7 @@ impl<'a, 'c> Stage<'a, 'c> {
                 rounds: Vec::new(),
             });
         };
-        let notes = fitted.apply(lighting);
+        let notes = fitted.apply(lighting, &crate::phases::lighting::sources(self.state));
         self.ctx.write_json("fit.json", &fit_json(&fitted, lighting, &notes, errors))?;
         let predicted = fitted.predicted(&measured.grouped(&twins));
         let mut look = Look {

@@ -12,7 +12,9 @@ use harmony_render::{
     Glass, Instance, Lighting, OUTSIDE, RenderOptions, RoomView, canonical_camera, mesh_view_camera, render,
     render_depth_ids, render_window,
 };
-use harmony_scene::{Camera, ImageSize, Intrinsics, ObjectId, PixelBox, Pose, Room, Size, Surface, gone_with};
+use harmony_scene::{
+    Block, Camera, ImageSize, Intrinsics, Level, ObjectId, PixelBox, Pose, Room, Size, Support, Surface, gone_with,
+};
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 
 use crate::state::{Object, SceneState};
@@ -507,6 +509,25 @@ pub fn placed_object(p: &Placed) -> PlacedObject {
         support: p.support.clone(),
         outline_agreement: p.evidence.silhouette_iou,
     }
+}
+
+/// The blocks of the room on which things can stand, for questions: they are hosts like objects, but nothing moves them.
+pub fn ledges(state: &SceneState) -> Vec<PlacedObject> {
+    let row = |(index, block): (usize, &Block)| {
+        let [width, height, depth] = (block.max - block.min).to_array();
+        PlacedObject {
+            id: Block::id(index),
+            label: format!("{}, part of the room", block.kind),
+            level: Level::Furniture,
+            seen: None,
+            position: ((block.min + block.max) / 2.0).with_y(block.min.y).to_array(),
+            yaw_deg: 0.0,
+            size: Size { width, height, depth },
+            support: Support::Floor,
+            outline_agreement: None,
+        }
+    };
+    state.partial.room.ledges().map(row).collect()
 }
 
 /// An angle as people write it, degrees: above -180, at most 180.

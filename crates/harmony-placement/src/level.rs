@@ -496,6 +496,39 @@ mod tests {
     }
 
     #[test]
+    fn what_is_on_a_ledge_of_the_room_stands_there_whether_it_was_said_or_is_seen() {
+        let settings = PlacementSettings { point_map: false, ..PlacementSettings::default() };
+        let ledge =
+            harmony_scene::Block { kind: "half-high wall".to_owned(), min: Vec3::ZERO, max: Vec3::new(4.0, 0.8, 0.4) };
+        let at = Vec3::new(2.4, 0.8, 0.2);
+        let name = ObjectId::numbered("vase", 1);
+        for said in [true, false] {
+            let mut scene = empty_room();
+            scene.room.shape.blocks = vec![ledge.clone()];
+            let mut vase = boxed(&scene, Vec3::new(0.2, 0.3, 0.2), at, 0.0);
+            (vase.id, vase.level) = (name.clone(), Level::Decoration);
+            vase.relations.on_top_of = said.then(|| harmony_scene::Block::id(0));
+            place_level(&mut scene, vec![vase], None, &settings);
+            let placed = scene.find(&name).unwrap();
+            assert_eq!(placed.support, Support::Block { block: 0 }, "{said}");
+            assert!(placed.pose.position.distance(at) < 0.03, "{said}: {}", placed.pose.position);
+            // A later level finds it there.
+            let chair = boxed(&scene, Vec3::new(0.5, 0.9, 0.5), Vec3::new(1.2, 0.0, 2.5), 0.0);
+            place_level(&mut scene, vec![Item { level: Level::Decoration, ..chair }], None, &settings);
+            assert!(scene.find(&name).unwrap().pose.position.distance(at) < 0.03);
+        }
+        // What hangs above it hangs on the wall, not before its front.
+        let mut scene = empty_room();
+        scene.room.shape.blocks = vec![ledge];
+        let mut board = boxed(&scene, Vec3::new(1.0, 0.04, 0.3), Vec3::new(1.5, 0.8, 0.15), 0.0);
+        (board.id, board.level) = (ObjectId::numbered("board", 1), Level::Wall);
+        board.relations.wall_affinity = harmony_scene::WallAffinity::Back;
+        place_level(&mut scene, vec![board], None, &settings);
+        let z = scene.placed[0].pose.position.z;
+        assert!((z - 0.15).abs() < 0.03, "{z}");
+    }
+
+    #[test]
     fn a_finished_object_goes_back_to_its_mask_and_takes_along_what_it_carries() {
         let mut scene = empty_room();
         let at = Vec3::new(2.0, 0.0, 2.0);

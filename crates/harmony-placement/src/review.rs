@@ -255,7 +255,9 @@ fn step(outcome: &mut ReviewOutcome, action: &ReviewAction, settings: &Placement
         }
         ReviewAction::Rehost { object, host } => {
             let i = find(after, object)?;
-            find(after, host)?;
+            if after.room.ledge_named(host).is_none() {
+                find(after, host)?;
+            }
             rehost(after, i, host, settings);
             touched.push(object.clone());
         }

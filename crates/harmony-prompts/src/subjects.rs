@@ -2,7 +2,7 @@
 
 use std::fmt::{Display, Formatter, Result};
 
-use harmony_scene::{Extents, ImageSize, Level, ObjectId, PixelBox, RoomShape, Size, Support, Vec3};
+use harmony_scene::{Block, Extents, ImageSize, Level, ObjectId, PixelBox, RoomShape, Size, Support, Vec3};
 use serde::{Serialize, Serializer};
 
 /// The room and where the camera stands in it.
@@ -36,8 +36,12 @@ impl Display for RoomSummary {
             let [x, y, z] = [0, 1, 2].map(|i| format!("{:.2} to {:.2}", low[i], high[i]));
             format!("x {x}, y {y}, z {z}")
         };
-        for block in blocks {
-            write!(f, " Solid: {}, {}.", block.kind, between(block.min, block.max))?;
+        for (i, block) in blocks.iter().enumerate() {
+            write!(f, " Solid: {}, {}", block.kind, between(block.min, block.max))?;
+            if block.carries(&self.extents) {
+                write!(f, " (what stands or lies on it is on top of {})", Block::id(i))?;
+            }
+            write!(f, ".")?;
         }
         for niche in niches {
             write!(f, " Free: {}, {}.", niche.kind, between(niche.min, niche.max))?;
@@ -116,6 +120,7 @@ impl Display for PlacedObject {
             Support::Ceiling => write!(f, "under the ceiling")?,
             Support::Wall { wall } => write!(f, "on the {} wall", wall.surface().name())?,
             Support::Object { id } => write!(f, "on {id}")?,
+            Support::Block { block } => write!(f, "on {}", Block::id(*block))?,
         }
         self.outline_agreement.map_or(Ok(()), |iou| write!(f, ", outline agreement {iou:.2}"))
     }

@@ -169,6 +169,11 @@ pub enum Support {
         /// Which.
         id: ObjectId,
     },
+    /// It stands on a block of the room that comes up from the floor: a ledge, a step, a half-high wall.
+    Block {
+        /// Index into the blocks of the room's shape.
+        block: usize,
+    },
 }
 
 /// Share of the room's height above which a thing under the ceiling belongs to it rather than hanging in the room.
@@ -184,7 +189,7 @@ pub fn gone_with<'a>(
 ) -> BTreeSet<&'a ObjectId> {
     let objects: Vec<_> = objects.into_iter().collect();
     let fixed = |support: &Support, bottom: f64| match support {
-        Support::Floor | Support::Object { .. } => false,
+        Support::Floor | Support::Object { .. } | Support::Block { .. } => false,
         Support::Ceiling => omit.contains(&Surface::Ceiling) && bottom > UNDER_THE_CEILING * height,
         Support::Wall { wall } => omit.contains(&wall.surface()),
     };

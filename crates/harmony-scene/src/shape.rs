@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3, Vec3Swizzles as _};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Extents, Ray, Room, Surface, Wall};
+use crate::{Extents, ObjectId, Ray, Room, Surface, Wall};
 
 /// Lengths below this are none, metres.
 const EPS: f64 = 1e-6;
@@ -25,6 +25,13 @@ const KEPT: usize = 4;
 const TOUCH: f64 = 1e-3;
 /// A foot may be so far below the floor of the niche that it stands in, metres.
 const STEP: f64 = 0.03;
+
+/// A block on which something can stand is this wide and deep, and so far below the ceiling, metres.
+const MIN_LEDGE: f64 = 0.04;
+const MIN_ROOM_ABOVE: f64 = 0.3;
+
+/// What begins so little below the top of a ledge is above it, metres.
+const ABOVE_LEDGE: f64 = 0.05;
 
 /// What makes a room other than its box.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -57,6 +64,17 @@ impl Block {
     /// Whether it hangs from the ceiling and does not reach the floor: a beam, a soffit, a lowered part of the ceiling.
     pub fn hangs(&self, extents: &Extents) -> bool {
         self.max.y > extents.height - HANGS && self.min.y > HANGS
+    }
+
+    /// Whether something can stand on it: it comes up from below and leaves room under the ceiling.
+    pub fn carries(&self, extents: &Extents) -> bool {
+        let sides = (self.max - self.min).with_y(MIN_LEDGE);
+        self.max.y > STEP && self.max.y < extents.height - MIN_ROOM_ABOVE && sides.min_element() >= MIN_LEDGE
+    }
+
+    /// What a block of the room's shape is called where things stand on it.
+    pub fn id(index: usize) -> ObjectId {
+        ObjectId::numbered("block", index + 1)
     }
 
     /// Whether all of a face lies on it.
@@ -589,6 +607,16 @@ impl Room {
         out.into_iter().map(|(plane, _)| plane).collect()
     }
 
+    /// The blocks on which something can stand, with their indices.
+    pub fn ledges(&self) -> impl Iterator<Item = (usize, &Block)> {
+        self.shape.blocks.iter().enumerate().filter(|(_, block)| block.carries(&self.extents))
+    }
+
+    /// The block of a name ([`Block::id`]), where something can stand on it.
+    pub fn ledge_named(&self, id: &ObjectId) -> Option<usize> {
+        self.ledges().map(|(index, _)| index).find(|index| Block::id(*index) == *id)
+    }
+
     /// Those of [`Room::planes`] that furniture can stand against: they come down to the floor, over more than a hand's
     /// breadth.
     pub fn standing_planes(&self, wall: Wall) -> Vec<WallPlane> {
@@ -645,9 +673,11 @@ impl Room {
             .iter()
             .filter_map(|face| {
                 let plane = face.plane(&self.extents).filter(|p| p.wall == wall)?;
-                let along = face.polygon.iter().map(|p| wall.coordinates(*p).x);
-                let (low, high) = along.fold((f64::MAX, f64::MIN), |(l, h), u| (l.min(u), h.max(u)));
-                (here.x >= low - EPS && here.x <= high + EPS).then_some(plane)
+                let corners = || face.polygon.iter().map(|p| wall.coordinates(*p));
+                let (low, high) = corners().fold((DVec2::MAX, DVec2::MIN), |(l, h), p| (l.min(p), h.max(p)));
+                // Above a ledge the wall is behind, not the ledge's front.
+                let passes = here.y >= high.y - ABOVE_LEDGE && high.y < self.extents.height - MIN_ROOM_ABOVE;
+                (here.x >= low.x - EPS && here.x <= high.x + EPS && !passes).then_some(plane)
             })
             .min_by(|a, b| away(a).total_cmp(&away(b)))
             .unwrap_or(wall.into())

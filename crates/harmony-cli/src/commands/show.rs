@@ -57,6 +57,7 @@ pub fn run(args: &Args) -> Result<u8> {
             Support::Ceiling => "ceiling".to_owned(),
             Support::Wall { wall } => format!("{} wall", wall.surface().name()),
             Support::Object { id } => id.to_string(),
+            Support::Block { block } => harmony_scene::Block::id(*block).to_string(),
         };
         let (s, p) = (o.size, o.pose.position);
         say!(

@@ -115,6 +115,7 @@ pub fn csv(world: &World, rows: &[Row]) -> String {
             Support::Ceiling => ("ceiling".to_owned(), String::new()),
             Support::Wall { wall } => ("wall".to_owned(), wall.surface().name().to_owned()),
             Support::Object { id } => (id.to_string(), String::new()),
+            Support::Block { block } => (harmony_scene::Block::id(*block).to_string(), String::new()),
         };
         let wall = if wall.is_empty() {
             o.relations.wall_affinity.wall().map_or(String::new(), |w| w.surface().name().to_owned())

@@ -189,7 +189,7 @@ async fn ask_list(
 ) -> Result<ListAnswer, PhaseError> {
     let placed: Vec<PlacedObject> = if level == Level::Decoration {
         let below = state.partial.placed.iter().filter(|p| p.item.level != Level::Ceiling);
-        below.map(crate::views::placed_object).collect()
+        below.map(crate::views::placed_object).chain(crate::views::ledges(state)).collect()
     } else {
         Vec::new()
     };

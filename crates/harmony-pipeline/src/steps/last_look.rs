@@ -52,7 +52,19 @@ pub async fn until_settled(
         let mut relit = Vec::new();
         let (added, others): (Vec<_>, Vec<_>) =
             answer.actions.iter().partition(|action| action.action == LastActionKind::Add);
-        for action in others {
+        let (joined, others) = joined(others);
+        let mut singly = others;
+        for group in joined {
+            match try_joined(ctx, state, &group).await? {
+                Some(reason) => {
+                    changed = true;
+                    tried.push(in_words(&group, true, &reason));
+                    results.push(json!({ "asked": group, "kept": true, "reason": reason }));
+                }
+                None => singly.extend(group),
+            }
+        }
+        for action in singly {
             match try_action(ctx, state, action).await? {
                 Some((kept, reason)) => {
                     changed |= kept;
@@ -268,6 +280,56 @@ const FEW_PIXELS: usize = 40;
 /// Factors on a colour channel are kept within this and its inverse.
 const LARGEST_FACTOR: f32 = 6.0;
 
+/// Moves, turns and sizes of one object belong together: farther and larger is one correction, of which each half alone looks
+/// worse. Those of which an object has several, and all other actions.
+fn joined(actions: Vec<&LastAction>) -> (Vec<Vec<&LastAction>>, Vec<&LastAction>) {
+    use LastActionKind::{Move, Rescale, Rotate};
+    let mut of_one: Vec<Vec<&LastAction>> = Vec::new();
+    let mut others = Vec::new();
+    for action in actions {
+        if !matches!(action.action, Move | Rotate | Rescale) {
+            others.push(action);
+            continue;
+        }
+        match of_one.iter_mut().find(|group| group[0].id == action.id) {
+            Some(group) => group.push(action),
+            None => of_one.push(vec![action]),
+        }
+    }
+    let (several, single): (Vec<_>, Vec<_>) = of_one.into_iter().partition(|group| group.len() > 1);
+    others.extend(single.into_iter().flatten());
+    (several, others)
+}
+
+/// Tries actions on one object together; why they stay, or `None` where they do not.
+async fn try_joined(
+    ctx: &PhaseCtx<'_>,
+    state: &mut SceneState,
+    group: &[&LastAction],
+) -> Result<Option<String>, PhaseError> {
+    let Some(id) = group.first().and_then(|action| ObjectId::new(&action.id).ok()) else { return Ok(None) };
+    let Some(actions) = group.iter().map(|action| pose_action(action, &id)).collect::<Option<Vec<_>>>() else {
+        return Ok(None);
+    };
+    let (kept, reason, _) = review::try_quietly(ctx, state, actions).await?;
+    if kept {
+        super::texture::only(ctx, state, vec![id]).await?;
+    }
+    Ok(kept.then_some(reason))
+}
+
+/// An action on an object's place, turn, size or being there, as a review's; `None` for all others, and where it says too little.
+fn pose_action(action: &LastAction, object: &ObjectId) -> Option<ReviewAction> {
+    let object = object.clone();
+    match action.action {
+        LastActionKind::Move => Some(ReviewAction::Move { object, by_m: action.delta_m? }),
+        LastActionKind::Rotate => Some(ReviewAction::Rotate { object, by_deg: action.angle_deg? }),
+        LastActionKind::Rescale => Some(ReviewAction::Rescale { object, factor: [action.factor?; 3] }),
+        LastActionKind::Remove => Some(ReviewAction::Remove { object }),
+        _ => None,
+    }
+}
+
 /// Tries an action on objects or room surfaces; tells whether it stays, and why.
 ///
 /// Actions on light and what is to be added are the caller's: they give `None`.
@@ -281,13 +343,6 @@ async fn try_action(
 ) -> Result<Option<(bool, String)>, PhaseError> {
     let told = |kept: bool, reason: String| Some((kept, reason));
     let object = ObjectId::new(&action.id).ok();
-    let pose = |object: ObjectId| match action.action {
-        LastActionKind::Move => Some(ReviewAction::Move { object, by_m: action.delta_m? }),
-        LastActionKind::Rotate => Some(ReviewAction::Rotate { object, by_deg: action.angle_deg? }),
-        LastActionKind::Rescale => Some(ReviewAction::Rescale { object, factor: [action.factor?; 3] }),
-        LastActionKind::Remove => Some(ReviewAction::Remove { object }),
-        _ => None,
-    };
     Ok(match (action.action, object) {
         (LastActionKind::Light | LastActionKind::Exposure | LastActionKind::Add, _) => None,
         (LastActionKind::Surface, _) => {
@@ -313,7 +368,7 @@ async fn try_action(
             told(kept, reason)
         }
         (kind, Some(id)) => {
-            let Some(wanted) = pose(id.clone()) else { return Ok(told(false, "it says too little".into())) };
+            let Some(wanted) = pose_action(action, &id) else { return Ok(told(false, "it says too little".into())) };
             let (kept, reason) = review::try_on(ctx, state, wanted, &id, &format!("{kind:?}")).await?;
             if kept && state.partial.find(&id).is_some() {
                 super::texture::only(ctx, state, vec![id]).await?;

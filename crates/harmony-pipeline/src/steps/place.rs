@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use harmony_catalogue::Trait;
-use harmony_placement::{Collision, Item, LevelReport, PartialScene, PlacementSettings, Traits, YawHint, energy_change, place_level};
+use harmony_placement::{
+    Collision, Item, LevelReport, PartialScene, PlacementSettings, Traits, YawHint, energy_change, place_level,
+};
 use harmony_prompts::{Occlusion, ReorderQuestion};
 use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, OpeningKind, Placement, Relations, Support, WallAffinity, WarningKind};

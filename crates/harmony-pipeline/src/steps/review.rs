@@ -141,7 +141,7 @@ async fn ask(
     let question = ReviewQuestion {
         level,
         room: views::room_summary(state),
-        placed: state.partial.placed.iter().map(views::placed_object).collect(),
+        placed: state.partial.placed.iter().map(views::placed_object).chain(views::ledges(state)).collect(),
         unplaced: state
             .left
             .iter()
@@ -397,17 +397,30 @@ pub async fn try_on(
     object: &ObjectId,
     name: &str,
 ) -> Result<(bool, String), PhaseError> {
-    let (kept, reason, refused) = match attempt(ctx, state, vec![action]).await? {
+    let (kept, reason, refused) = try_quietly(ctx, state, vec![action]).await?;
+    if !kept {
+        ctx.warn(WarningKind::ActionRefused, Some(object.clone()), format!("{name} {refused}: {reason}"));
+    }
+    Ok((kept, reason))
+}
+
+/// Tries actions together and keeps them, if the evidence does not speak against it; tells whether they stay, why, and how it is
+/// said that they do not.
+///
+/// # Errors
+/// Only that of a computation that broke.
+pub async fn try_quietly(
+    ctx: &PhaseCtx<'_>,
+    state: &mut SceneState,
+    actions: Vec<ReviewAction>,
+) -> Result<(bool, String, &'static str), PhaseError> {
+    Ok(match attempt(ctx, state, actions).await? {
         Ok(attempt) => {
             let reason = attempt.verdict.reason.clone();
             (attempt.adopted(state), reason, "was proposed and refused")
         }
         Err(error) => (false, error.to_string(), "cannot be tried"),
-    };
-    if !kept {
-        ctx.warn(WarningKind::ActionRefused, Some(object.clone()), format!("{name} {refused}: {reason}"));
-    }
-    Ok((kept, reason))
+    })
 }
 
 /// Copies that an action added get an entry among the objects, like the one they copy.

@@ -139,7 +139,9 @@ fn free_directions(scene: &PartialScene, object: usize, noise: &Noise) -> Vec<Ve
         // A curtain may hang between it and its wall.
         Attachment::AgainstWall(wall) => [along(wall.normal()), vec![wall.normal()]].concat(),
         Attachment::OnWall(wall) => [along(wall.normal()), vec![Vec3::Y, Vec3::NEG_Y]].concat(),
-        Attachment::Floor | Attachment::Ceiling | Attachment::OnHost { .. } => level_directions(),
+        Attachment::Floor | Attachment::Ceiling | Attachment::OnHost { .. } | Attachment::OnBlock { .. } => {
+            level_directions()
+        }
     }
 }
 
@@ -342,7 +344,14 @@ fn feasible(scene: &PartialScene, all: &[Solid], object: usize, members: &[usize
     if !inside {
         return false;
     }
-    let Attachment::OnHost { host, level } = attachment_of(scene, object, noise) else { return true };
+    let (host, level) = match attachment_of(scene, object, noise) {
+        Attachment::OnHost { host, level } => (host, level),
+        Attachment::OnBlock { block } => {
+            let (b, at) = (&scene.room.shape.blocks[block], (scene.placed[object].pose.position + by).xz());
+            return at.cmpge(b.min.xz()).all() && at.cmple(b.max.xz()).all();
+        }
+        _ => return true,
+    };
     let placed = &scene.placed[object];
     let mut pose = placed.pose;
     pose.position += by;

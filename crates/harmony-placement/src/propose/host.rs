@@ -69,7 +69,8 @@ fn around_it<'a>(proposer: &Proposer<'a, '_>, host: usize) -> Vec<Hypothesis<'a>
 /// First poses on other hosts than the given one, which have to earn it.
 pub(crate) fn on_other_hosts<'a>(proposer: &Proposer<'a, '_>) -> Vec<Hypothesis<'a>> {
     let given = given_host(proposer);
-    let price = if given.is_some() { surprise(proposer.settings.noise.wrong_host) } else { 0.0 };
+    let is_told = given.is_some() || proposer.on_ledge().is_some();
+    let price = if is_told { surprise(proposer.settings.noise.wrong_host) } else { 0.0 };
     let mut out = Vec::new();
     for host in other_hosts(proposer.scene, proposer.item, proposer.window.mask_box, given) {
         on_host(proposer, host, price, &mut out);

@@ -90,8 +90,47 @@ impl<'a> Proposer<'a, '_> {
             Level::Furniture | Level::Decoration => Vec::new(),
         };
         if out.is_empty() {
-            let expects_host = self.item.level == Level::Decoration && !on_floor;
+            let expects_host = self.on_ledge().is_some() || (self.item.level == Level::Decoration && !on_floor);
             out = self.on_floor(if expects_host { surprise(self.settings.noise.wrong_host) } else { 0.0 });
+        }
+        out.extend(self.on_blocks());
+        out
+    }
+
+    /// The block of the room on which the object is said to be.
+    fn on_ledge(&self) -> Option<usize> {
+        let said = self.item.relations.on_top_of.as_ref().filter(|_| self.settings.relations)?;
+        self.scene.room.ledge_named(said)
+    }
+
+    /// On the room's ledges and steps: on the one that was said, at the price of a wrong answer where another thing was, and
+    /// where nothing was said if the mask's foot is seen there.
+    fn on_blocks(&self) -> Vec<Hypothesis<'a>> {
+        if matches!(self.item.level, Level::Wall | Level::Ceiling) {
+            return Vec::new();
+        }
+        let (said, names_host) = (self.on_ledge(), self.item.relations.on_top_of.is_some());
+        let mut out = Vec::new();
+        for (index, block) in self.scene.room.ledges() {
+            let is_said = said == Some(index);
+            let price = if names_host && !is_said { surprise(self.settings.noise.wrong_host) } else { 0.0 };
+            let top = block.max.y;
+            let rough = self.constraint(Attachment::OnBlock { block: index }, YawRule::Fixed(0.0));
+            let pose = self.sized(Vec3::ZERO, 0.0);
+            let seen: Vec<Vec3> = [self.by_contact(&rough, &pose, top, 3), self.by_top(&rough, &pose, top)]
+                .into_iter()
+                .flatten()
+                .chain(self.by_points(&pose))
+                .chain(self.by_size(&pose))
+                .collect();
+            let over = |at: &Vec3| at.x > block.min.x && at.x < block.max.x && at.z > block.min.z && at.z < block.max.z;
+            // Where it was said, the nearest place on it; elsewhere only what is seen over it.
+            for at in seen.into_iter().filter(|at| is_said || over(at)) {
+                for yaw in self.yaws(at, 0.0) {
+                    let constraint = self.constraint(Attachment::OnBlock { block: index }, yaw);
+                    out.push(self.settled(constraint, at, price));
+                }
+            }
         }
         out
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use harmony_scene::{ObjectId, Support, Vec3};
+use harmony_scene::{Block, ObjectId, Support, Vec3};
 
 use super::{ReviewAction, members_of_set};
 use crate::scene::attachment::angle_between;
@@ -94,9 +94,17 @@ fn of_one_size(scene: &PartialScene, object: &ObjectId) -> Option<String> {
     alike.then(|| format!("the set of {object} is of one size already"))
 }
 
+fn stands_on(support: &Support, host: &ObjectId) -> bool {
+    match support {
+        Support::Object { id } => id == host,
+        Support::Block { block } => Block::id(*block) == *host,
+        _ => false,
+    }
+}
+
 fn of_one(id: &ObjectId, asked: &Asked, old: &Placed, new: &Placed) -> Option<String> {
     if let Some(host) = &asked.host
-        && !matches!(&new.support, Support::Object { id } if id == host)
+        && !stands_on(&new.support, host)
     {
         return Some(format!("{id} finds no place on {host}"));
     }
@@ -133,6 +141,7 @@ fn holder(placed: &Placed) -> String {
     match (&placed.support, placed.item.relations.wall_affinity.wall()) {
         (Support::Object { id }, _) => format!("{id}, on which it stands (rehost puts it elsewhere)"),
         (Support::Wall { wall }, _) => format!("the {} wall, on which it hangs", wall.surface().name()),
+        (Support::Block { block }, _) => format!("{}, on which it stands", Block::id(*block)),
         (Support::Ceiling, _) => "the ceiling, from which it hangs".to_owned(),
         (Support::Floor, Some(wall)) => {
             format!("the floor, the {} wall behind it, or its neighbours", wall.surface().name())

@@ -46,6 +46,11 @@ pub(crate) enum Attachment {
         /// Height of the surface, metres.
         level: f64,
     },
+    /// On a block of the room that comes up from the floor.
+    OnBlock {
+        /// Index into the blocks of the room's shape.
+        block: usize,
+    },
 }
 
 /// What may be said about the yaw while an object is refined.
@@ -172,6 +177,8 @@ pub(crate) fn attachment_of(scene: &PartialScene, object: usize, noise: &Noise) 
             }
             _ => Attachment::Floor,
         },
+        Support::Block { block } if *block < scene.room.shape.blocks.len() => Attachment::OnBlock { block: *block },
+        Support::Block { .. } => Attachment::Floor,
         Support::Floor => match placed.item.relations.wall_affinity.wall() {
             Some(wall) => {
                 let plane = scene.room.plane_behind(wall, placed.pose.position);
@@ -246,7 +253,9 @@ impl PoseConstraint<'_> {
         let e = &self.scene.room.extents;
         let p = pose.position;
         let (a, b) = match self.attachment {
-            Attachment::Floor | Attachment::Ceiling | Attachment::OnHost { .. } => (p.x, p.z),
+            Attachment::Floor | Attachment::Ceiling | Attachment::OnHost { .. } | Attachment::OnBlock { .. } => {
+                (p.x, p.z)
+            }
             Attachment::AgainstWall(wall) => {
                 (wall.coordinates(p).x, wall.distance(e, p) - size_of(self.item, pose).z / 2.0)
             }
@@ -293,6 +302,12 @@ impl PoseConstraint<'_> {
                 pose.position = wall.point(&e, numbers[0], y) + wall.normal() * (self.noise.wall_clearance + away);
             }
             Attachment::Ceiling => pose.position.y = self.scene.room.ceiling_over(pose.position) - size.y,
+            Attachment::OnBlock { block } => {
+                let b = &self.scene.room.shape.blocks[block];
+                // Its middle is over the block; it may reach out over the edge.
+                pose.position = pose.position.clamp(b.min, b.max);
+                pose.position.y = b.max.y - sag_of(self.item, &pose);
+            }
             Attachment::Floor | Attachment::OnHost { .. } => {}
         }
         let (low, high) = reach(self.item, &pose);
@@ -339,7 +354,10 @@ impl PoseConstraint<'_> {
             };
             (place, off_x.hypot(off_z))
         };
-        let foot = if let Attachment::OnHost { level, .. } = self.attachment { level } else { at.y };
+        let foot = match self.attachment {
+            Attachment::OnHost { level, .. } => level,
+            _ => at.y,
+        };
         // What is held by a wall of the box is before it.
         let is_in_box = plane.is_some_and(|w| w.inset >= 0.0);
         let areas = self.scene.room.standing_areas(foot).take(if is_in_box { 1 } else { usize::MAX });
@@ -395,6 +413,13 @@ impl PoseConstraint<'_> {
     pub(crate) fn supported_share(&self, pose: &Pose) -> f64 {
         match self.attachment {
             Attachment::OnHost { host, level } => self.surface(host, level, pose).map_or(0.0, |s| s.share),
+            Attachment::OnBlock { block } => {
+                let b = &self.scene.room.shape.blocks[block];
+                let (low, high) = reach(self.item, pose);
+                let over = (high + pose.position).min(b.max) - (low + pose.position).max(b.min);
+                let whole = high - low;
+                (over.x.max(0.0) * over.z.max(0.0) / (whole.x * whole.z).max(1e-9)).min(1.0)
+            }
             _ => 1.0,
         }
     }
@@ -419,6 +444,7 @@ impl PoseConstraint<'_> {
                 Some(p) => Support::Object { id: p.item.id.clone() },
                 None => Support::Floor,
             },
+            Attachment::OnBlock { block } => Support::Block { block },
         }
     }
 

@@ -77,6 +77,9 @@ fn fitted(hint: &Pattern, seen: &RgbaImage, px_per_m: f64) -> Pattern {
     best.pattern
 }
 
+/// Widest tuft of a carpet, metres.
+const MAX_TUFT: f64 = 0.03;
+
 /// The pattern as the answer describes it.
 fn pattern(named: &LayoutPattern) -> Pattern {
     let (kind, variant) = match named.kind {
@@ -107,8 +110,11 @@ fn pattern(named: &LayoutPattern) -> Pattern {
         PatternKind::Brick => (length.max(named.width_m), length.min(named.width_m)),
         _ => (named.width_m, named.length_m),
     };
-    pattern.width = size(along);
-    pattern.length = size(across);
+    // A carpet's tufts are no wider than a finger: a larger width is that of a roll or of its tiles.
+    if kind != PatternKind::Pile || along < MAX_TUFT {
+        pattern.width = size(along);
+        pattern.length = size(across);
+    }
     pattern.joint = named.joint_m;
     // Counter-clockwise to whoever looks at the face, whose v runs down; our patterns turn u towards v, and our stripes stand
     // where the answer's lie.
