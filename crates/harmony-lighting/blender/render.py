@@ -659,12 +659,14 @@ def dress_lamp(light, objects, response):
     radius = 4.0 * light.get("radius_m", 0.05) + 0.05
     centre = None if shining else to_blender(light["position"])
     shades = [m for m in shining if m not in emitting]
+    # As `is_shade` in sources.rs: what the photo tells the brightness of.
+    called_so = {material for name, material in owned if "shade" in name.lower()}
     bulb = bulb_within(light, objects, shades)
     for material in shining or [m for _, m in owned]:
         shader = principled(material)
         node = base_image(shader) if shader else None
         is_shade = material in shades
-        seen = light.get("shade") if is_shade else None
+        seen = light.get("shade") if is_shade or material in called_so else None
         around = bulb if is_shade else None
         if node is not None:
             if shining:
@@ -675,7 +677,8 @@ def dress_lamp(light, objects, response):
         elif seen is not None:
             level = light_of(response, encode(np.array(seen)))
             top = max(float(level.max()), 1e-6)
-            show_emission(material, tuple(float(v) / top for v in level), top, bulb=around)
+            own = radiance if material in emitting else None
+            show_emission(material, tuple(float(v) / top for v in level), top, None, None, 0.0, own, around)
         else:
             tint = np.array(light["color"])
             if shader is not None and shining:

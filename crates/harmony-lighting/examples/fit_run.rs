@@ -70,7 +70,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for candidate in &fit.candidates {
         println!("  {:?}: {:.3} stops, chroma {:.4}", candidate.view, candidate.error.stops, candidate.error.chroma);
     }
-    let notes = fit.apply(&mut lighting);
+    let typical = lighting.clone();
+    let notes = fit.apply(&mut lighting, &typical);
     println!("view {:?}, exposure {:.2}; {}", lighting.view, lighting.exposure, notes.join("; "));
     for l in &lighting.lights {
         println!("  {} {:.2} W {:.2?} on {}", l.id, l.intensity, l.color, l.on);

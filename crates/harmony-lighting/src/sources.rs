@@ -80,9 +80,11 @@ fn is_named_so(material: &str) -> bool {
     EMITTER_WORDS.iter().any(|w| name.contains(w))
 }
 
-/// Whether light shines through a material of a lamp that gives none itself: the shade round its bulb.
+/// Whether light shines through a material of a lamp: the shade round its bulb. What emits by itself is one only where it is
+/// called a shade: how bright it looks is then the photo's to tell, too.
 pub fn is_shade(material: &Material) -> bool {
-    is_named_so(&material.name) && material.emissive.iter().all(|e| *e <= 0.0)
+    let emits = material.emissive.iter().any(|e| *e > 0.0);
+    is_named_so(&material.name) && (!emits || material.name.to_lowercase().contains("shade"))
 }
 
 /// Bounds of a window's panes, in the mesh's own frame: what is clear, else slots named so.

@@ -9,6 +9,8 @@ use harmony_roles::{PlayerCard, Role, Usage};
 use harmony_scene::Level;
 use serde::Serialize;
 
+use crate::settings::ProgramSettings;
+
 /// Objects of a typical room: the means of the rooms whose recordings are in `examples/` (six photos of living rooms,
 /// bedrooms, a dining room and an office), rounded.
 const TYPICAL: [f64; 4] = [3.0, 7.0, 0.0, 6.0];
@@ -140,6 +142,9 @@ fn usual_seconds(role: Role, card: &PlayerCard) -> f64 {
 const QUESTION_IN: f64 = 4500.0;
 const QUESTION_OUT: f64 = 300.0;
 const OBJECT_OUT: f64 = 120.0;
+/// A program has some 40 lines; the guide that goes with the question is English with code.
+const PROGRAM_OUT: f64 = 700.0;
+const BYTES_A_TOKEN: f64 = 3.7;
 
 /// Estimates a run. `log` holds calls that were made already (their times count more than the usual ones).
 pub fn estimate(inventory: Inventory, cast: &Cast, lit: bool, prices: &Prices, log: &[CallSummary]) -> Estimate {
@@ -153,8 +158,19 @@ pub fn estimate(inventory: Inventory, cast: &Cast, lit: bool, prices: &Prices, l
     let meshes = if can.makes_shapes { different } else { all };
     let fronts = if can.makes_shapes { different } else { 0.0 };
     let lit_rounds = if lit { 1.0 } else { 0.0 };
-    // layout; list; inspect and review; orient; lights and the rounds of light; checks of pictures and fronts.
+    // Programs, and second looks at what they made, where a model that sees writes shapes and no generator makes them.
+    let looks = !cast.card(Role::VisionLanguage).offline;
+    let settings = ProgramSettings::default();
+    let written = if looks && !can.makes_shapes { all } else { 0.0 };
+    let of_level = |n: &f64| (n / settings.objects_per_question as f64).ceil();
+    let programs = if written > 0.0 { inventory.objects.iter().map(of_level).sum::<f64>() } else { 0.0 };
+    let second_looks = if written > 0.0 { busy } else { 0.0 };
+    let at_the_end = if looks { 2.0 } else { 0.0 };
+    // layout; list; inspect and review; orient; lights and the rounds of light; checks of pictures and fronts; programs and
+    // second looks; counts and the last look.
     let questions = 1.0 + levels + 2.0 * busy + 1.0 + 1.0 + lit_rounds + drawn + fronts;
+    let questions = questions + programs + second_looks + at_the_end;
+    let guide = harmony_program::GUIDE.len() as f64 / BYTES_A_TOKEN;
     let edits = if can.draws { drawn * (1.0 + DRAWN_AGAIN) + 1.0 } else { 0.0 };
     let calls = |role: Role| match role {
         Role::VisionLanguage => questions,
@@ -181,7 +197,10 @@ pub fn estimate(inventory: Inventory, cast: &Cast, lit: bool, prices: &Prices, l
             continue;
         }
         let tokens = match role {
-            Role::VisionLanguage => (QUESTION_IN * questions, QUESTION_OUT * questions + OBJECT_OUT * 2.0 * all),
+            Role::VisionLanguage => (
+                QUESTION_IN * questions + guide * (programs + second_looks),
+                QUESTION_OUT * questions + OBJECT_OUT * 2.0 * all + PROGRAM_OUT * written,
+            ),
             _ => (0.0, 0.0),
         };
         let each = Usage {

@@ -39,15 +39,16 @@ pub struct Settings {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Questions {
-    /// One question a step and level: fronts, reviews and second looks once.
+    /// One question a step and level: fronts, reviews and second looks once, and once the counts of each kind.
     #[default]
     Few,
-    /// As often as the paper asks: decorations of each piece of furniture, hosts, fine turns, counts, reviews until
+    /// As often as the paper asks: decorations of each piece of furniture, hosts, fine turns, order of sets, reviews until
     /// nothing is kept.
     Paper,
 }
 
-/// What the language model looks at once more when it is asked as often as the paper asks; each can be left out.
+/// What the language model looks at once more when it is asked as often as the paper asks, `counts` always; each can be left
+/// out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[expect(clippy::struct_excessive_bools, reason = "independent switches")]
@@ -102,10 +103,11 @@ impl LookSettings {
 const PAPER_ROUNDS: usize = 3;
 
 impl Settings {
-    /// The further questions that are asked: none of them with `questions = "few"`.
+    /// The further questions that are asked: with `questions = "few"` only for the counts, one question a room that finds two
+    /// thirds of what lists overlooked (`docs/decisions/0032-second-looks.md`).
     pub fn asked_looks(&self) -> LookSettings {
         match self.questions {
-            Questions::Few => LookSettings::NONE,
+            Questions::Few => LookSettings { counts: self.looks.counts, ..LookSettings::NONE },
             Questions::Paper => self.looks,
         }
     }

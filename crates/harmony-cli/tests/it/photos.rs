@@ -54,6 +54,7 @@ fn replayed(name: &str, photo: &str, more: &[String], least_objects: usize, leas
             Support::Ceiling => "ceiling".to_owned(),
             Support::Wall { wall } => format!("{wall:?}").to_lowercase(),
             Support::Object { id } => id.to_string(),
+            Support::Block { block } => harmony_scene::Block::id(*block).to_string(),
         };
         assert_eq!(found, *host, "{id}");
     }

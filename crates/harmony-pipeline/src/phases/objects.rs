@@ -179,7 +179,8 @@ pub async fn place(
         before.came(ctx, LookKind::Counts, &mut state);
         relief::stand(ctx, &mut state).await?;
     }
-    // On every level: walls that are not seen move with what stands at them.
+    // On every level: walls that are not seen move with what stands at them, and with what looks have moved or lengthened.
+    state.partial.fit_loose_walls();
     surfaces::open_walls(&mut state);
     if level == Level::Decoration {
         let placed: Vec<_> = state.partial.placed.iter().map(|p| p.item.id.clone()).collect();

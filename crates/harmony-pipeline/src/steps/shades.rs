@@ -80,7 +80,9 @@ mod tests {
         let bare = add(&mut state, "table_lamp_02", Level::Decoration, size, DVec3::new(2.8, 0.0, 2.0), Support::Floor);
         let model = state.objects.get_mut(&lamp).unwrap().model.as_mut().unwrap();
         let mut mesh = Mesh::clone(&model.mesh);
-        mesh.materials[0] = Material { name: "linen shade".to_owned(), ..mesh.materials[0].clone() };
+        // One that a program lets emit is seen as the photo has it, too.
+        let emissive = [0.9, 0.8, 0.6];
+        mesh.materials[0] = Material { name: "linen shade".to_owned(), emissive, ..mesh.materials[0].clone() };
         model.mesh = Arc::new(mesh);
         let mask = Arc::clone(&state.objects[&lamp].mask);
         state.photo = Arc::new(RgbImage::from_fn(w, h, |x, y| {
