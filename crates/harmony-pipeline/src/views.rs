@@ -20,9 +20,16 @@ use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 use crate::state::{Object, SceneState};
 use crate::steps::surfaces::{Beyond, panes};
 
-/// The room shell with the textures made so far.
+/// The room shell with the textures made so far; until then in the colours of the layout answer.
 pub fn shell(state: &SceneState, omit: Vec<Surface>) -> Mesh {
-    shell_with(state, omit, &|surface| state.surfaces.get(&surface).cloned())
+    shell_with(state, omit, &|surface| state.surfaces.get(&surface).cloned().or_else(|| named(state, surface)))
+}
+
+/// A face in the one colour that the layout answer has for it; `None` once faces have textures, and where none was said.
+fn named(state: &SceneState, surface: Surface) -> Option<Arc<RgbaImage>> {
+    let said = state.layout.answer.surfaces.iter().find(|s| s.surface.surface() == surface);
+    let [r, g, b] = said.filter(|_| state.surfaces.is_empty())?.rgb()?;
+    Some(Arc::new(RgbaImage::from_pixel(4, 4, image::Rgba([r, g, b, 255]))))
 }
 
 /// The room shell for the path tracer: without the photo's light where that could be taken out.
@@ -178,12 +185,19 @@ pub fn flat(state: &SceneState) -> Arc<RgbImage> {
     drawn(state).flat
 }
 
-/// [`flat`]; while the room's faces have no textures yet its edges are drawn, so that one sees what stands where.
+/// [`flat`]; while the room's faces have no textures yet its edges are drawn behind what stands in it, so that one sees what
+/// stands where.
 pub fn with_room(state: &SceneState, flat: Arc<RgbImage>) -> Arc<RgbImage> {
     if !state.surfaces.is_empty() {
         return flat;
     }
-    Arc::new(with_room_lines((*flat).clone(), &state.partial.room, &state.partial.camera, false))
+    let mut lined = with_room_lines((*flat).clone(), &state.partial.room, &state.partial.camera, false);
+    for ((pixel, id), before) in lined.pixels_mut().zip(&*ids(state)).zip(flat.pixels()) {
+        if *id != 0 {
+            *pixel = *before;
+        }
+    }
+    Arc::new(lined)
 }
 
 /// Per pixel the index of the nearest object (0 = room), from the photo's camera.

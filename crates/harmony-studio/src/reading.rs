@@ -5,7 +5,7 @@
 //! thousandths of the picture); what only shapes the text, and what no answer from the truth depends on, is left out.
 
 use harmony_prompts::{
-    CompletedQuestion, FoundObject, FrontsQuestion, InspectCandidate, InspectQuestion, KnownDepth, KnownObject,
+    CompletedQuestion, CountsQuestion, FoundObject, FrontsQuestion, InspectCandidate, InspectQuestion, KnownDepth, KnownObject,
     LastLookQuestion, LayoutQuestion, LightingReviewQuestion, LightsQuestion, ListQuestion, NamedObject,
     OrientQuestion, PlacedObject, ProgramsQuestion, Question, ReviewQuestion, RoomSummary, SecondLookQuestion,
 };
@@ -35,7 +35,7 @@ pub enum Asked {
 type Read = fn(&str) -> Option<Question>;
 
 /// Words by which a question is known, and how it is read. One that is reworded is not understood, and a test says so.
-const KINDS: [(&str, Read); 12] = [
+const KINDS: [(&str, Read); 13] = [
     ("You look a last time at a 3D scene", |prompt| {
         let (objects, lights, findings) = (Vec::new(), Vec::new(), Vec::new());
         let (tried, guide) = (Vec::new(), String::new());
@@ -86,6 +86,10 @@ const KINDS: [(&str, Read); 12] = [
             }
             .into(),
         )
+    }),
+    ("Count, kind by kind, what the photo shows", |prompt| {
+        let placed = section(prompt, "Objects in the scene").filter_map(placed).collect();
+        Some(CountsQuestion { room: room(prompt)?, placed, unplaced: Vec::new() }.into())
     }),
     ("Light sources in the scene", |_| {
         let dark = Lighting {
@@ -404,6 +408,7 @@ mod tests {
             Question::from(LayoutQuestion { photo, depth: KnownDepth::None, unaided: None }),
             CompletedQuestion { objects: objects.clone() }.into(),
             FrontsQuestion { objects: objects.clone() }.into(),
+            CountsQuestion { room: study(), placed: rows(), unplaced: vec![] }.into(),
             OrientQuestion { objects }.into(),
             LightsQuestion { lighting: dark, screens: vec![], photo_luminance: 0.0, seen: vec![] }.into(),
             LightingReviewQuestion { lighting: setup, stops: 0.0, warmth: 0.0, proposed }.into(),

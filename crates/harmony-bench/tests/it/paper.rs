@@ -101,3 +101,35 @@ async fn a_run_asks_as_often_as_the_paper_and_ends_with_a_scene() {
         }
     }
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_lists_overlooked_is_counted_and_added_on_every_level_though_they_found_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = dining_room(&folder.path().join("room"));
+    let silent: ProgressSink = Arc::new(|_| {});
+    let mut placed = Vec::new();
+    for counts in [false, true] {
+        let mut settings = Settings { working_px: 400, ..Settings::default() };
+        settings.looks.counts = counts;
+        let noise = harmony_bench::oracle::Noise { overlooked: 1.0, ..NoiseLevel::Real.noise() };
+        let play = Play {
+            truth: &truth,
+            oracle: Arc::new(Oracle::new(truth.clone(), noise, 1, true)),
+            settings,
+            until: Phase::Objects(Level::Decoration),
+            path_tracer: false,
+            profile: "oracle".to_owned(),
+            further_inputs: String::new(),
+        };
+        let out = folder.path().join(format!("run_{counts}"));
+        let outcome = Box::pin(play.run(&out, &harmony_players::flat_cast(), &silent)).await.unwrap();
+        assert!(outcome.failure.is_none(), "{:?}", outcome.failure.map(|failure| failure.to_string()));
+        let added: usize = outcome.file.looks.iter().map(|came| came.added.len()).sum();
+        assert_eq!(added > 0, counts);
+        placed.push(outcome.scene.unwrap().objects);
+    }
+    let of = |scene: &[harmony_scene::SceneObject], level: Level| scene.iter().filter(|o| o.level == level).count();
+    for level in [Level::Furniture, Level::Decoration] {
+        assert!(of(&placed[1], level) > of(&placed[0], level), "{level:?}");
+    }
+}

@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use futures::future::join;
 use harmony_scene::{Level, Mask, ObjectId};
 use image::RgbImage;
 use serde_json::json;
@@ -133,6 +134,7 @@ pub async fn place(
     bare: Option<Arc<RgbImage>>,
 ) -> Result<SceneState, PhaseError> {
     let mut outcome = json!({ "candidates": prepared.candidates });
+    let mut counted = None;
     state.left.extend(prepared.left);
     state.rejected.extend(prepared.rejected);
     if prepared.candidates > 0 {
@@ -163,7 +165,16 @@ pub async fn place(
         texture::bare(ctx, &mut state).await?;
         review::until_settled(ctx, level, &mut state).await?;
         let before = before.came(ctx, LookKind::Review, &mut state);
-        second_look::until_settled(ctx, level, &mut state).await?;
+        if level == Level::Decoration {
+            // Shapes are looked at while kinds are counted: neither waits for the other.
+            let question = counts::question(ctx, &state).await?;
+            let (asked, looked) =
+                join(counts::ask(ctx, question), second_look::until_settled(ctx, level, &mut state)).await;
+            looked?;
+            counted = Some(asked?);
+        } else {
+            second_look::until_settled(ctx, level, &mut state).await?;
+        }
         before.came(ctx, LookKind::SecondLook, &mut state);
         texture::bare(ctx, &mut state).await?;
         if !prepared.summary.is_empty() {
@@ -175,7 +186,11 @@ pub async fn place(
     if level == Level::Decoration {
         missing_came(ctx, &mut state);
         let before = SceneBefore::of(&state);
-        counts::settle(ctx, &mut state).await?;
+        let counted = match counted {
+            Some(counted) => counted,
+            None => counts::ask(ctx, counts::question(ctx, &state).await?).await?,
+        };
+        counts::settle(ctx, &mut state, counted).await?;
         before.came(ctx, LookKind::Counts, &mut state);
         relief::stand(ctx, &mut state).await?;
     }

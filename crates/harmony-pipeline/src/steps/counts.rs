@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use harmony_placement::ReviewAction;
-use harmony_prompts::{CountedKind, CountsQuestion, MissingInstance};
+use harmony_prompts::{CountedKind, CountsAnswer, CountsQuestion, MissingInstance};
 use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, WarningKind};
 use serde_json::json;
@@ -16,13 +16,16 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::SceneState;
 use crate::views;
 
-/// Counts once, and mends what the counts say.
+/// The question about the counts of a scene, with its pictures; `None` where it is not asked.
 ///
 /// # Errors
-/// Fatal role errors and unwritable files only.
-pub async fn settle(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
+/// Only that of a computation that broke.
+pub async fn question(
+    ctx: &PhaseCtx<'_>,
+    state: &SceneState,
+) -> Result<Option<(CountsQuestion, Vec<Picture>)>, PhaseError> {
     if !ctx.settings.asked_looks().counts || !ctx.is_looked_at("counts") {
-        return Ok(());
+        return Ok(None);
     }
     ctx.step("counting");
     let question = CountsQuestion {
@@ -38,7 +41,32 @@ pub async fn settle(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), Ph
                 .map(|(caption, image)| Picture { caption: caption.into(), image: Arc::new(image) })
         })
         .await?;
-    let mut answer = ctx.ask("counts", question.clone(), pictures.to_vec()).await?;
+    Ok(Some((question, pictures.to_vec())))
+}
+
+/// Asks; it waits for nothing else, so that other questions may be asked beside it.
+///
+/// # Errors
+/// Fatal role errors only.
+pub async fn ask(
+    ctx: &PhaseCtx<'_>,
+    question: Option<(CountsQuestion, Vec<Picture>)>,
+) -> Result<Option<(CountsQuestion, CountsAnswer)>, PhaseError> {
+    let Some((question, pictures)) = question else { return Ok(None) };
+    let answer = ctx.ask("counts", question.clone(), pictures).await?;
+    Ok(Some((question, answer)))
+}
+
+/// Mends what the counts say.
+///
+/// # Errors
+/// Fatal role errors and unwritable files only.
+pub async fn settle(
+    ctx: &PhaseCtx<'_>,
+    state: &mut SceneState,
+    counted: Option<(CountsQuestion, CountsAnswer)>,
+) -> Result<(), PhaseError> {
+    let Some((question, mut answer)) = counted else { return Ok(()) };
     let sound = |complaint: Option<String>| {
         complaint.map(|complaint| ctx.warn(WarningKind::AnswerRepaired, None, complaint)).is_none()
     };
@@ -56,7 +84,7 @@ pub async fn settle(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), Ph
     for level in Level::ALL {
         let wanted: Vec<Wanted> =
             answer.kinds.iter().filter(|kind| kind.level == level).flat_map(|kind| wanted(state, kind)).collect();
-        placed.extend(added::all(&ctx.inside(Phase::Objects(level), "counts"), level, state, wanted).await?);
+        placed.extend(added::all(&ctx.inside(Phase::Objects(level), "counts_added"), level, state, wanted).await?);
     }
     ctx.write_json("counts.json", &json!({ "counts": answer, "surplus": surplus, "added": placed }))
 }

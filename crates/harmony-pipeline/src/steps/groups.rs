@@ -59,7 +59,7 @@ pub async fn order(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> 
             Some(Wanted { detection, like: Some(like), host })
         })
         .collect();
-    let added = added::all(&ctx.inside(ctx.phase, "groups"), level, state, missing).await?;
+    let added = added::all(&ctx.inside(ctx.phase, "groups_added"), level, state, missing).await?;
     ctx.write_json("groups.json", &json!({ "swaps": swaps, "added": added }))
 }
 
