@@ -5,8 +5,8 @@
 //! thousandths of the picture); what only shapes the text, and what no answer from the truth depends on, is left out.
 
 use harmony_prompts::{
-    CompletedQuestion, CountsQuestion, FoundObject, FrontsQuestion, InspectCandidate, InspectQuestion, KnownDepth, KnownObject,
-    LastLookQuestion, LayoutQuestion, LightingReviewQuestion, LightsQuestion, ListQuestion, NamedObject,
+    CompletedQuestion, CountsQuestion, FoundObject, FrontsQuestion, InspectCandidate, InspectQuestion, KnownDepth,
+    KnownObject, LastLookQuestion, LayoutQuestion, LightingReviewQuestion, LightsQuestion, ListQuestion, NamedObject,
     OrientQuestion, PlacedObject, ProgramsQuestion, Question, ReviewQuestion, RoomSummary, SecondLookQuestion,
 };
 use harmony_scene::{

@@ -163,19 +163,21 @@ pub async fn place(
         groups::order(ctx, level, &mut state).await?;
         let before = before.came(ctx, LookKind::Groups, &mut state);
         texture::bare(ctx, &mut state).await?;
-        review::until_settled(ctx, level, &mut state).await?;
-        let before = before.came(ctx, LookKind::Review, &mut state);
-        if level == Level::Decoration {
-            // Shapes are looked at while kinds are counted: neither waits for the other.
-            let question = counts::question(ctx, &state).await?;
-            let (asked, looked) =
-                join(counts::ask(ctx, question), second_look::until_settled(ctx, level, &mut state)).await;
-            looked?;
-            counted = Some(asked?);
-        } else {
+        let is_last = level == Level::Decoration;
+        let question = if is_last { counts::question(ctx, &state).await? } else { None };
+        let looks = async {
+            review::until_settled(ctx, level, &mut state).await?;
+            let before = before.came(ctx, LookKind::Review, &mut state);
             second_look::until_settled(ctx, level, &mut state).await?;
+            before.came(ctx, LookKind::SecondLook, &mut state);
+            Ok::<_, PhaseError>(())
+        };
+        // Kinds are counted while places and shapes are looked at: neither waits for the other.
+        let (asked, looked) = join(counts::ask(ctx, question), Box::pin(looks)).await;
+        looked?;
+        if is_last {
+            counted = Some(asked?);
         }
-        before.came(ctx, LookKind::SecondLook, &mut state);
         texture::bare(ctx, &mut state).await?;
         if !prepared.summary.is_empty() {
             state.summaries.push(prepared.summary);
