@@ -32,7 +32,7 @@ pub const LIGHTEST_KG: f64 = 0.02;
 /// Whether an object moves.
 pub fn motion(object: &SceneObject) -> Motion {
     let kind = kind(&object.label);
-    let on_something = matches!(object.support, Support::Floor | Support::Object { .. });
+    let on_something = matches!(object.support, Support::Floor | Support::Object { .. } | Support::Block { .. });
     let hung = matches!(object.level, Level::Wall | Level::Ceiling) || !on_something;
     let of_the_room = kind.is_some_and(|k| {
         k.opening.is_some() || [Trait::Flat, Trait::Hangs, Trait::Fixed].into_iter().any(|own| k.has(own))
@@ -118,6 +118,7 @@ mod tests {
         assert_eq!(of("curtain", Level::Wall, Support::Floor), Motion::Static);
         let id = harmony_scene::ObjectId::new("desk_01").unwrap();
         assert_eq!(of("vase", Level::Decoration, Support::Object { id }), Motion::Dynamic);
+        assert_eq!(of("vase", Level::Decoration, Support::Block { block: 0 }), Motion::Dynamic);
     }
 
     #[test]

@@ -146,7 +146,8 @@ pub async fn place(
             state.objects.insert(object.id.clone(), object);
         }
         ctx.step(&format!("placing {} objects", ids.len()));
-        let report = place::in_order(ctx, level, &mut state, ids.clone(), &prepared.order).await?;
+        let report =
+            place::in_order(ctx, level, &mut state, ids.clone(), &prepared.order, &ctx.settings.placement).await?;
         doubt::leave_as_paint(ctx, &mut state, &ids);
         programs::refit(ctx, &mut state, &ids).await?;
         texture::bare(ctx, &mut state).await?;

@@ -4,6 +4,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use harmony_placement::PlacementSettings;
 use harmony_roles::{Detection, SegmentPrompt, SegmentRequest};
 use harmony_scene::{Level, Mask, ObjectId, WarningKind};
 
@@ -95,7 +96,9 @@ pub async fn all(
         state.objects.insert(object.id.clone(), object);
     }
     if !ids.is_empty() {
-        place::late(ctx, level, state, ids.clone(), &order).await?;
+        // By itself: camera, scale and all others were solved without it, and one more thing is no reason to move them.
+        let settings = PlacementSettings { global_refinement: false, ..ctx.settings.placement.clone() };
+        place::in_order(ctx, level, state, ids.clone(), &order, &settings).await?;
         texture::bare(ctx, state).await?;
     }
     ids.retain(|id| state.partial.find(id).is_some());

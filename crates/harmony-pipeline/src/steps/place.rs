@@ -27,32 +27,6 @@ pub async fn in_order(
     state: &mut SceneState,
     objects: Vec<ObjectId>,
     order: &[ObjectId],
-) -> Result<LevelReport, PhaseError> {
-    in_order_by(ctx, level, state, objects, order, &ctx.settings.placement).await
-}
-
-/// Places what was found after its level was finished: by itself, for camera, scale and all others were solved without it, and one
-/// more thing is no reason to move them.
-///
-/// # Errors
-/// As [`in_order`].
-pub async fn late(
-    ctx: &PhaseCtx<'_>,
-    level: Level,
-    state: &mut SceneState,
-    objects: Vec<ObjectId>,
-    order: &[ObjectId],
-) -> Result<LevelReport, PhaseError> {
-    let settings = PlacementSettings { global_refinement: false, ..ctx.settings.placement.clone() };
-    in_order_by(ctx, level, state, objects, order, &settings).await
-}
-
-async fn in_order_by(
-    ctx: &PhaseCtx<'_>,
-    level: Level,
-    state: &mut SceneState,
-    objects: Vec<ObjectId>,
-    order: &[ObjectId],
     settings: &PlacementSettings,
 ) -> Result<LevelReport, PhaseError> {
     let items: Vec<Item> =

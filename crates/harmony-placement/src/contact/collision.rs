@@ -310,11 +310,9 @@ fn way_beside(
     let members = subtree(scene, guest);
     let may =
         |by: Vec3| (gone[guest] + by).length() <= longest[guest] && feasible(scene, all, guest, &members, by, noise);
-    let mut ways = level_directions().into_iter().filter_map(|d| {
-        let way = all[guest].way_out_beside(&all[host], d, depth + ROUNDING)?;
-        Some(d * (way + CLEARANCE))
-    });
-    ways.find(|by| may(*by)).map(|by| ([guest, host], [by, Vec3::ZERO]))
+    let ways = all[guest].ways_beside(&all[host], &level_directions(), depth + ROUNDING);
+    let mut clear = ways.into_iter().map(|way| way + way.normalize_or_zero() * CLEARANCE);
+    clear.find(|by| may(*by)).map(|by| ([guest, host], [by, Vec3::ZERO]))
 }
 
 /// A way as long as the depth counts as that, metres.

@@ -6,6 +6,7 @@ use harmony_scene::{ObjectId, Pose, Vec3, Wall};
 
 use super::collision::collisions;
 use crate::scene::attachment::{Attachment, angle_between, attachment_of, reach};
+use crate::stats::median;
 use crate::{PartialScene, PlacementSettings};
 
 /// Most that a member of a row gives of its width, and what is left between two of them, metres.
@@ -68,19 +69,17 @@ pub(crate) fn join_rows(scene: &mut PartialScene, settings: &PlacementSettings) 
             _ => continue,
         };
         // What is turned another way has other sides along the wall.
-        let turned = angle_between(p.pose.yaw, wall.normal().x.atan2(wall.normal().z)).abs();
-        if turned < settings.noise.yaw_square {
+        if angle_between(p.pose.yaw, wall.yaw()).abs() < settings.noise.yaw_square {
             rows.entry((name.clone(), wall, hangs)).or_default().push(i);
         }
     }
     let before: Vec<Pose> = scene.placed.iter().map(|p| p.pose).collect();
     for ((_, wall, hangs), mut members) in rows {
-        let normal = wall.normal();
         if hangs {
             line_up(scene, &members, Vec3::NEG_Y);
         }
         line_up(scene, &members, Vec3::Y);
-        line_up(scene, &members, normal);
+        line_up(scene, &members, wall.normal());
         let along = axis(wall);
         let middle = |scene: &PartialScene, i: usize| span(scene, i, along).iter().sum::<f64>();
         members.sort_by(|a, b| middle(scene, *a).total_cmp(&middle(scene, *b)));
@@ -100,9 +99,7 @@ pub(crate) fn join_rows(scene: &mut PartialScene, settings: &PlacementSettings) 
 /// Brings the ends of a row's members in a direction to where those that are near their median are in the mean.
 fn line_up(scene: &mut PartialScene, members: &[usize], direction: Vec3) {
     let ends: Vec<f64> = members.iter().map(|i| span(scene, *i, direction)[1]).collect();
-    let mut sorted = ends.clone();
-    sorted.sort_by(f64::total_cmp);
-    let Some(median) = sorted.get(sorted.len() / 2) else { return };
+    let median = median(&mut ends.clone());
     let near: Vec<(usize, f64)> =
         members.iter().copied().zip(ends).filter(|(_, end)| (end - median).abs() < MAX_APART).collect();
     let weight = |i: usize| scene.placed[i].evidence.silhouette_iou.unwrap_or(0.2).powi(2).max(1e-3);
@@ -131,23 +128,21 @@ fn set_end(scene: &mut PartialScene, object: usize, direction: Vec3, end: f64) {
     }
     let pose = &mut scene.placed[object].pose;
     // Its front looks away from the wall: its width lies along it.
-    let normal = Vec3::new(pose.yaw.sin(), 0.0, pose.yaw.cos());
     let side = if direction.y.abs() > 0.5 {
         &mut pose.stretch.y
-    } else if direction.dot(normal).abs() > 0.5 {
+    } else if direction.dot(pose.front()).abs() > 0.5 {
         &mut pose.stretch.z
     } else {
         &mut pose.stretch.x
     };
     *side *= factor;
-    let anchor = [from, to];
     // The other end stays: an object's position is at its bottom, in the middle of its level sides.
     let moved = if direction.y > 0.5 {
         0.0
     } else if direction.y < -0.5 {
-        end - anchor[1]
+        end - to
     } else {
-        (end - anchor[1]) / 2.0
+        (end - to) / 2.0
     };
     pose.position += direction * moved;
 }
@@ -159,10 +154,7 @@ pub(crate) fn axis(wall: Wall) -> Vec3 {
 
 /// From where to where an object reaches along a wall's axis, metres.
 pub(crate) fn along(scene: &PartialScene, object: usize, wall: Wall) -> [f64; 2] {
-    let p = &scene.placed[object];
-    let (low, high) = reach(&p.item, &p.pose);
-    let at = |v: Vec3| (p.pose.position + v).dot(axis(wall));
-    [at(low), at(high)]
+    span(scene, object, axis(wall))
 }
 
 #[cfg(test)]

@@ -128,9 +128,11 @@ impl Solid {
         self.way_out_of(other, &other.all_parts(), direction, limit)
     }
 
-    /// The same out of the parts of a host that are beside what stands in it ([`Solid::parts_beside`]).
-    pub(crate) fn way_out_beside(&self, host: &Self, direction: Vec3, limit: f64) -> Option<f64> {
-        self.way_out_of(host, &host.parts_beside(self), direction, limit)
+    /// The same out of the parts of a host that are beside what stands in it ([`Solid::parts_beside`]), for each direction in which
+    /// there is a way so short: the displacements.
+    pub(crate) fn ways_beside(&self, host: &Self, directions: &[Vec3], limit: f64) -> Vec<Vec3> {
+        let parts = host.parts_beside(self);
+        directions.iter().filter_map(|d| Some(*d * self.way_out_of(host, &parts, *d, limit)?)).collect()
     }
 
     fn way_out_of(&self, other: &Self, parts: &[&Part], direction: Vec3, limit: f64) -> Option<f64> {
@@ -198,16 +200,16 @@ impl Solid {
 
     /// How deep two solids are in one another: the shortest way out along any of the given directions, 0 if apart.
     pub(crate) fn penetration(&self, other: &Self, directions: &[Vec3]) -> f64 {
-        self.penetration_of(other, &other.all_parts(), directions)
+        if self.near(other, 0.0) { self.penetration_of(other, &other.all_parts(), directions) } else { 0.0 }
     }
 
     /// How deep what stands in a host is in the parts beside it.
     pub(crate) fn penetration_beside(&self, host: &Self, directions: &[Vec3]) -> f64 {
-        self.penetration_of(host, &host.parts_beside(self), directions)
+        if self.near(host, 0.0) { self.penetration_of(host, &host.parts_beside(self), directions) } else { 0.0 }
     }
 
     fn penetration_of(&self, other: &Self, parts: &[&Part], directions: &[Vec3]) -> f64 {
-        if !self.near(other, 0.0) || !self.touches(parts) {
+        if !self.touches(parts) {
             return 0.0;
         }
         let way = |d: Vec3, limit: f64| self.way_out_of(other, parts, d, limit);

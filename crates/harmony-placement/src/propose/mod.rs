@@ -103,17 +103,19 @@ impl<'a> Proposer<'a, '_> {
         self.scene.room.ledge_named(said)
     }
 
-    /// On the room's ledges and steps: on the one that was said, at the price of a wrong answer where another thing was, and
-    /// where nothing was said if the mask's foot is seen there.
+    /// On the room's ledges and steps: on the one that was said; at the price of a wrong answer where another thing was, or furniture
+    /// of which nothing was said, for it stands on the floor then; at none what must be on something of which nobody said on what.
+    /// Where it was not said, only if its foot is seen there.
     fn on_blocks(&self) -> Vec<Hypothesis<'a>> {
         if matches!(self.item.level, Level::Wall | Level::Ceiling) {
             return Vec::new();
         }
-        let (said, names_host) = (self.on_ledge(), self.item.relations.on_top_of.is_some());
+        let said = self.on_ledge();
+        let is_open = self.item.level == Level::Decoration && self.item.relations.on_top_of.is_none();
         let mut out = Vec::new();
         for (index, block) in self.scene.room.ledges() {
             let is_said = said == Some(index);
-            let price = if names_host && !is_said { surprise(self.settings.noise.wrong_host) } else { 0.0 };
+            let price = if is_said || is_open { 0.0 } else { surprise(self.settings.noise.wrong_host) };
             let top = block.max.y;
             let rough = self.constraint(Attachment::OnBlock { block: index }, YawRule::Fixed(0.0));
             let pose = self.sized(Vec3::ZERO, 0.0);
@@ -124,7 +126,7 @@ impl<'a> Proposer<'a, '_> {
                 .chain(self.by_size(&pose))
                 .collect();
             let over = |at: &Vec3| at.x > block.min.x && at.x < block.max.x && at.z > block.min.z && at.z < block.max.z;
-            // Where it was said, the nearest place on it; elsewhere only what is seen over it.
+            // Where it was said, the nearest place on it.
             for at in seen.into_iter().filter(|at| is_said || over(at)) {
                 for yaw in self.yaws(at, 0.0) {
                     let constraint = self.constraint(Attachment::OnBlock { block: index }, yaw);

@@ -354,10 +354,7 @@ impl PoseConstraint<'_> {
             };
             (place, off_x.hypot(off_z))
         };
-        let foot = match self.attachment {
-            Attachment::OnHost { level, .. } => level,
-            _ => at.y,
-        };
+        let foot = if let Attachment::OnHost { level, .. } = self.attachment { level } else { at.y };
         // What is held by a wall of the box is before it.
         let is_in_box = plane.is_some_and(|w| w.inset >= 0.0);
         let areas = self.scene.room.standing_areas(foot).take(if is_in_box { 1 } else { usize::MAX });
