@@ -427,7 +427,7 @@ pub(crate) async fn one(
     let level = request.level.name();
     let play = Play {
         truth,
-        oracle,
+        oracle: Arc::clone(&oracle),
         settings: request.settings.clone(),
         until: if request.lit.is_some() { Phase::Lighting } else { LAST_PHASE },
         path_tracer: request.lit.is_some(),
@@ -436,6 +436,7 @@ pub(crate) async fn one(
     };
     let silent: ProgressSink = Arc::new(|_| {});
     let outcome = Box::pin(play.run(out, offline, &silent)).await?;
+    oracle.faults().write(out).map_err(|reason| BenchError::Run { room: truth.name.clone(), reason })?;
     Ok(outcome.failure.map(|failure| failure.to_string()))
 }
 

@@ -1,4 +1,4 @@
-//! Blocks, niches, slopes and trays of a room, measured: what a layout answer points at, fitted to the point map and the photo.
+//! Blocks, niches, slopes, trays and vaults of a room, measured: what a layout answer points at, fitted to the point map and the photo.
 //!
 //! The answer names the wall and outlines the face in the photo. The face's plane is where the map's points of the outline
 //! agree (or where the outline meets the floor, or else the depth that was told); the outline's rays on that plane give
@@ -22,6 +22,8 @@ pub enum ShapeKind {
     Slope,
     /// A recess in the ceiling.
     Tray,
+    /// An arched ceiling that springs from a wall and from the one across.
+    Vault,
 }
 
 /// A feature of the room as a layout answer gives it.
@@ -39,7 +41,7 @@ pub struct ShapeHint {
     pub depth: f64,
     /// Whether the face goes on to floor, ceiling, and the walls at its left and right end in the photo.
     pub reaches: [bool; 4],
-    /// A slope's height at its wall, metres.
+    /// Height of a slope at its wall, of a vault where it springs, metres.
     pub low: f64,
     /// Linear colour of the light hidden behind a tray's edge.
     pub glow: Option<[f32; 3]>,
@@ -107,6 +109,12 @@ pub fn measure_shape(hints: &[ShapeHint], camera: &Camera, extents: &Extents, ma
         let (slope, note) = view.slope(hint);
         out.notes.extend(note);
         out.shape.slopes.extend(slope);
+    }
+    // One vault from wall to wall, however often it is told of.
+    if let Some(hint) = hints.iter().find(|h| h.kind == ShapeKind::Vault) {
+        let (planes, note) = view.vault(hint);
+        out.notes.extend(note);
+        out.shape.slopes.extend(planes);
     }
     for hint in hints.iter().filter(|h| h.kind == ShapeKind::Tray) {
         view.tray(hint, &mut out);
@@ -482,7 +490,42 @@ impl View<'_> {
     }
 }
 
+/// Planes on each side of a vault's crown, which the ceiling is.
+const VAULT_PLANES: u32 = 4;
+/// Points nearer to the crown than this, as a share of the rise, say little of where a vault springs.
+const CROWN: f64 = 0.85;
+
 impl View<'_> {
+    /// A vault: half an ellipse from wall to wall whose crown is the box's ceiling, as planes that touch it from outside. Where
+    /// it springs is measured by the map's points in its outline, or as told.
+    fn vault(&self, hint: &ShapeHint) -> (Vec<Slope>, Option<String>) {
+        let e = self.extents;
+        let half = if hint.wall.normal().x.abs() > 0.5 { e.width / 2.0 } else { e.depth / 2.0 };
+        // Height above the springing as a share of the rise, so far from the wall.
+        let share = |d: f64| (1.0 - ((d - half) / half).powi(2)).max(0.0).sqrt();
+        let points = self.points(&hint.face);
+        let springs: Vec<f64> = points
+            .iter()
+            .map(|p| (share(hint.wall.distance(e, *p)), p.y))
+            .filter(|(share, _)| *share < CROWN)
+            .map(|(share, y)| (y - e.height * share) / (1.0 - share))
+            .collect();
+        let sane = |low: &f64| *low >= 0.0 && *low < e.height - THINNEST;
+        let measured = median(&springs).filter(|_| springs.len() >= MIN_POINTS).filter(sane);
+        let note = measured.is_none().then(|| format!("{}: as told, nothing measures it", hint.what));
+        let low = measured.unwrap_or_else(|| hint.low.clamp(0.0, e.height - THINNEST));
+        let rise = e.height - low;
+        let touching = |wall: Wall| {
+            (1..=VAULT_PLANES).map(move |k| {
+                let angle = f64::from(k) * std::f64::consts::FRAC_PI_2 / f64::from(VAULT_PLANES + 1);
+                let steep = rise / half / angle.tan();
+                let at_wall = low + rise * (angle / 2.0).tan();
+                Slope { wall, low: at_wall, run: (e.height - at_wall) / steep }
+            })
+        };
+        ([hint.wall, hint.wall.opposite()].into_iter().flat_map(touching).collect(), note)
+    }
+
     /// A slope whose outline's corners lie on its wall and on the level ceiling, where they are in the picture.
     fn slope_by_outline(&self, hint: &ShapeHint, told: Slope) -> Slope {
         let (e, size) = (self.extents, self.camera.size);
@@ -734,5 +777,38 @@ mod tests {
         let got = outlined.shape.slopes[0];
         assert!((got.low - 1.2).abs() < 0.1 && (got.run - 1.5).abs() < 0.1, "{got:?}");
         assert_eq!(outlined.notes.len(), 1, "{:?}", outlined.notes);
+    }
+    #[test]
+    fn a_vault_is_planes_that_touch_its_arch() {
+        // Springs at 1.8 m from the left and the right wall of a room of 5 m, crown at 2.6 m.
+        let camera = camera();
+        let plain = room(RoomShape::default());
+        let arch = |x: f64| 1.8 + 0.8 * (1.0 - ((x - 2.5) / 2.5).powi(2)).sqrt();
+        let points: Vec<Vec3> = (0..camera.size.pixels())
+            .map(|i| {
+                let (x, y) = (i % 320, i / 320);
+                let ray = camera.ray(Vec2::new(x as f64 + 0.5, y as f64 + 0.5));
+                // Along the ray until the arch is met.
+                let met = (1..4000).map(|k| ray.at(f64::from(k) * 0.002)).find(|p| p.y > arch(p.x.clamp(0.0, 5.0)));
+                met.filter(|p| (0.0..5.0).contains(&p.x) && p.z > 0.0).unwrap_or(Vec3::NAN)
+            })
+            .collect();
+        let face = outline(&camera, &[[0.1, arch(0.1), 0.0], [2.5, 2.6, 0.0], [4.9, arch(4.9), 0.0], [2.5, 2.6, 3.0]]);
+        let told = ShapeHint { wall: Wall::Left, low: 1.5, ..hint(ShapeKind::Vault, face, 2.5, [false; 4]) };
+        let hints = [told.clone(), ShapeHint { wall: Wall::Right, ..told }];
+        for (map, low) in [(Some(MapInRoom { size: camera.size, xyz: &points }), 1.8), (None, 1.5)] {
+            let found = measure_shape(&hints, &camera, &plain.extents, map);
+            assert_eq!(found.shape.slopes.len(), 8, "told from both walls, and made once");
+            assert_eq!(found.notes.len(), usize::from(map.is_none()));
+            let below = |x: f64, y: f64| {
+                let p = Vec3::new(x, y, 2.5);
+                found.shape.slopes.iter().all(|s| s.below(&plain.extents, p) >= 0.0)
+            };
+            let arch = |x: f64| low + (2.6 - low) * (1.0 - ((x - 2.5) / 2.5_f64).powi(2)).sqrt();
+            for x in [0.02, 0.3, 0.9, 1.7, 2.5, 3.6, 4.4, 4.9] {
+                assert!(below(x, arch(x) - 0.02), "the arch is free at {x}");
+                assert!(!below(x, arch(x) + 0.12) || arch(x) + 0.12 > 2.6, "above it is no room at {x}");
+            }
+        }
     }
 }

@@ -10,6 +10,7 @@ use harmony_scene::Level;
 use serde::Serialize;
 
 use crate::settings::ProgramSettings;
+use crate::steps::inspect;
 
 /// Objects of a typical room: the means of the rooms whose recordings are in `examples/` (six photos of living rooms,
 /// bedrooms, a dining room and an office), rounded.
@@ -162,13 +163,14 @@ pub fn estimate(inventory: Inventory, cast: &Cast, lit: bool, prices: &Prices, l
     let looks = !cast.card(Role::VisionLanguage).offline;
     let settings = ProgramSettings::default();
     let written = if looks && !can.makes_shapes { all } else { 0.0 };
-    let of_level = |n: &f64| (n / settings.objects_per_question as f64).ceil();
-    let programs = if written > 0.0 { inventory.objects.iter().map(of_level).sum::<f64>() } else { 0.0 };
+    let batches = |of: usize| inventory.objects.iter().map(|n| (n / of as f64).ceil()).sum::<f64>();
+    let inspections = batches(inspect::CANDIDATES_PER_QUESTION);
+    let programs = if written > 0.0 { batches(settings.objects_per_question) } else { 0.0 };
     let second_looks = if written > 0.0 { busy } else { 0.0 };
     let at_the_end = if looks { 2.0 } else { 0.0 };
-    // layout; list; inspect and review; orient; lights and the rounds of light; checks of pictures and fronts; programs and
+    // layout; list; inspect; review; orient; lights and the rounds of light; checks of pictures and fronts; programs and
     // second looks; counts and the last look.
-    let questions = 1.0 + levels + 2.0 * busy + 1.0 + 1.0 + lit_rounds + drawn + fronts;
+    let questions = 1.0 + levels + inspections + busy + 1.0 + 1.0 + lit_rounds + drawn + fronts;
     let questions = questions + programs + second_looks + at_the_end;
     let guide = harmony_program::GUIDE.len() as f64 / BYTES_A_TOKEN;
     let edits = if can.draws { drawn * (1.0 + DRAWN_AGAIN) + 1.0 } else { 0.0 };

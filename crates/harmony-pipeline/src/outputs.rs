@@ -134,6 +134,11 @@ fn write_pictures(
             picture::write_rgb_png(&run.join("render_lit_canonical.png"), canonical)?;
         }
     }
+    // The pixels that each has in the end: a swap exchanged them, a copy has none, all may have changed since detection.
+    scene.objects.par_iter().try_for_each(|object| match (state.objects.get(&object.id), &object.mask) {
+        (Some(known), Some(file)) => harmony_io::save_mask(&run.join(file), &known.mask),
+        _ => Ok(()),
+    })?;
     let masks: Vec<(ObjectId, Mask)> = scene
         .objects
         .par_iter()

@@ -1,7 +1,7 @@
-//! `<level>/inspect`: verify, describe, relate, order, material, model, all candidates of a level at once.
+//! `<level>/inspect`: verify, describe, relate, order, material, model, up to eight candidates of a level at once.
 //!
 //! Joins the paper's verification, description, "Depth and Relational Analysis", decoration placement and material
-//! prompts: one numbered contact sheet a level instead of one call an object and purpose.
+//! prompts: one numbered contact sheet instead of one call an object and purpose.
 
 use std::collections::BTreeSet;
 use std::fmt::{Display, Formatter};
@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use crate::question::{Ask, fill, in_range, lines};
 use crate::subjects::{KnownObject, RoomSummary, thousandths};
 
-/// Asks about all candidates of a level.
+/// Asks about candidates of a level.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct InspectQuestion {
     /// Level asked for.
@@ -29,6 +29,9 @@ pub struct InspectQuestion {
     pub room: RoomSummary,
     /// Candidates.
     pub candidates: Vec<InspectCandidate>,
+    /// The level's other candidates, which another question asks about: relations and sets may name them.
+    #[serde(skip)]
+    pub others: Vec<InspectCandidate>,
     /// Objects of earlier levels.
     pub placed: Vec<KnownObject>,
     /// Template names that can be used.
@@ -276,7 +279,7 @@ impl Ask for InspectQuestion {
                 ("models", models),
                 ("room_type", self.room_type.clone()),
                 ("room", self.room.to_string()),
-                ("candidates", lines(&self.candidates)),
+                ("candidates", lines(&self.candidates) + &self.others()),
                 ("placed", lines(&self.placed)),
             ],
         )
@@ -287,11 +290,22 @@ impl Ask for InspectQuestion {
     }
 
     fn check(&self, answer: &InspectAnswer) -> Result<(), String> {
-        answer.check(&self.candidates.iter().map(|c| c.id.to_string()).collect::<Vec<_>>())
+        let ids = |of: &[InspectCandidate]| of.iter().map(|c| c.id.to_string()).collect::<Vec<_>>();
+        answer.check(&ids(&self.candidates), &ids(&self.others))
     }
 }
 
 impl InspectQuestion {
+    /// Those of the level that are not asked about here, under a line that says so; empty where there are none.
+    fn others(&self) -> String {
+        if self.others.is_empty() {
+            return String::new();
+        }
+        let about = "Of the same stage, asked about in another question (relations, sets and rows may name them; give no entry \
+                     for them):";
+        format!("\n\n{about}\n{}", lines(&self.others))
+    }
+
     /// How to answer where no template comes near. Who gets a program needs no part model.
     fn part_models(&self) -> String {
         let follows = self.candidates.iter().filter(|c| c.program_follows).count();
@@ -341,15 +355,16 @@ impl InspectAnswer {
         }
     }
 
-    /// Whether every candidate is answered once and the numbers make sense.
+    /// Whether every candidate is answered once and the numbers make sense. An answer that has entries for `others`, too, is
+    /// of a recording that was made when more was asked at once: what it lacks is in another one.
     ///
     /// # Errors
     /// A complaint in words.
-    pub fn check(&self, candidates: &[String]) -> Result<(), String> {
+    pub fn check(&self, candidates: &[String], others: &[String]) -> Result<(), String> {
         let known: BTreeSet<&str> = candidates.iter().map(String::as_str).collect();
         let mut seen = BTreeSet::new();
         for object in &self.objects {
-            if !known.contains(object.id.as_str()) {
+            if !known.contains(object.id.as_str()) && !others.contains(&object.id) {
                 return Err(format!("there is no candidate {:?}; the ids are {}", object.id, candidates.join(", ")));
             }
             if !seen.insert(object.id.as_str()) {
@@ -365,6 +380,10 @@ impl InspectAnswer {
             }
         }
         let missing: Vec<_> = known.difference(&seen).copied().collect();
-        if missing.is_empty() { Ok(()) } else { Err(format!("no entry for {}", missing.join(", "))) }
+        if missing.is_empty() || !seen.is_subset(&known) {
+            Ok(())
+        } else {
+            Err(format!("no entry for {}", missing.join(", ")))
+        }
     }
 }

@@ -224,6 +224,8 @@ pub enum LayoutFeatureKind {
     Slope,
     /// A recess in the ceiling, away from the walls.
     Tray,
+    /// An arched ceiling that springs from a wall and from the one across.
+    Vault,
 }
 
 /// Where a feature's face goes on to, seen or not.
@@ -243,22 +245,22 @@ pub enum LayoutReach {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LayoutFeature {
-    /// block, niche, slope or tray.
+    /// block, niche, slope, tray or vault.
     pub kind: LayoutFeatureKind,
     /// In a word or two: `chimney breast`, `window recess`, ...
     pub what: String,
     /// The wall that it stands out of, opens behind, or comes down to; a tray's is not asked for: `back`.
     pub wall: harmony_scene::Wall,
     /// Corners in the photo, 0..1000, in order: of a block's face that looks the same way as the wall, of a niche's
-    /// opening, of the slope, of a tray's opening in the lower ceiling.
+    /// opening, of the slope, of a tray's opening in the lower ceiling, of the vault's curved face.
     pub face: Vec<[f64; 2]>,
     /// Metres: how far a block stands out of its wall, a niche goes behind it, a slope reaches into the room, a tray goes
-    /// up.
+    /// up, a vault's crown is from its wall.
     pub depth_m: f64,
     /// Where the face goes on to.
     #[serde(default)]
     pub reaches: Vec<LayoutReach>,
-    /// A slope's height at its wall, metres; null for others.
+    /// Height of a slope at its wall, of a vault where it springs, metres; null for others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub low_m: Option<f64>,
     /// Colour of the light hidden behind a tray's edge, `#rrggbb`; null where there is none.
@@ -495,8 +497,12 @@ impl LayoutFeature {
             return Err(format!("the glow_hex of the {} is not a colour; expected #rrggbb", self.what));
         }
         match (self.kind, self.low_m) {
-            (LayoutFeatureKind::Slope, Some(low)) => in_range("a slope's low_m", low, 0.0, 8.0),
-            (LayoutFeatureKind::Slope, None) => Err(format!("the {} needs low_m, its height at its wall", self.what)),
+            (LayoutFeatureKind::Slope | LayoutFeatureKind::Vault, Some(low)) => {
+                in_range(&format!("low_m of the {}", self.what), low, 0.0, 8.0)
+            }
+            (LayoutFeatureKind::Slope | LayoutFeatureKind::Vault, None) => {
+                Err(format!("the {} needs low_m, its height at its wall", self.what))
+            }
             _ => Ok(()),
         }
     }

@@ -56,7 +56,7 @@ pub use programs::{
     SecondLookQuestion, ShownProgram, ToModel, WithoutProgram,
 };
 pub use question::{Ask, Question};
-pub use reorder::{ReorderAnswer, ReorderQuestion};
+pub use reorder::{ReorderAnswer, ReorderHost, ReorderQuestion, ReorderSize};
 pub use review::{ReviewActionAnswer, ReviewActionKind, ReviewAnswer, ReviewQuestion};
 pub use sizes::{DoubtedSize, SizesAnswer, SizesObject, SizesQuestion};
 pub use subjects::{FoundObject, KnownObject, NamedObject, PlacedObject, RoomSummary};

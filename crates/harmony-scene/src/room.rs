@@ -63,6 +63,17 @@ impl Wall {
         }
     }
 
+    /// The wall across the room.
+    #[must_use]
+    pub fn opposite(self) -> Self {
+        match self {
+            Self::Back => Self::Front,
+            Self::Left => Self::Right,
+            Self::Right => Self::Left,
+            Self::Front => Self::Back,
+        }
+    }
+
     /// Whether its u grows to the right, as one faces it from inside: of the right wall to the viewer, of the left one not.
     pub fn runs_to_the_right(self) -> bool {
         match self {

@@ -863,6 +863,24 @@ mod tests {
     }
 
     #[test]
+    fn planes_that_touch_an_arch_close_a_vault() {
+        // Half an ellipse over the room's 5 m, 0.8 m high.
+        let touching = |wall: Wall| {
+            [18.0_f64, 36.0, 54.0, 72.0].map(|degrees| {
+                let angle = degrees.to_radians();
+                let low = 1.8 + 0.8 * (angle / 2.0).tan();
+                Slope { wall, low, run: (2.6 - low) * 2.5 / 0.8 * angle.tan() }
+            })
+        };
+        let slopes = [Wall::Left, Wall::Right].into_iter().flat_map(touching).collect();
+        let r = room(RoomShape { slopes, ..RoomShape::default() });
+        let arch = 4.0 * (5.0 * 1.8 + std::f64::consts::PI * 2.5 * 0.8 / 2.0);
+        assert!((1.0..1.01).contains(&(volume(&r) / arch)), "{} and {arch}", volume(&r));
+        let open: DVec3 = r.all_faces().iter().map(|f| f.normal * area(&f.polygon)).sum();
+        assert!(open.length() < 1e-6, "faces that close a space have no side too much: {open}");
+    }
+
+    #[test]
     fn rays_stop_at_blocks_and_go_into_niches() {
         let shape = RoomShape {
             blocks: vec![block("corner", [3.0, 0.0, 0.0], [5.0, 2.6, 1.5])],

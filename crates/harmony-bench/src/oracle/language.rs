@@ -56,6 +56,7 @@ impl Oracle {
             Question::Groups(question) => Some(json!(self.groups(question))),
             Question::Missing(question) => Some(json!(self.missing(question))),
             Question::Counts(question) => Some(json!(self.counts(question))),
+            Question::Reorder(question) => Some(json!(self.reorder(question))),
             Question::Review(question) => Some(json!(self.review(question))),
             Question::Lights(question) => Some(self.lights(&question.lighting)),
             // The truth has no completed pictures.
@@ -365,15 +366,21 @@ impl Oracle {
     }
 
     fn inspect(&self, question: &InspectQuestion) -> InspectAnswer {
-        let mut shown = Vec::new();
-        for c in &question.candidates {
-            let object = self.recognise(Some(question.level), &c.label, &c.bounds, c.image);
+        let candidates = question.candidates.iter().chain(&question.others);
+        let mut shown: Vec<(String, String, Option<usize>)> = candidates
+            .map(|c| {
+                let object = self.recognise(Some(question.level), &c.label, &c.bounds, c.image);
+                (c.id.to_string(), c.label.clone(), object)
+            })
+            .collect();
+        self.exchange(&mut shown);
+        for (id, _, object) in &shown {
             if let Some(object) = object {
-                self.remember(c.id.as_str(), object);
+                self.remember(id, *object);
             }
-            shown.push((c.id.to_string(), c.label.clone(), object));
         }
         let ids: Vec<String> = shown.iter().map(|(id, ..)| id.clone()).collect();
+        shown.truncate(question.candidates.len());
         let placed: Vec<String> = question.placed.iter().map(|known| known.id().to_string()).collect();
         let objects: Vec<InspectedObject> = shown
             .iter()
@@ -389,23 +396,49 @@ impl Oracle {
                 }
             })
             .collect();
-        // The paper's order: away from the deepest corner.
+        let mut order = self.from_the_corner(shown.iter().filter_map(|(id, _, o)| Some((id.as_str(), (*o)?))));
+        let level = question.level.folder();
+        if self.draws.happens(&format!("disordered {level}"), self.noise.disordered) {
+            order.sort_by_key(|id| self.draws.rng(&format!("place of {id}")).random::<u64>());
+        }
+        InspectAnswer {
+            objects,
+            placement_order: order,
+            scene_summary: format!("{} objects in a {}", shown.len(), self.room.name),
+        }
+    }
+
+    /// The paper's order: ids of objects, away from the deepest corner.
+    pub(super) fn from_the_corner<'a>(&self, objects: impl Iterator<Item = (&'a str, usize)>) -> Vec<String> {
         let corner = match self.room.seen_corner() {
             Some((Wall::Right, _)) => DVec3::new(self.room.extents.width, 0.0, 0.0),
             _ => DVec3::ZERO,
         };
-        let mut order: Vec<(f64, String)> = shown
-            .iter()
-            .filter_map(|(id, _, o)| {
-                let far = self.room.objects[(*o)?].position.distance(corner);
-                Some((far * self.factor(&format!("order {id}"), self.noise.extent), id.clone()))
-            })
-            .collect();
+        let far = |(id, i): (&str, usize)| {
+            let far = self.room.objects[i].position.distance(corner);
+            (far * self.factor(&format!("order {id}"), self.noise.extent), id.to_owned())
+        };
+        let mut order: Vec<(f64, String)> = objects.map(far).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        InspectAnswer {
-            objects,
-            placement_order: order.into_iter().map(|(_, id)| id).collect(),
-            scene_summary: format!("{} objects in a {}", shown.len(), self.room.name),
+        order.into_iter().map(|(_, id)| id).collect()
+    }
+
+    /// Takes the outermost two members of some sets for each other.
+    fn exchange(&self, shown: &mut [(String, String, Option<usize>)]) {
+        let mut sets: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+        for (k, (_, _, object)) in shown.iter().enumerate() {
+            let model = object.map(|i| self.room.objects[i].model.as_str()).filter(|model| !model.is_empty());
+            if let Some(model) = model {
+                sets.entry(model).or_default().push(k);
+            }
+        }
+        let sets: Vec<(String, Vec<usize>)> = sets.into_iter().map(|(m, of)| (m.to_owned(), of)).collect();
+        for (model, members) in sets {
+            let [first, .., last] = members[..] else { continue };
+            if self.draws.happens(&format!("swapped {model}"), self.noise.swapped) {
+                let (one, other) = (shown[first].2, shown[last].2);
+                (shown[first].2, shown[last].2) = (other, one);
+            }
         }
     }
 

@@ -3,24 +3,24 @@
 
 use std::collections::BTreeSet;
 
+use glam::DVec3;
+use harmony_pipeline::LookKind;
 use harmony_prompts::{
     CountedKind, CountsAnswer, CountsQuestion, GroupSwap, GroupsAnswer, GroupsQuestion, HostsAnswer, HostsObject,
-    HostsQuestion, MissingAnswer, MissingDecoration, MissingInstance, MissingMember, MissingQuestion, TurnPanel,
-    TurnsAnswer, TurnsObject, TurnsQuestion,
+    HostsQuestion, InspectedSize, MissingAnswer, MissingDecoration, MissingInstance, MissingMember, MissingQuestion,
+    ReorderAnswer, ReorderHost, ReorderQuestion, ReorderSize, TurnPanel, TurnsAnswer, TurnsObject, TurnsQuestion,
 };
 use harmony_scene::{Level, Support};
 
 use super::Oracle;
 use crate::truth::TruthObject;
 
+/// A side so many times too long or too short is noticed.
+const WRONG_SIZE: f64 = 1.25;
 /// Overlap of boxes that show one thing.
 const SAME_BOX: f64 = 0.3;
 
 impl Oracle {
-    fn notices(&self, purpose: &str) -> bool {
-        self.draws.happens(purpose, self.noise.noticed)
-    }
-
     /// Box of an object in thousandths, as a language model gives it.
     fn thousandths(&self, object: usize, purpose: &str) -> Option<[f64; 4]> {
         let size = self.room.camera.size;
@@ -36,11 +36,46 @@ impl Oracle {
             let Support::Object { id } = &object.support else { return None };
             let right =
                 asked.candidates.iter().find(|c| self.known(c.as_str()).is_some_and(|o| o.id == id.as_str()))?;
-            let wrong = asked.current.as_ref() != Some(right) && self.notices(&format!("host of {}", object.id));
+            let wrong =
+                asked.current.as_ref() != Some(right) && self.finds(LookKind::Hosts, &format!("host of {}", object.id));
             let reason = "it stands there in the photo".to_owned();
             wrong.then(|| HostsObject { id: asked.id.to_string(), host: right.to_string(), reason })
         });
         HostsAnswer { objects: objects.collect() }
+    }
+
+    /// The level's objects away from the deepest corner, and of those that stay in one another the right hosts and sizes.
+    pub(super) fn reorder(&self, question: &ReorderQuestion) -> ReorderAnswer {
+        let level = question.level.folder();
+        for collision in &question.collisions {
+            self.shown(LookKind::Reorder, &format!("{level}: {collision}"), true);
+        }
+        let colliding = |id: &str| question.collisions.iter().any(|line| line.contains(id));
+        let (mut hosts, mut sizes) = (Vec::new(), Vec::new());
+        for row in question.placed.iter().filter(|row| question.order.contains(&row.id) && colliding(row.id.as_str())) {
+            let Some(object) = self.known(row.id.as_str()) else { continue };
+            let right = match &object.support {
+                Support::Object { id } => self.id_of(id.as_str()),
+                _ => None,
+            };
+            let is = match &row.support {
+                Support::Object { id } => Some(id.to_string()),
+                _ => None,
+            };
+            let can_be_said = right.as_ref().is_none_or(|id| question.placed.iter().any(|p| p.id.as_str() == id));
+            if is != right && can_be_said && self.finds(LookKind::Reorder, &format!("{level}: host of {}", object.id)) {
+                hosts.push(ReorderHost { id: row.id.to_string(), on_top_of: right });
+            }
+            let ratio = object.size / row.size.as_vec().max(DVec3::splat(1e-3));
+            let off = ratio.max(1.0 / ratio).max_element();
+            if off > WRONG_SIZE && self.finds(LookKind::Reorder, &format!("{level}: size of {}", object.id)) {
+                let [width, height, depth] = object.size.max(DVec3::splat(0.002)).to_array();
+                sizes.push(ReorderSize { id: row.id.to_string(), size_m: InspectedSize { width, height, depth } });
+            }
+        }
+        let ids = question.order.iter().filter_map(|id| Some((id.as_str(), self.recall(id.as_str())?)));
+        let placement_order = self.from_the_corner(ids);
+        ReorderAnswer { placement_order, hosts, sizes, reason: "as the photo has them".into() }
     }
 
     pub(super) fn turns(&self, question: &TurnsQuestion) -> TurnsAnswer {
@@ -53,7 +88,7 @@ impl Oracle {
                 () if off > 0.0 => TurnPanel::B,
                 () => TurnPanel::C,
             };
-            let noticed = self.notices(&format!("turn {} {}", object.id, question.step_deg));
+            let noticed = self.finds(LookKind::Turns, &format!("turn {} {}", object.id, question.step_deg));
             noticed.then(|| TurnsObject { id: asked.id.to_string(), panel })
         });
         TurnsAnswer { objects: objects.collect() }
@@ -68,7 +103,7 @@ impl Oracle {
                 set.members.iter().filter_map(|id| Some((id.as_str(), across(self.known(id.as_str())?)))).collect();
             for i in 0..order.len() {
                 let least = (i..order.len()).min_by(|a, b| order[*a].1.total_cmp(&order[*b].1)).unwrap_or(i);
-                if least != i && self.notices(&format!("order of {} {}", set.name, order[i].0)) {
+                if least != i && self.finds(LookKind::Groups, &format!("order of {} {}", set.name, order[i].0)) {
                     answer.swaps.push(GroupSwap { id: order[i].0.to_owned(), with: order[least].0.to_owned() });
                     order.swap(i, least);
                 }
@@ -79,7 +114,7 @@ impl Oracle {
             for i in self.seen(one.level) {
                 let twin = &self.room.objects[i];
                 let absent = twin.model == one.model && twin.label == one.label && self.id_of(&twin.id).is_none();
-                if absent && self.notices(&format!("missing member {}", twin.id)) {
+                if absent && self.finds(LookKind::Groups, &format!("missing member {}", twin.id)) {
                     let bounds = self.thousandths(i, &format!("member box {}", twin.id));
                     let member = bounds.map(|bounds| MissingMember { like: like.to_string(), bounds });
                     answer.missing.extend(member);
@@ -95,12 +130,11 @@ impl Oracle {
         for i in self.seen(Level::Decoration) {
             let object = &self.room.objects[i];
             let on_it = matches!(&object.support, Support::Object { id } if id.as_str() == host.id);
-            if !on_it || !self.notices(&format!("missing {}", object.id)) {
-                continue;
-            }
-            let Some(bounds) = self.thousandths(i, &format!("missing box {}", object.id)) else { continue };
+            let bounds = on_it.then(|| self.thousandths(i, &format!("missing box {}", object.id)));
+            let Some(bounds) = bounds.flatten() else { continue };
             let there = |b: &[f64; 4]| pixel_box(*b).iou(&pixel_box(bounds)) > SAME_BOX;
-            if !question.present.iter().any(|p| there(&p.bounds)) {
+            let absent = !question.present.iter().any(|p| there(&p.bounds));
+            if absent && self.finds(LookKind::Missing, &format!("missing {}", object.id)) {
                 let (name, description) = (object.label.clone(), object.label.clone());
                 answer.missing_decorations.push(MissingDecoration { name, description, bounds });
             }
@@ -119,7 +153,7 @@ impl Oracle {
                 let there = |i: usize| self.id_of(&self.room.objects[i].id).filter(|id| placed.contains(id.as_str()));
                 let absent = of_kind().filter(|i| there(*i).is_none());
                 let missing: Vec<MissingInstance> = absent
-                    .filter(|i| self.notices(&format!("count {}", self.room.objects[*i].id)))
+                    .filter(|i| self.finds(LookKind::Counts, &format!("count {}", self.room.objects[*i].id)))
                     .filter_map(|i| {
                         let object = &self.room.objects[i];
                         let bounds = self.thousandths(i, &format!("counted box {}", object.id))?;
@@ -146,7 +180,7 @@ impl Oracle {
         for row in &question.placed {
             let object = self.known(row.id.as_str());
             let surplus = object.is_none_or(|o| !taken.insert(o.id.clone()));
-            if surplus && self.notices(&format!("surplus {}", row.id)) {
+            if surplus && self.finds(LookKind::Counts, &format!("surplus {}", row.id)) {
                 answer.kinds.push(CountedKind {
                     kind: row.label.clone(),
                     level: row.level,

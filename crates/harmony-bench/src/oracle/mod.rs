@@ -9,6 +9,7 @@
 mod atlas;
 mod degrade;
 mod dense;
+mod faults;
 mod language;
 mod lights;
 mod looks;
@@ -26,7 +27,8 @@ use harmony_roles::{GeometryEstimator, MeshGenerator, PlayerCard};
 use harmony_scene::{ImageSize, Level, PixelBox};
 use rand_chacha::ChaCha8Rng;
 
-pub use noise::{Draws, Noise, NoiseLevel, normal, smooth_field};
+pub use faults::Faults;
+pub use noise::{Draws, Fault, Noise, NoiseLevel, normal, smooth_field};
 
 use crate::spent::{Meter, Seconds};
 use crate::truth::{FEWEST_PIXELS, TruthLight, TruthRoom};
@@ -121,6 +123,8 @@ pub struct Oracle {
     lights: Vec<TruthLight>,
     /// What its answers have cost.
     spent: Meter,
+    /// What there was for second looks to find.
+    faults: Mutex<Faults>,
 }
 
 impl Oracle {
@@ -141,6 +145,7 @@ impl Oracle {
             photo: None,
             lights,
             spent: Meter::default(),
+            faults: Mutex::default(),
         }
     }
 
@@ -159,6 +164,11 @@ impl Oracle {
     /// What its answers have cost so far.
     pub fn spent(&self) -> Seconds {
         self.spent.total()
+    }
+
+    /// What there was for second looks to find so far, and what of it was found.
+    pub fn faults(&self) -> Faults {
+        self.faults.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// The whole cast; the roles that an oracle cannot play better are this program's own.

@@ -53,6 +53,12 @@ pub struct Noise {
     /// Objects that neither list nor detector has, share of them: what second looks are for.
     #[serde(default)]
     pub overlooked: f64,
+    /// Matched sets of which two members, seen one for the other, have each other's shape, size and front.
+    #[serde(default)]
+    pub swapped: f64,
+    /// Levels whose placement order is at random.
+    #[serde(default)]
+    pub disordered: f64,
     /// Sizes named by the language model, relative, each side; part of it common to all three.
     pub size: f64,
     /// Height of the room, relative.
@@ -89,6 +95,69 @@ pub struct Noise {
     pub false_alarms: f64,
 }
 
+/// A mistake of the first answers that a second look is there for, made as often as one likes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fault {
+    kind: FaultKind,
+    share: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum FaultKind {
+    Overlooked,
+    Relations,
+    Turns,
+    Swapped,
+    Disordered,
+}
+
+impl FaultKind {
+    const ALL: [(Self, &str); 5] = [
+        (Self::Overlooked, "overlooked"),
+        (Self::Relations, "relations"),
+        (Self::Turns, "turns"),
+        (Self::Swapped, "swapped"),
+        (Self::Disordered, "disordered"),
+    ];
+}
+
+impl std::fmt::Display for Fault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let name = FaultKind::ALL.iter().find(|(kind, _)| *kind == self.kind).map_or("", |(_, name)| name);
+        write!(f, "{name}={}", self.share)
+    }
+}
+
+impl std::str::FromStr for Fault {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let names = FaultKind::ALL.map(|(_, name)| name).join(", ");
+        let known = |name: &str| FaultKind::ALL.iter().find(|(_, n)| *n == name).map(|(kind, _)| *kind);
+        let parsed = text.split_once('=').and_then(|(name, share)| Some((known(name)?, share.parse::<f64>().ok()?)));
+        match parsed {
+            Some((kind, share)) if (0.0..=1.0).contains(&share) => Ok(Self { kind, share }),
+            _ => Err(format!("give one of {names} and a share of 0 to 1, such as overlooked=0.1")),
+        }
+    }
+}
+
+impl Noise {
+    /// The same with a fault made more or less often.
+    #[must_use]
+    pub fn with(mut self, fault: Fault) -> Self {
+        let share = match fault.kind {
+            FaultKind::Overlooked => &mut self.overlooked,
+            FaultKind::Relations => &mut self.relations,
+            FaultKind::Turns => &mut self.turns,
+            FaultKind::Swapped => &mut self.swapped,
+            FaultKind::Disordered => &mut self.disordered,
+        };
+        *share = fault.share;
+        self
+    }
+}
+
 impl NoiseLevel {
     /// Its name.
     pub fn name(self) -> &'static str {
@@ -112,6 +181,8 @@ impl NoiseLevel {
             holes: 0.01,
             merged_or_missed: 0.03,
             overlooked: 0.0,
+            swapped: 0.0,
+            disordered: 0.0,
             size: 0.15,
             height: 0.04,
             extent: 0.1,
@@ -287,6 +358,16 @@ mod tests {
         let far = mean_product(40);
         assert!((0.2..0.55).contains(&far), "{far}");
         assert!(mean_product(120).abs() < 0.3);
+    }
+
+    #[test]
+    fn a_fault_is_read_from_its_name_and_share() {
+        let fault: Fault = "swapped=0.25".parse().unwrap();
+        assert_eq!(NoiseLevel::Real.noise().with(fault).swapped, 0.25);
+        assert_eq!(fault.to_string(), "swapped=0.25");
+        for wrong in ["swapped", "swapped=2", "moon=0.1", "=0.1"] {
+            assert!(wrong.parse::<Fault>().unwrap_err().contains("overlooked"), "{wrong}");
+        }
     }
 
     #[test]

@@ -116,14 +116,16 @@ fn looks(html: &mut String, rooms: &[RoomScore]) {
     html.push_str(
         "<h2>Looks at what was placed</h2><p class=\"soft\">Objects that a look moved, turned or resized, against the \
          truth; one tolerance is 15 cm, 10 degrees or 12 %.</p><div class=\"wide\"><table><tr><th>look<th>questions\
-         <th>changed<th>mended<th>made worse<th>tolerances gained<th>added: right<th>wrong<th>taken out</tr>",
+         <th>faults shown<th>named<th>changed<th>mended<th>made worse<th>tolerances gained<th>added: right<th>wrong<th>taken out</tr>",
     );
     for s in all {
         let _ = write!(
             html,
-            "<tr><td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}</tr>",
+            "<tr><td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}</tr>",
             s.look.about(),
             s.questions,
+            s.there,
+            s.found,
             s.moved,
             s.mended,
             s.made,

@@ -253,8 +253,16 @@ mod tests {
             depth: frame.depth,
         };
         let (folder, room) = (PathBuf::new(), truth.room());
-        let run =
-            Prediction { folder, camera, room, corner: DVec3::ZERO, objects: Vec::new(), shell, looks: Vec::new() };
+        let run = Prediction {
+            folder,
+            camera,
+            room,
+            corner: DVec3::ZERO,
+            objects: Vec::new(),
+            shell,
+            looks: Vec::new(),
+            faults: crate::oracle::Faults::default(),
+        };
         let (own, theirs) = backgrounds(&truth, &run);
         assert!(own.len() > 5000 && own.len() == theirs.len(), "{} {}", own.len(), theirs.len());
         let far = own.iter().flatten().zip(theirs.iter().flatten()).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);

@@ -24,6 +24,12 @@ pub struct LookScore {
     pub look: LookKind,
     /// Questions asked.
     pub questions: usize,
+    /// Faults that it was shown, where an oracle answered that counts them.
+    #[serde(default)]
+    pub there: usize,
+    /// Those of them that it named.
+    #[serde(default)]
+    pub found: usize,
     /// Objects that the truth has, too, and that the look moved, turned or made another size.
     pub moved: usize,
     /// Those of them that are nearer to the truth since.
@@ -50,9 +56,12 @@ pub(super) fn looks(truth: &TruthRoom, run: &Prediction, scale: f64) -> Vec<Look
         Some((&run.objects[i], &truth.objects[matched[i]?]))
     };
     let of_look = |look: LookKind| {
+        let [there, found] = run.faults.of(look);
         let mut score = LookScore {
             look,
             questions: 0,
+            there,
+            found,
             moved: 0,
             mended: 0,
             made: 0,
@@ -119,6 +128,8 @@ pub fn in_all<'a>(runs: impl Iterator<Item = &'a LookScore>) -> Vec<LookScore> {
             None => out.push(*one),
             Some(sum) => {
                 sum.questions += one.questions;
+                sum.there += one.there;
+                sum.found += one.found;
                 sum.moved += one.moved;
                 sum.mended += one.mended;
                 sum.made += one.made;
@@ -142,6 +153,8 @@ mod tests {
         let one = |look: LookKind, mended: usize| LookScore {
             look,
             questions: 1,
+            there: 3,
+            found: 2,
             moved: 2,
             mended,
             made: 0,
@@ -156,6 +169,7 @@ mod tests {
             sums.iter().map(|s| (s.look, s.questions, s.mended)).collect::<Vec<_>>(),
             [(LookKind::Turns, 1, 1), (LookKind::Review, 2, 3),]
         );
+        assert_eq!((sums[1].there, sums[1].found), (6, 4));
         assert!((sums[1].gained - 1.0).abs() < 1e-12);
     }
 }

@@ -11,6 +11,7 @@ use harmony_render::{Instance, RenderOptions, render_depth_ids};
 use harmony_scene::{Camera, Extents, Mask, Room, Scene, SceneObject};
 
 use crate::metrics::depth::median_depth_scale;
+use crate::oracle::Faults;
 use crate::truth::TruthRoom;
 
 /// A run folder holds no scene.
@@ -53,6 +54,8 @@ pub struct Prediction {
     pub shell: Arc<Mesh>,
     /// What its looks have changed, where it tells.
     pub looks: Vec<Came>,
+    /// What there was for them to find.
+    pub faults: Faults,
 }
 
 impl Prediction {
@@ -96,6 +99,7 @@ impl Prediction {
             corner: DVec3::ZERO,
             objects,
             shell: Arc::new(shell),
+            faults: Faults::read(folder),
             looks: RunFile::read(folder).map(|file| file.looks).unwrap_or_default(),
         })
     }

@@ -265,6 +265,7 @@ mod tests {
             objects: Vec::new(),
             shell: Arc::new(shell),
             looks: Vec::new(),
+            faults: crate::oracle::Faults::default(),
         };
         judge(&truth, &run, &[], 0.0, &Looking::default()).unwrap().remove(0)
     }

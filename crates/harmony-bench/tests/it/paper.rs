@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use harmony_bench::generate::{GeneratorSettings, RoomKind, generate, write};
 use harmony_bench::metrics::similarity::Looking;
-use harmony_bench::oracle::{NoiseLevel, Oracle};
+use harmony_bench::oracle::{Noise, NoiseLevel, Oracle};
 use harmony_bench::run::{Play, judged};
 use harmony_bench::truth::TruthRoom;
 use harmony_calls::{BookOptions, CallBook};
-use harmony_pipeline::{LookKind, Phase, ProgressSink, Questions, Settings};
+use harmony_pipeline::{LookKind, LookSettings, Phase, ProgressSink, Questions, Settings};
 use harmony_roles::Role;
 use harmony_scene::{ImageSize, Level};
 
@@ -111,7 +111,7 @@ async fn what_lists_overlooked_is_counted_and_added_though_they_found_nothing() 
     for counts in [false, true] {
         let mut settings = Settings { working_px: 400, ..Settings::default() };
         settings.looks.counts = counts;
-        let noise = harmony_bench::oracle::Noise { overlooked: 1.0, ..NoiseLevel::Real.noise() };
+        let noise = Noise { overlooked: 1.0, ..NoiseLevel::Real.noise() };
         let play = Play {
             truth: &truth,
             oracle: Arc::new(Oracle::new(truth.clone(), noise, 1, true)),
@@ -131,4 +131,48 @@ async fn what_lists_overlooked_is_counted_and_added_though_they_found_nothing() 
     let furniture = |scene: &[harmony_scene::SceneObject]| scene.iter().filter(|o| o.level == Level::Furniture).count();
     assert_eq!(furniture(&placed[0]), 0);
     assert!(furniture(&placed[1]) >= 3, "{}", furniture(&placed[1]));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn members_that_were_taken_for_each_other_are_exchanged_and_shown_once_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = dining_room(&folder.path().join("room"));
+    let noise = Noise { swapped: 1.0, noticed: 1.0, ..NoiseLevel::Clean.noise() };
+    let looks = LookSettings {
+        missing: false,
+        hosts: false,
+        turns: false,
+        groups: true,
+        counts: false,
+        reorder: false,
+        physical: false,
+        rounds: false,
+    };
+    let questions = Questions::Paper;
+    let settings = Settings { questions, looks, working_px: 400, review_rounds: 0, ..Settings::default() };
+    let oracle = Arc::new(Oracle::new(truth.clone(), noise, 1, true));
+    let play = Play {
+        truth: &truth,
+        oracle: Arc::clone(&oracle),
+        settings,
+        until: Phase::Objects(Level::Furniture),
+        path_tracer: false,
+        profile: "oracle".to_owned(),
+        further_inputs: String::new(),
+    };
+    let silent: ProgressSink = Arc::new(|_| {});
+    let out = folder.path().join("run");
+    let outcome = Box::pin(play.run(&out, &harmony_players::flat_cast(), &silent)).await.unwrap();
+    assert!(outcome.failure.is_none(), "{:?}", outcome.failure.map(|failure| failure.to_string()));
+    oracle.faults().write(&out).unwrap();
+    let rounds: serde_json::Value = harmony_io::read_json(&out.join("3_furniture/groups.json")).unwrap();
+    let rounds = rounds.as_array().unwrap();
+    assert_eq!(rounds.len(), 2, "the second shows that they are in order: {rounds:#?}");
+    assert_eq!(rounds[0]["swaps"][0]["kept"], true, "{rounds:#?}");
+    assert_eq!(rounds[1]["swaps"], serde_json::json!([]));
+
+    let [score, _] = judged(&truth, &out, 0, 1.0, None, &Looking::default());
+    let groups = score.looks.iter().find(|look| look.look == LookKind::Groups).unwrap();
+    assert_eq!([groups.there, groups.found], oracle.faults().of(LookKind::Groups));
+    assert!(groups.found > 0 && groups.made == 0 && groups.mended >= 2, "{groups:?}");
 }

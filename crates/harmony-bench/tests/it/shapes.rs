@@ -64,7 +64,9 @@ fn the_oracle_outlines_faces_where_they_are() {
             match feature.kind {
                 LayoutFeatureKind::Block => assert!((away - feature.depth_m).abs() < 0.02, "{}", feature.what),
                 LayoutFeatureKind::Niche => assert!((away + feature.depth_m).abs() < 0.02, "{}", feature.what),
-                LayoutFeatureKind::Slope | LayoutFeatureKind::Tray => assert_eq!(exit.surface, Surface::Ceiling),
+                LayoutFeatureKind::Slope | LayoutFeatureKind::Tray | LayoutFeatureKind::Vault => {
+                    assert_eq!(exit.surface, Surface::Ceiling)
+                }
             }
         }
     }

@@ -8,7 +8,7 @@ use harmony_bench::ablate::{self, AblationError, ablate};
 use harmony_bench::compare::{compare, text as comparison};
 use harmony_bench::fit;
 use harmony_bench::generate::{GeneratorSettings, RoomFeature, generate, write as write_room};
-use harmony_bench::oracle::{Meshes, Noise, NoiseLevel};
+use harmony_bench::oracle::{Fault, Meshes, Noise, NoiseLevel};
 use harmony_bench::overrides::{OverrideError, with_change, with_changes};
 use harmony_bench::photos::{self, PhotosRequest};
 use harmony_bench::protocols::{self, Protocol, ProtocolOptions, RunSurfaces, pair_runs, pieces, score_run, truths_in};
@@ -119,9 +119,11 @@ struct RunArgs {
     /// No point map: room and camera from the layout answer and the photo's lines, as without VGGT's weights.
     #[arg(long)]
     photo_alone: bool,
-    /// Share of the objects that lists and detector overlook, 0 to 1: what second looks are there for.
-    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
-    overlooked: f64,
+    /// A mistake of the first answers, made so often: what second looks are there for. May be given several times, with
+    /// overlooked (objects that lists and detector pass over), relations (hosts and walls), turns (quarter turns), swapped
+    /// (sets of which two members are taken for each other), disordered (levels whose order of placing is at random).
+    #[arg(long = "fault", value_name = "KIND=SHARE")]
+    faults: Vec<Fault>,
     /// Go on through materials and light, and judge lit pictures, too, from the photo's place and from the room's
     /// other views; needs Blender.
     #[arg(long)]
@@ -337,24 +339,17 @@ fn request(args: &RunArgs) -> Result<BenchRequest> {
     let settings = config.settings;
     let told = [(args.untold, "shape untold"), (args.photo_alone, "photo alone")];
     let told = told.into_iter().filter(|(is_so, _)| *is_so).map(|(_, what)| what.to_owned());
-    if !(0.0..=1.0).contains(&args.overlooked) {
-        return Err(hinted(format!("--overlooked {} is no share", args.overlooked), Some("give 0 to 1, such as 0.1")));
-    }
-    let overlooked = (args.overlooked > 0.0).then(|| format!("overlooked {}", args.overlooked));
+    let noise = args.faults.iter().fold(args.noise.noise(), |noise, fault| noise.with(*fault));
+    let faults = args.faults.iter().map(|fault| format!("fault {fault}"));
     Ok(BenchRequest {
         rooms: truths(&args.rooms, args.only.as_deref())?,
         out: args.out.clone(),
         level: args.noise,
-        noise: Noise {
-            features_untold: if args.untold { 1.0 } else { 0.0 },
-            photo_alone: args.photo_alone,
-            overlooked: args.overlooked,
-            ..args.noise.noise()
-        },
+        noise: Noise { features_untold: if args.untold { 1.0 } else { 0.0 }, photo_alone: args.photo_alone, ..noise },
         seeds: args.seeds.clone(),
         exact_height: args.exact_height,
         settings: with_changes(&settings, &args.changes).map_err(|e| refused(&e))?,
-        changes: args.changes.iter().cloned().chain(told).chain(overlooked).collect(),
+        changes: args.changes.iter().cloned().chain(told).chain(faults).collect(),
         points: args.points,
         jobs: args.jobs.into(),
         keep: args.keep,

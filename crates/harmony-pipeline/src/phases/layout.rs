@@ -296,6 +296,7 @@ fn shape_hints(answer: &LayoutAnswer, size: ImageSize) -> Vec<ShapeHint> {
             LayoutFeatureKind::Niche => ShapeKind::Niche,
             LayoutFeatureKind::Slope => ShapeKind::Slope,
             LayoutFeatureKind::Tray => ShapeKind::Tray,
+            LayoutFeatureKind::Vault => ShapeKind::Vault,
         },
         what: f.what.chars().take(60).collect(),
         wall: f.wall,

@@ -4,20 +4,23 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use harmony_placement::PlacementSettings;
+use harmony_placement::{Placed, PlacementSettings, ReviewAction};
 use harmony_roles::{Detection, SegmentPrompt, SegmentRequest};
-use harmony_scene::{Level, Mask, ObjectId, WarningKind};
+use harmony_scene::{Level, Mask, ObjectId, PixelBox, WarningKind};
 
-use super::{inspect, place, prepare, texture};
+use super::{inspect, place, prepare, review, texture};
 use crate::before::Before;
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::{Left, Look, Object, SceneState};
+use crate::state::{Left, Look, Object, SceneState, is_flat};
 use crate::views;
 
 /// Overlap from which a box or mask shows what is in the scene already.
 const SAME: f64 = 0.5;
 /// Share of a mask that may belong to a placed object of its level.
 const TAKEN: f64 = 0.6;
+
+/// Agreement with its mask below which a thing stands elsewhere than it is seen.
+const ASTRAY_IOU: f64 = 0.3;
 
 /// Something that the photo shows and the scene lacks.
 #[derive(Debug, Clone)]
@@ -99,10 +102,45 @@ pub async fn all(
         // By itself: camera, scale and all others were solved without it, and one more thing is no reason to move them.
         let settings = PlacementSettings { global_refinement: false, ..ctx.settings.placement.clone() };
         place::in_order(ctx, level, state, ids.clone(), &order, &settings).await?;
+        rehosted(ctx, state, &ids).await?;
         texture::bare(ctx, state).await?;
     }
     ids.retain(|id| state.partial.find(id).is_some());
     Ok(ids)
+}
+
+/// What could not stand where it is seen, because what carries it was not there, is tried on what came beneath its pixels; it
+/// stays there where the evidence is better for it.
+async fn rehosted(ctx: &PhaseCtx<'_>, state: &mut SceneState, came: &[ObjectId]) -> Result<(), PhaseError> {
+    for (object, host) in astray(state, came) {
+        if state.partial.find(&object).is_some_and(is_astray) {
+            let action = ReviewAction::Rehost { object, host };
+            review::try_quietly(ctx, state, vec![action]).await?;
+        }
+    }
+    Ok(())
+}
+
+/// Decorations that stand elsewhere than they are seen, each with those that came of which pixels are beneath its own.
+fn astray(state: &SceneState, came: &[ObjectId]) -> Vec<(ObjectId, ObjectId)> {
+    let size = state.partial.camera.size;
+    let carries = |p: &&Placed| p.item.level != Level::Ceiling && !is_flat(&p.item.label);
+    let hosts: Vec<&Placed> = came.iter().filter_map(|id| state.partial.find(id)).filter(carries).collect();
+    let lost = state.partial.placed.iter().filter(|p| p.item.level == Level::Decoration && is_astray(p));
+    let beneath = |own: PixelBox, host: &Placed| {
+        let foot = PixelBox { y0: own.y1 - 0.2 * own.height(), y1: own.y1 + 0.5 * own.height(), ..own };
+        host.item.mask.bounds().is_some_and(|b| b.intersection(&foot.clamped(size)).area() > 0.0)
+    };
+    lost.filter_map(|p| Some((p, p.item.mask.bounds()?)))
+        .flat_map(|(p, own)| {
+            hosts.iter().filter(move |h| beneath(own, h)).map(|h| (p.item.id.clone(), h.item.id.clone()))
+        })
+        .filter(|(object, host)| object != host)
+        .collect()
+}
+
+fn is_astray(placed: &Placed) -> bool {
+    placed.evidence.silhouette_iou.is_some_and(|iou| iou < ASTRAY_IOU)
 }
 
 /// Whether a placed object of the level is what a box shows.
@@ -206,5 +244,30 @@ mod tests {
         let model = copy.model.unwrap();
         assert!(Arc::ptr_eq(&model.mesh, &twin.model.unwrap().mesh));
         assert!(model.source.starts_with("copy of chair_01"));
+    }
+    #[test]
+    fn what_is_seen_on_something_that_came_is_tried_there_where_it_stands_elsewhere() {
+        let mut state = empty_room();
+        let table = DVec3::new(0.8, 0.5, 0.6);
+        let came = add(&mut state, "table_01", Level::Furniture, table, DVec3::new(2.0, 0.0, 1.5), Support::Floor);
+        let on_it = || Support::Object { id: came.clone() };
+        let small = DVec3::new(0.1, 0.2, 0.1);
+        let vase = add(&mut state, "vase_01", Level::Decoration, small, DVec3::new(2.0, 0.5, 1.5), on_it());
+        let far = add(&mut state, "cup_01", Level::Decoration, small, DVec3::new(0.3, 0.0, 0.3), Support::Floor);
+        let mut agrees = |id: &ObjectId, iou: f64| {
+            let i = state.partial.position(id).unwrap();
+            state.partial.placed[i].evidence.silhouette_iou = Some(iou);
+        };
+        agrees(&vase, 0.8);
+        agrees(&far, 0.0);
+        assert_eq!(
+            astray(&state, std::slice::from_ref(&came)),
+            [],
+            "one stands where it is seen, the other is seen elsewhere"
+        );
+        let i = state.partial.position(&vase).unwrap();
+        state.partial.placed[i].evidence.silhouette_iou = Some(0.0);
+        assert_eq!(astray(&state, std::slice::from_ref(&came)), [(vase, came)]);
+        assert_eq!(astray(&state, &[]), [], "nothing came");
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use harmony_placement::ReviewAction;
-use harmony_prompts::{GroupsQuestion, MatchedSet};
+use harmony_prompts::{GroupsQuestion, MatchedSet, MissingMember};
 use harmony_roles::{Detection, Picture};
 use harmony_scene::{Level, ObjectId, WarningKind};
 use serde_json::json;
@@ -16,17 +16,58 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::SceneState;
 use crate::views;
 
-/// Asks about the sets of a level, and mends their order.
+/// Rounds at most: a set that was put in order is shown once more.
+const ROUNDS: usize = 3;
+
+/// Asks about the sets of a level and mends their order, until a picture of them shows nothing to swap.
 ///
 /// # Errors
 /// Fatal role errors and unwritable files only.
 pub async fn order(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> Result<(), PhaseError> {
-    let sets = sets(state, level);
-    if !ctx.settings.asked_looks().groups || sets.is_empty() || !ctx.is_looked_at("groups") {
+    if !ctx.settings.asked_looks().groups {
         return Ok(());
     }
-    ctx.step("order within matched sets");
-    let (shown, asked) = (state.clone(), sets.clone());
+    let mut rounds = Vec::new();
+    for round in 1..=ROUNDS {
+        let name = if round == 1 { "groups".to_owned() } else { format!("groups_{round}") };
+        let sets = sets(state, level);
+        if sets.is_empty() || !ctx.is_looked_at(&name) {
+            break;
+        }
+        ctx.step("order within matched sets");
+        let question = GroupsQuestion { sets };
+        let pictures = pictures(ctx, state, &question).await?;
+        let answer = ctx.ask(&name, question.clone(), pictures).await?;
+        let sound = |complaint: Option<String>| {
+            complaint.map(|complaint| ctx.warn(WarningKind::AnswerRepaired, None, complaint)).is_none()
+        };
+        let (mut swaps, mut swapped) = (Vec::new(), false);
+        for swap in answer.swaps.iter().filter(|swap| sound(question.swap_complaint(swap))) {
+            let (Ok(object), Ok(with)) = (ObjectId::new(&swap.id), ObjectId::new(&swap.with)) else { continue };
+            let action = ReviewAction::Swap { object: object.clone(), with };
+            let (kept, reason) = review::try_on(ctx, state, action, &object, "A swap within a set").await?;
+            swapped |= kept;
+            swaps.push(json!({ "asked": swap, "kept": kept, "reason": reason }));
+        }
+        let missing: Vec<&MissingMember> =
+            answer.missing.iter().filter(|missing| sound(question.member_complaint(missing))).collect();
+        let missing = missing.into_iter().filter_map(|missing| wanted(state, missing)).collect();
+        let added = added::all(&ctx.inside(ctx.phase, &format!("{name}_added")), level, state, missing).await?;
+        rounds.push(json!({ "swaps": swaps, "added": added }));
+        if !swapped {
+            break;
+        }
+    }
+    if rounds.is_empty() { Ok(()) } else { ctx.write_json("groups.json", &rounds) }
+}
+
+/// The photo, and the scene with the members of the sets marked.
+async fn pictures(
+    ctx: &PhaseCtx<'_>,
+    state: &SceneState,
+    question: &GroupsQuestion,
+) -> Result<Vec<Picture>, PhaseError> {
+    let (shown, asked) = (state.clone(), question.sets.clone());
     let pictures = ctx
         .computed(move || {
             let scene = views::marked(&shown, |id| asked.iter().any(|set| set.members.contains(id)));
@@ -34,33 +75,17 @@ pub async fn order(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> 
                 .map(|(caption, image)| Picture { caption: caption.into(), image: Arc::new(image) })
         })
         .await?;
-    let question = GroupsQuestion { sets };
-    let answer = ctx.ask("groups", question.clone(), pictures.to_vec()).await?;
-    let sound = |complaint: Option<String>| {
-        complaint.map(|complaint| ctx.warn(WarningKind::AnswerRepaired, None, complaint)).is_none()
-    };
-    let mut swaps = Vec::new();
-    for swap in answer.swaps.iter().filter(|swap| sound(question.swap_complaint(swap))) {
-        let (Ok(object), Ok(with)) = (ObjectId::new(&swap.id), ObjectId::new(&swap.with)) else { continue };
-        let action = ReviewAction::Swap { object: object.clone(), with };
-        let (kept, reason) = review::try_on(ctx, state, action, &object, "A swap within a set").await?;
-        swaps.push(json!({ "asked": swap, "kept": kept, "reason": reason }));
-    }
-    let missing: Vec<Wanted> = answer
-        .missing
-        .iter()
-        .filter(|missing| sound(question.member_complaint(missing)))
-        .filter_map(|missing| {
-            let like = ObjectId::new(&missing.like).ok()?;
-            let object = state.objects.get(&like)?;
-            let bounds = views::pixels(state.partial.camera.size, missing.bounds);
-            let detection = Detection { bounds, score: None, outline: None, ..object.detection.clone() };
-            let host = state.partial.find(&like)?.item.relations.on_top_of.clone();
-            Some(Wanted { detection, like: Some(like), host })
-        })
-        .collect();
-    let added = added::all(&ctx.inside(ctx.phase, "groups_added"), level, state, missing).await?;
-    ctx.write_json("groups.json", &json!({ "swaps": swaps, "added": added }))
+    Ok(pictures.to_vec())
+}
+
+/// What is to be added for a member that is missing: the shape and the host of one that is there.
+fn wanted(state: &SceneState, missing: &MissingMember) -> Option<Wanted> {
+    let like = ObjectId::new(&missing.like).ok()?;
+    let object = state.objects.get(&like)?;
+    let bounds = views::pixels(state.partial.camera.size, missing.bounds);
+    let detection = Detection { bounds, score: None, outline: None, ..object.detection.clone() };
+    let host = state.partial.find(&like)?.item.relations.on_top_of.clone();
+    Some(Wanted { detection, like: Some(like), host })
 }
 
 /// The sets of a level with at least two placed members, each from left to right in the photo.

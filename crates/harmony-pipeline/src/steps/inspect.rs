@@ -1,4 +1,4 @@
-//! Verify, describe and relate all candidates of a level with one question (a few for crowded levels).
+//! Verify, describe and relate all candidates of a level, up to eight with one question.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -13,13 +13,11 @@ use image::RgbaImage;
 use super::programs;
 use crate::before::Before;
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::settings::Questions;
 use crate::state::{DropReason, Left, Object, SceneState};
 use crate::views;
 
-/// Candidates on one question at most; more make several questions. Where often is asked, no more than one can keep in mind.
-const CANDIDATES_PER_QUESTION: usize = 24;
-const CANDIDATES_PER_SMALL_QUESTION: usize = 8;
+/// Candidates on one question at most, as many as one can keep in mind; more make several questions.
+pub const CANDIDATES_PER_QUESTION: usize = 8;
 /// Crops on one contact sheet.
 const CROPS_PER_SHEET: usize = 12;
 /// Sides of a crop, pixels, and of a whole sheet: few crops are shown larger.
@@ -55,29 +53,37 @@ pub async fn all(
     let modelled: BTreeSet<&ObjectId> = programs.iter().flat_map(|(_, objects)| objects).map(|o| &o.id).collect();
     let mut questions = Vec::new();
     // All pictures are drawn before the first question is asked, so that the questions come in their order.
-    let most = match ctx.settings.questions {
-        Questions::Few => CANDIDATES_PER_QUESTION,
-        Questions::Paper => CANDIDATES_PER_SMALL_QUESTION,
-    };
-    for (part, chunk) in candidates.chunks(most).enumerate() {
+    for (part, batch) in batches(&candidates).into_iter().enumerate() {
         let name = if part == 0 { "inspect".to_owned() } else { format!("inspect_{}", part + 1) };
-        let (shown, listed) = (Arc::clone(&before.state), chunk.to_vec());
+        let (shown, listed) = (Arc::clone(&before.state), batch.clone());
         let pictures = ctx.computed(move || pictures(&shown, &listed)).await?;
-        questions.push((name, question(ctx, level, before, chunk, &modelled), pictures));
+        let others: Vec<Object> = candidates.iter().filter(|c| batch.iter().all(|b| b.id != c.id)).cloned().collect();
+        questions.push((name, question(ctx, level, before, [&batch, &others], &modelled), pictures));
     }
     let asked =
         questions.into_iter().map(|(name, question, pictures)| async move { ctx.ask(&name, question, pictures).await });
     let answers = join_all(asked).await;
     let mut inspection = Inspection::default();
-    let mut said = BTreeMap::new();
+    // The first that an answer says of an object holds: those of recordings of a time when more was asked at once speak of
+    // the objects of later questions, too.
+    let mut said: BTreeMap<String, InspectedObject> = BTreeMap::new();
+    let mut ranks: BTreeMap<ObjectId, f64> = BTreeMap::new();
     for answer in answers {
         let answer = answer?;
-        said.extend(answer.objects.into_iter().map(|object| (object.id.clone(), tidied(object))));
-        inspection.order.extend(answer.placement_order.iter().filter_map(|id| ObjectId::new(id).ok()));
+        for object in answer.objects {
+            said.entry(object.id.clone()).or_insert_with(|| tidied(object));
+        }
+        let of_order = (1..).map(|rank| f64::from(rank) / answer.placement_order.len() as f64);
+        for (rank, id) in of_order.zip(answer.placement_order.iter().filter_map(|id| ObjectId::new(id).ok())) {
+            ranks.entry(id).or_insert(rank);
+        }
         if !answer.scene_summary.is_empty() {
             inspection.summary = answer.scene_summary;
         }
     }
+    // What comes first in its batch comes first.
+    inspection.order = ranks.keys().cloned().collect();
+    inspection.order.sort_by(|a, b| ranks[a].total_cmp(&ranks[b]));
     for mut object in candidates {
         let reason = match said.remove(object.id.as_str()) {
             Some(said) if said.keep => {
@@ -96,6 +102,18 @@ pub async fn all(
     }
     ask_sizes(ctx, before, &mut inspection.objects).await?;
     Ok(inspection)
+}
+
+/// Candidates in batches of one question each: of about the same size, like things together, so that sets are seen whole.
+fn batches(candidates: &[Object]) -> Vec<Vec<Object>> {
+    let count = candidates.len().div_ceil(CANDIDATES_PER_QUESTION);
+    if count <= 1 {
+        return candidates.chunks(CANDIDATES_PER_QUESTION).map(<[Object]>::to_vec).collect();
+    }
+    let first = |label: &str| candidates.iter().position(|c| c.detection.label == label);
+    let mut sorted = candidates.to_vec();
+    sorted.sort_by_key(|c| first(&c.detection.label));
+    sorted.chunks(candidates.len().div_ceil(count)).map(<[Object]>::to_vec).collect()
 }
 
 /// How far outside the usual range a size is doubted.
@@ -152,27 +170,26 @@ fn question(
     ctx: &PhaseCtx<'_>,
     level: Level,
     before: &Before,
-    candidates: &[Object],
+    [asked, others]: [&[Object]; 2],
     modelled: &BTreeSet<&ObjectId>,
 ) -> InspectQuestion {
     let state = &before.state;
+    let candidate = |c: &Object| InspectCandidate {
+        id: c.id.clone(),
+        label: c.detection.label.clone(),
+        phrase: c.detection.phrase.clone(),
+        bounds: c.detection.bounds,
+        image: state.partial.camera.size,
+        estimated_size_m: views::apparent_size(state, c),
+        host: c.host_hint.clone(),
+        program_follows: modelled.contains(&c.id),
+    };
     InspectQuestion {
         level,
         room_type: state.layout.answer.room.room_type.clone(),
         room: views::room_summary(state),
-        candidates: candidates
-            .iter()
-            .map(|c| InspectCandidate {
-                id: c.id.clone(),
-                label: c.detection.label.clone(),
-                phrase: c.detection.phrase.clone(),
-                bounds: c.detection.bounds,
-                image: state.partial.camera.size,
-                estimated_size_m: views::apparent_size(state, c),
-                host: c.host_hint.clone(),
-                program_follows: modelled.contains(&c.id),
-            })
-            .collect(),
+        candidates: asked.iter().map(candidate).collect(),
+        others: others.iter().map(candidate).collect(),
         placed: before.objects(),
         templates: harmony_catalogue::templates().map(str::to_owned).collect(),
         with_models: !ctx.can().makes_shapes,

@@ -1,12 +1,13 @@
 //! Placement of a level: items for the placement crate, and its report.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use harmony_catalogue::Trait;
 use harmony_placement::{
     Collision, Item, LevelReport, PartialScene, PlacementSettings, Traits, YawHint, energy_change, place_level,
 };
-use harmony_prompts::{Occlusion, ReorderQuestion};
+use harmony_prompts::{Occlusion, ReorderAnswer, ReorderQuestion};
 use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, OpeningKind, Placement, Relations, Support, WallAffinity, WarningKind};
 use serde_json::{Value, json};
@@ -40,9 +41,10 @@ pub async fn in_order(
     state.take(partial);
     if persists {
         let before = SceneBefore::of(state);
-        if let Some((scene, again)) = other {
-            state.take(scene);
-            report = again;
+        if let Some(other) = other {
+            state.take(other.scene);
+            state.objects.extend(other.said.into_iter().map(|object| (object.id.clone(), object)));
+            report = other.report;
         }
         before.came(ctx, LookKind::Reorder, state);
     }
@@ -78,8 +80,16 @@ async fn placed(
     .await
 }
 
-/// When a collision persists the model revises the placement order (paper Sec. 3.3), and the level is placed again from the
-/// scene before it; `None` when that is no better.
+/// A level placed otherwise.
+struct Otherwise {
+    scene: PartialScene,
+    report: LevelReport,
+    /// The level's objects with what was said of them now, where that is another host or size.
+    said: Vec<Object>,
+}
+
+/// When a collision persists the model revises the placement order (paper Sec. 3.3), hosts and sizes, and the level is placed
+/// again from the scene before it; `None` when that is no better.
 async fn in_another_order(
     ctx: &PhaseCtx<'_>,
     level: Level,
@@ -87,7 +97,7 @@ async fn in_another_order(
     (partial, report): (&PartialScene, &LevelReport),
     items: Vec<Item>,
     settings: &PlacementSettings,
-) -> Result<Option<(PartialScene, LevelReport)>, PhaseError> {
+) -> Result<Option<Otherwise>, PhaseError> {
     if !ctx.settings.asked_looks().reorder || !ctx.is_looked_at("reorder") {
         return Ok(None);
     }
@@ -97,7 +107,7 @@ async fn in_another_order(
     let question = ReorderQuestion {
         level,
         room: views::room_summary(&shown),
-        placed: partial.placed.iter().map(views::placed_object).collect(),
+        placed: partial.placed.iter().map(views::placed_object).chain(views::ledges(&shown)).collect(),
         order: report.objects.iter().map(|o| o.id.clone()).collect(),
         collisions: report.unresolved.iter().map(collision).collect(),
     };
@@ -106,11 +116,25 @@ async fn in_another_order(
         Picture { caption: "IMAGE 1: the photo".into(), image: state.photo.clone() },
         Picture { caption: "IMAGE 2: the reconstruction".into(), image: Arc::new(picture) },
     ];
-    let answer = ctx.ask("reorder", question, pictures).await?;
-    let order: Vec<ObjectId> = answer.placement_order.iter().filter_map(|id| ObjectId::new(id).ok()).collect();
-    if order.is_empty() {
+    let answer = ctx.ask("reorder", question.clone(), pictures).await?;
+    if answer.is_empty() {
         return Ok(None);
     }
+    let order: Vec<ObjectId> = match answer.placement_order.as_slice() {
+        [] => question.order.clone(),
+        ids => ids.iter().filter_map(|id| ObjectId::new(id).ok()).collect(),
+    };
+    let (said, complaints) = said_otherwise(state, &question, &answer);
+    for complaint in complaints {
+        ctx.warn(WarningKind::AnswerRepaired, None, complaint);
+    }
+    let items = items
+        .into_iter()
+        .map(|old| {
+            let new = said.iter().find(|o| o.id == old.id).and_then(|object| item(level, state, object));
+            new.unwrap_or(old)
+        })
+        .collect();
     let (other, again) = placed(ctx, &state.partial, items, &order, settings).await?;
     let change = energy_change(partial, &other, settings);
     let fewer = again.unresolved.len() <= report.unresolved.len();
@@ -122,7 +146,34 @@ async fn in_another_order(
             "collisions_before": report.unresolved.len(), "collisions_after": again.unresolved.len(),
         }),
     )?;
-    Ok(kept.then_some((other, again)))
+    Ok(kept.then_some(Otherwise { scene: other, report: again, said }))
+}
+
+/// The objects to which an answer gives another host or size; and what is wrong with those that it cannot give one.
+fn said_otherwise(
+    state: &SceneState,
+    question: &ReorderQuestion,
+    answer: &ReorderAnswer,
+) -> (Vec<Object>, Vec<String>) {
+    let (mut said, mut complaints) = (BTreeMap::<ObjectId, Object>::new(), Vec::new());
+    let mut change = |id: &str, complaint: Option<String>, change: &dyn Fn(&mut Object)| {
+        let object = ObjectId::new(id).ok().and_then(|id| state.objects.get(&id));
+        match (complaint, object) {
+            (Some(complaint), _) => complaints.push(complaint),
+            (None, Some(object)) => change(said.entry(object.id.clone()).or_insert_with(|| object.clone())),
+            (None, None) => {}
+        }
+    };
+    for host in &answer.hosts {
+        change(&host.id, question.host_complaint(host), &|object| {
+            object.said.on_top_of.clone_from(&host.on_top_of);
+            object.host_hint = None;
+        });
+    }
+    for size in &answer.sizes {
+        change(&size.id, question.size_complaint(size), &|object| object.said.size_m = size.size_m);
+    }
+    (said.into_values().collect(), complaints)
 }
 
 /// What placement needs to know about a modelled object.
@@ -243,6 +294,7 @@ fn support(s: &Support) -> Value {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
+    use harmony_prompts::{InspectedSize, ReorderHost, ReorderSize};
 
     use super::*;
     use crate::testing::{add, empty_room};
@@ -269,5 +321,35 @@ mod tests {
             of("vase_01", Level::Decoration).host_candidates.iter().map(ToString::to_string).collect();
         assert_eq!(hosts, ["window_01", "fireplace_mantel_01", "radiator_01", "sideboard_01"]);
         assert!(of("sideboard_01", Level::Furniture).host_candidates.is_empty());
+    }
+
+    #[test]
+    fn an_answer_may_give_another_host_or_size_and_only_to_what_is_of_the_level() {
+        let mut state = empty_room();
+        for (name, level) in [("table_01", Level::Furniture), ("vase_01", Level::Decoration)] {
+            add(&mut state, name, level, DVec3::splat(0.5), DVec3::new(1.0, 0.0, 1.0), Support::Floor);
+        }
+        let vase = ObjectId::new("vase_01").unwrap();
+        let question = ReorderQuestion {
+            level: Level::Decoration,
+            room: views::room_summary(&state),
+            placed: state.partial.placed.iter().map(views::placed_object).collect(),
+            order: vec![vase.clone()],
+            collisions: Vec::new(),
+        };
+        let size_m = InspectedSize { width: 0.2, height: 0.3, depth: 0.2 };
+        let host = |id: &str, on: &str| ReorderHost { id: id.into(), on_top_of: Some(on.into()) };
+        let answer = ReorderAnswer {
+            hosts: vec![host("vase_01", "table_01"), host("vase_01", "moon_01"), host("table_01", "vase_01")],
+            sizes: vec![ReorderSize { id: "vase_01".into(), size_m }, ReorderSize { id: "sofa_01".into(), size_m }],
+            ..ReorderAnswer::default()
+        };
+        let (said, complaints) = said_otherwise(&state, &question, &answer);
+        assert_eq!(complaints.len(), 3);
+        assert_eq!(said.len(), 1);
+        let item = item(Level::Decoration, &state, &said[0]).unwrap();
+        assert_eq!(item.relations.on_top_of.as_ref().map(ObjectId::as_str), Some("table_01"));
+        assert_eq!([item.size.width, item.size.height, item.size.depth], [0.2, 0.3, 0.2]);
+        assert_eq!(state.objects[&vase].said.on_top_of, None, "only what is kept is said");
     }
 }

@@ -2,6 +2,7 @@
 //! up to three fine steps, each half of the one before. Every turn is tried and measured; one that mask and depths contradict
 //! is refused.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use harmony_imaging::sheet::{Cell, contact_sheet};
@@ -39,18 +40,30 @@ pub async fn quarters(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), 
         return Ok(());
     }
     let panels: Vec<(String, f64)> = FrontPanel::ALL.iter().map(|panel| (format!("{panel:?}"), panel.yaw())).collect();
-    let (shown, wanted) = (state.clone(), turning.clone());
-    let (sheet, objects) = ctx.computed(move || sheet(&shown, &wanted, &panels)).await?;
-    let objects = objects.into_iter().map(|o| NamedObject { id: o.id.to_string(), about: o.about }).collect();
-    let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
-    let answer = ctx.ask("orient", OrientQuestion { objects }, vec![sheet]).await?;
-    for i in turning {
-        let object = state.partial.placed[i].item.id.clone();
-        let answered = answer.objects.iter().find(|o| o.id == object.as_str()).map(|o| o.front_panel);
-        let Some(panel) = answered.filter(|panel| *panel != FrontPanel::A) else { continue };
-        turn(ctx, state, &object, panel.yaw().to_degrees(), &format!("A turn to panel {panel:?}")).await?;
+    let turning: Vec<ObjectId> = turning.into_iter().map(|i| state.partial.placed[i].item.id.clone()).collect();
+    let mut said: BTreeMap<String, FrontPanel> = BTreeMap::new();
+    for (part, chunk) in turning.chunks(PER_QUESTION).enumerate() {
+        let rows: Vec<usize> = chunk.iter().filter_map(|id| state.partial.position(id)).collect();
+        let (shown, panels) = (state.clone(), panels.clone());
+        let (sheet, objects) = ctx.computed(move || sheet(&shown, &rows, &panels)).await?;
+        let objects = objects.into_iter().map(|o| NamedObject { id: o.id.to_string(), about: o.about }).collect();
+        let sheet = Picture { caption: "IMAGE 1: the sheet".into(), image: Arc::new(sheet) };
+        let answer = ctx.ask(&part_name("orient", part), OrientQuestion { objects }, vec![sheet]).await?;
+        // The first that was said of an object holds: older recordings speak of those of later parts, too.
+        for object in answer.objects {
+            said.entry(object.id).or_insert(object.front_panel);
+        }
+        for object in chunk {
+            let Some(panel) = said.get(object.as_str()).filter(|panel| **panel != FrontPanel::A) else { continue };
+            turn(ctx, state, object, panel.yaw().to_degrees(), &format!("A turn to panel {panel:?}")).await?;
+        }
     }
     Ok(())
+}
+
+/// Name of a part of a question that is too long for one.
+fn part_name(name: &str, part: usize) -> String {
+    if part == 0 { name.to_owned() } else { format!("{name}_part_{}", part + 1) }
 }
 
 /// Fine turns of a level's objects.
@@ -79,7 +92,7 @@ pub async fn fine(ctx: &PhaseCtx<'_>, level: Level, state: &mut SceneState) -> R
             TurnPanel::ALL.iter().map(|panel| (format!("{panel:?}"), panel.steps() * step)).collect();
         let mut moved = Vec::new();
         for (part, chunk) in turning.chunks(PER_QUESTION).enumerate() {
-            let name = if part == 0 { name.clone() } else { format!("{name}_part_{}", part + 1) };
+            let name = part_name(&name, part);
             let rows: Vec<usize> = chunk.iter().filter_map(|id| state.partial.position(id)).collect();
             let (shown, panels) = (state.clone(), panels.clone());
             let (sheet, objects) = ctx.computed(move || sheet(&shown, &rows, &panels)).await?;

@@ -185,6 +185,7 @@ async fn inspection_keeps_every_candidate_with_a_plausible_size_in_the_order_fro
             candidate("vase_01", "vase", near, Some(huge), None),
             candidate("blob_01", "unheard-of", far, None, Some(id("table_02"))),
         ],
+        others: vec![],
         placed: tables.map(KnownObject::Placed).to_vec(),
         templates: vec![],
         with_models: true,

@@ -143,16 +143,18 @@ fn every_candidate_is_answered_once_with_a_size() {
         ..InspectAnswer::default()
     };
     let asked = ids(&["chair_01", "chair_02"]);
-    assert_eq!(answer(&["chair_02", "chair_01"]).check(&asked), Ok(()));
-    assert!(complaint(answer(&["chair_01"]).check(&asked)).contains("no entry for chair_02"));
-    assert!(complaint(answer(&["chair_01", "chair_01"]).check(&asked)).contains("twice"));
-    assert!(complaint(answer(&["chair_01", "sofa_01"]).check(&asked)).contains("no candidate"));
+    assert_eq!(answer(&["chair_02", "chair_01"]).check(&asked, &[]), Ok(()));
+    assert!(complaint(answer(&["chair_01"]).check(&asked, &[])).contains("no entry for chair_02"));
+    assert!(complaint(answer(&["chair_01", "chair_01"]).check(&asked, &[])).contains("twice"));
+    assert!(complaint(answer(&["chair_01", "sofa_01"]).check(&asked, &[])).contains("no candidate"));
+    let whole_level = answer(&["chair_01", "chair_03"]);
+    assert_eq!(whole_level.check(&asked, &ids(&["chair_03"])), Ok(()), "recorded when more was asked at once");
     let mut flat = answer(&["chair_01", "chair_02"]);
     flat.objects[1].size_m.depth = 0.0;
-    assert!(complaint(flat.check(&asked)).contains("size_m.depth of chair_02"));
+    assert!(complaint(flat.check(&asked, &[])).contains("size_m.depth of chair_02"));
     flat.objects[1].size_m.depth = 0.5;
     flat.objects[1].front_deg = Some(720.0);
-    assert!(complaint(flat.check(&asked)).contains("front_deg of chair_02"));
+    assert!(complaint(flat.check(&asked, &[])).contains("front_deg of chair_02"));
 }
 
 #[test]

@@ -117,6 +117,7 @@ fn inspect(level: Level, with_models: bool) -> Question {
         room_type: "home office".into(),
         room: room(),
         candidates: vec![candidate("chair_01", None), candidate("chair_02", Some(id("desk_01")))],
+        others: if level == Level::Furniture { vec![candidate("chair_03", None)] } else { Vec::new() },
         placed: scene().into_iter().map(KnownObject::Placed).chain([KnownObject::Found(found)]).collect(),
         templates: vec!["chair".into(), "desk".into()],
         with_models,
