@@ -209,7 +209,8 @@ def hide_boards():
             tree.links.new(near.outputs[0], both.inputs[1])
             return both.outputs[0]
 
-        for _, material in own_materials([board]):
+        # With the floor below it, which no light reaches.
+        for _, material in own_materials([board, *meshes_below("floor")]):
             clear_for(material, beside)
 
 

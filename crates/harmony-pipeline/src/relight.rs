@@ -349,6 +349,9 @@ impl<'a, 'c> Stage<'a, 'c> {
         });
         let unseen: Vec<String> =
             lighting.lights.iter().filter(|light| is_unseen_window(light)).map(|light| light.id.clone()).collect();
+        // Light that comes from nowhere is no room's: where the photo shows no source, one outside it need only not be worse.
+        let is_lit = lighting.lights.iter().any(|light| light.on && !unseen.contains(&light.id));
+        let least_gain = if is_lit { UNSEEN_GAIN } else { 1.0 };
         let twins = twins_of(lighting);
         let of_twins = twins.clone();
         let (fitted, measured, weights, photo, errors) = self
@@ -364,7 +367,7 @@ impl<'a, 'c> Stage<'a, 'c> {
                 let shown = measured.without(|id| unseen.iter().any(|unseen| unseen == id));
                 let (without, with) = (fit(&shown), fit(&measured));
                 let believed = with.as_ref().is_ok_and(|with| {
-                    without.as_ref().is_ok_and(|shown| with.error.total() < UNSEEN_GAIN * shown.error.total())
+                    without.as_ref().is_ok_and(|shown| with.error.total() < least_gain * shown.error.total())
                 });
                 let errors = [&without, &with].map(|fit| fit.as_ref().ok().map(|fit| fit.error));
                 let (fitted, measured) = if believed { (with, measured) } else { (without, shown) };

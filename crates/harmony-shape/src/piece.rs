@@ -20,13 +20,17 @@ pub struct Piece {
     pub triangles: Vec<[u32; 3]>,
     /// Whether the surface is watertight once equal positions are welded.
     pub closed: bool,
+    /// Whether it is wound outwards though it is open, as turned walls are; else whoever wrote its points did not think of it.
+    pub outwards: bool,
 }
 
 impl Piece {
     /// Adds another piece; closed only when both are.
     pub fn append(&mut self, other: &Self) {
         let base = self.positions.len() as u32;
-        self.closed = (self.positions.is_empty() || self.closed) && other.closed;
+        let first = self.positions.is_empty();
+        self.closed = (first || self.closed) && other.closed;
+        self.outwards = (first || self.outwards) && other.outwards;
         self.positions.extend_from_slice(&other.positions);
         self.normals.extend_from_slice(&other.normals);
         self.uvs.extend_from_slice(&other.uvs);

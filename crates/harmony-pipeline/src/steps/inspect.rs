@@ -229,3 +229,39 @@ fn tidied(mut object: InspectedObject) -> InspectedObject {
     object.kind = object.kind.trim().to_lowercase();
     object
 }
+
+#[cfg(test)]
+mod tests {
+    use harmony_roles::Detection;
+    use harmony_scene::{ImageSize, PixelBox};
+
+    use super::*;
+
+    fn candidates(labels: &[&str]) -> Vec<Object> {
+        let object = |(k, label): (usize, &&str)| {
+            let bounds = PixelBox { x0: 0.0, y0: 0.0, x1: 4.0, y1: 4.0 };
+            let detection =
+                Detection { label: (*label).into(), phrase: String::new(), bounds, score: None, outline: None };
+            let mask = Mask::empty(ImageSize::new(8, 8));
+            Object::found(ObjectId::numbered(label, k + 1), Level::Furniture, detection, mask)
+        };
+        labels.iter().enumerate().map(object).collect()
+    }
+
+    fn ids(batches: &[Vec<Object>]) -> Vec<Vec<String>> {
+        batches.iter().map(|batch| batch.iter().map(|o| o.id.to_string()).collect()).collect()
+    }
+
+    #[test]
+    fn batches_are_alike_in_size_and_hold_sets_together() {
+        assert_eq!(ids(&batches(&candidates(&[]))), Vec::<Vec<String>>::new());
+        let few = candidates(&["sofa", "chair", "table", "chair"]);
+        assert_eq!(ids(&batches(&few)), [["sofa_01", "chair_02", "table_03", "chair_04"]], "as they were found");
+        let many = candidates(&["chair", "lamp", "chair", "bed", "chair", "rug", "chair", "desk", "lamp"]);
+        let of = ids(&batches(&many));
+        assert_eq!(of[0], ["chair_01", "chair_03", "chair_05", "chair_07", "lamp_02"]);
+        assert_eq!(of[1], ["lamp_09", "bed_04", "rug_06", "desk_08"]);
+        let level: Vec<&str> = std::iter::repeat_n("cup", 17).collect();
+        assert_eq!(batches(&candidates(&level)).iter().map(Vec::len).collect::<Vec<_>>(), [6, 6, 5]);
+    }
+}

@@ -386,7 +386,8 @@ fn recolor_object(state: &mut SceneState, id: &ObjectId, action: &LastAction) ->
     let Some(mesh) = state.mesh_of(id) else { return (false, format!("there is no object {id}")) };
     let Some((slot, factor)) = recoloring(mesh, action.slot.as_deref(), linear_rgb(rgb)) else {
         let slots: Vec<&str> = mesh.materials.iter().map(|m| m.name.as_str()).collect();
-        return (false, format!("it has no slot {:?}; its slots are {}", action.slot, slots.join(", ")));
+        let wanted = action.slot.as_deref().unwrap_or("of one colour");
+        return (false, format!("it has no slot {wanted}; its slots are {}", slots.join(", ")));
     };
     let index = state.partial.find(id).map_or(0, |p| p.item.index);
     let before = difference(state, |own| own == index);

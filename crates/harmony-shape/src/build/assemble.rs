@@ -124,7 +124,7 @@ const ONE_WAY: f64 = 0.5;
 /// way it winds. That side is the upper one of what lies, the front of what stands across, the outer one of what stands
 /// along. Renderers draw both sides; the photo is painted and its light is laid on the one that normals tell.
 fn shows_its_back(part: &Part, origin: DVec3) -> bool {
-    if part.piece.closed {
+    if part.piece.closed || part.piece.outwards {
         return false;
     }
     let at = |v: u32| part.place.transform_point3(part.piece.positions[v as usize]) + origin;

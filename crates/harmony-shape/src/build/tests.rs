@@ -286,6 +286,26 @@ fn a_piece_of_the_photo_of_a_sides_size_lies_on_it_once() {
 }
 
 #[test]
+fn a_turned_wall_that_is_open_shows_its_outside_however_broad_its_foot_is() {
+    // A table's edge: more of it faces down than outwards.
+    let profile = vec![[0.44, 0.966], [0.496, 0.966], [0.5, 0.972], [0.5, 0.987], [0.498, 0.989]];
+    let mut m = Maker::default();
+    let turned = Kind::Lathe { profile, smooth_deg: 30.0, wall: 0.0, oval: 1.0, lobes: 0, lobe_depth: 0.0 };
+    m.node("edge", None, turned);
+    let mesh = m.build().mesh;
+    let at = |v: u32| mesh.positions[v as usize].as_dvec3();
+    let (mut out, mut down) = (0, 0);
+    for [a, b, c] in mesh.triangles().map(|t| t.map(at)) {
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let middle = (a + b + c) / 3.0;
+        assert!(normal.x * middle.x + normal.z * middle.z > -1e-3 && normal.y < 0.9, "{normal} at {middle}");
+        out += usize::from(normal.y.abs() < 0.2);
+        down += usize::from(normal.y < -0.9);
+    }
+    assert!(out > 0 && down > 0, "{out} {down}");
+}
+
+#[test]
 fn booleans_shells_and_blends_work_in_trees() {
     let mut m = Maker::default();
     let a = m.cube("wall", None, [1.0, 1.0, 0.2]);

@@ -79,8 +79,14 @@ pub(super) fn grid_triangles(nu: u32, nv: u32, base: u32, into: &mut Vec<[u32; 3
 /// An open sheet from a grid of points, its normals towards `u x v`.
 pub(super) fn sheet(points: Vec<DVec3>, uvs: Vec<DVec2>, nu: u32) -> Piece {
     let nv = points.len() as u32 / nu.max(1);
-    let mut piece =
-        Piece { normals: vec![DVec3::Y; points.len()], positions: points, uvs, triangles: Vec::new(), closed: false };
+    let mut piece = Piece {
+        normals: vec![DVec3::Y; points.len()],
+        positions: points,
+        uvs,
+        triangles: Vec::new(),
+        closed: false,
+        outwards: false,
+    };
     grid_triangles(nu, nv, 0, &mut piece.triangles);
     smooth_normals(&mut piece);
     piece

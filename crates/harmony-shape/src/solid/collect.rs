@@ -109,7 +109,7 @@ fn normals(piece: &mut Piece, groups: &[u32], weld: &[u32]) {
 pub(super) fn merged(piece: &Piece) -> Piece {
     type Key = ([i64; 3], [i32; 3], [i64; 2]);
     let mut first: HashMap<Key, u32> = HashMap::with_capacity(piece.positions.len());
-    let mut out = Piece { closed: piece.closed, ..Piece::default() };
+    let mut out = Piece { closed: piece.closed, outwards: piece.outwards, ..Piece::default() };
     let mut new_of = vec![u32::MAX; piece.positions.len()];
     for t in &piece.triangles {
         let t = t.map(|i| {

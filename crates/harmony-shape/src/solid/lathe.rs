@@ -88,7 +88,7 @@ pub fn lathe(l: &Lathe<'_>) -> Result<Piece, String> {
             }
         }
     }
-    Ok(out.finish())
+    Ok(Piece { outwards: true, ..out.finish() })
 }
 
 fn clean(profile: &[[f64; 2]]) -> Result<(Vec<DVec2>, bool), String> {

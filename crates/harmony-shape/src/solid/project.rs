@@ -37,7 +37,7 @@ pub fn box_projected(piece: &Piece) -> Piece {
         })
         .collect();
     side = voted;
-    let mut out = Piece { closed: piece.closed, ..Piece::default() };
+    let mut out = Piece { closed: piece.closed, outwards: piece.outwards, ..Piece::default() };
     for (t, s) in piece.triangles.iter().zip(&side) {
         let [right, up, _] = SIDES[*s];
         let base = out.positions.len() as u32;
