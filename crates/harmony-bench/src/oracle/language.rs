@@ -396,7 +396,7 @@ impl Oracle {
                 }
             })
             .collect();
-        let mut order = self.from_the_corner(shown.iter().filter_map(|(id, _, o)| Some((id.as_str(), (*o)?))));
+        let mut order = self.away_from_corner(shown.iter().filter_map(|(id, _, o)| Some((id.as_str(), (*o)?))));
         let level = question.level.folder();
         if self.draws.happens(&format!("disordered {level}"), self.noise.disordered) {
             order.sort_by_key(|id| self.draws.rng(&format!("place of {id}")).random::<u64>());
@@ -409,7 +409,7 @@ impl Oracle {
     }
 
     /// The paper's order: ids of objects, away from the deepest corner.
-    pub(super) fn from_the_corner<'a>(&self, objects: impl Iterator<Item = (&'a str, usize)>) -> Vec<String> {
+    pub(super) fn away_from_corner<'a>(&self, objects: impl Iterator<Item = (&'a str, usize)>) -> Vec<String> {
         let corner = match self.room.seen_corner() {
             Some((Wall::Right, _)) => DVec3::new(self.room.extents.width, 0.0, 0.0),
             _ => DVec3::ZERO,

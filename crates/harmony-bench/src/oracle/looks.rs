@@ -74,7 +74,7 @@ impl Oracle {
             }
         }
         let ids = question.order.iter().filter_map(|id| Some((id.as_str(), self.recall(id.as_str())?)));
-        let placement_order = self.from_the_corner(ids);
+        let placement_order = self.away_from_corner(ids);
         ReorderAnswer { placement_order, hosts, sizes, reason: "as the photo has them".into() }
     }
 

@@ -65,7 +65,7 @@ fn the_oracle_outlines_faces_where_they_are() {
                 LayoutFeatureKind::Block => assert!((away - feature.depth_m).abs() < 0.02, "{}", feature.what),
                 LayoutFeatureKind::Niche => assert!((away + feature.depth_m).abs() < 0.02, "{}", feature.what),
                 LayoutFeatureKind::Slope | LayoutFeatureKind::Tray | LayoutFeatureKind::Vault => {
-                    assert_eq!(exit.surface, Surface::Ceiling)
+                    assert_eq!(exit.surface, Surface::Ceiling);
                 }
             }
         }
