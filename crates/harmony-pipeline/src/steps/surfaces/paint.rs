@@ -195,7 +195,12 @@ impl Piece {
                     let image = own.complete_as(&look);
                     (look, image, "what was seen of it, in the named pattern")
                 }
-                None => (own.look.clone(), own.complete(), "what was seen of it"),
+                None => match self.alike_seen_better(all, answer) {
+                    Some(look) => {
+                        (look.clone(), own.complete_as(&look), "what was seen of it, and the grain of a wall like it")
+                    }
+                    None => (own.look.clone(), own.complete(), "what was seen of it"),
+                },
             }
         } else {
             let (look, from) = self.borrowed(all, plain, light, answer);
@@ -243,6 +248,26 @@ impl Piece {
         let others = all.iter().filter(|p| whole(p) && repeats(p)).filter(alike);
         let best = others.filter_map(|p| p.seen()).max_by(|a, b| a.seen_area.total_cmp(&b.seen_area))?;
         Some(&best.look)
+    }
+
+    /// What a wall goes on as of which too little is seen to tell its grain, and which was named without a pattern: the grain of
+    /// the wall that was named alike and shows most, or none. The mouldings of a casing in a strip a hand wide had become the
+    /// wainscot of a whole wall.
+    fn alike_seen_better(&self, all: &[Self], answer: &[LayoutSurface]) -> Option<Look> {
+        let plain = |p: &Self| {
+            let named = answer.iter().find(|s| s.surface.surface() == p.surface)?;
+            let is_wall = p.surface.wall().is_some() && p.strip.kind.is_none();
+            named.rgb().filter(|_| is_wall && named.pattern.is_none())
+        };
+        let (own, named) = (self.seen()?, plain(self)?);
+        if own.seen_area >= ENOUGH || own.look.periods().is_some() {
+            return None;
+        }
+        let alike = |p: &&Self| plain(p).is_some_and(|color| lab_distance(color, named) < ONE_PAINT);
+        let others = all.iter().filter(alike).filter_map(Self::seen).filter(|s| s.seen_area >= ENOUGH);
+        let best = others.max_by(|a, b| a.seen_area.total_cmp(&b.seen_area));
+        let color = own.look.color;
+        Some(best.map_or_else(|| Look::plain(color, SEED), |other| other.look.tinted(color)))
     }
 
     /// The pattern that the answer gives this strip.
@@ -553,6 +578,31 @@ mod tests {
         let both = [named(SurfaceName::WallBack), named(SurfaceName::WallLeft)];
         assert!((105..140).contains(&far(&both)), "{}", far(&both));
         assert!(far(&both[..1]) < 85, "nobody said that they are of one paint");
+    }
+
+    #[test]
+    fn the_mouldings_in_a_narrow_strip_are_not_what_a_plain_wall_goes_on_as() {
+        let mut all = faces([None, None, Some([150, 140, 120]), None, None, None]);
+        let right = all.iter_mut().find(|f| f.surface == Surface::Right).unwrap();
+        let (w, h) = right.texture.dimensions();
+        right.texture = RgbaImage::from_fn(w, h, |x, _| {
+            let tone = if (x / 3).is_multiple_of(2) { 150 } else { 110 };
+            if x < 12 { Rgba([tone, tone - 10, tone - 30, 255]) } else { Rgba([0; 4]) }
+        });
+        let named = |wall| {
+            serde_json::from_value(json!({ "surface": wall, "color_hex": "#c2ab88", "finish": "matt" })).unwrap()
+        };
+        let answer: Vec<LayoutSurface> = vec![named("wall_back"), named("wall_right")];
+        let painted = paint(&all, &answer, &room(&[]), true, false);
+        let right = &painted.textures[&Surface::Right];
+        let rough = |x: u32| {
+            (20..100)
+                .map(|y| u32::from(right.get_pixel(x, y).0[0].abs_diff(right.get_pixel(x + 3, y).0[0])))
+                .sum::<u32>()
+        };
+        let far: u32 = (60..90).map(rough).sum::<u32>() / 30;
+        assert!(far < 80 * 8, "stripes go on: {far}");
+        assert!(rough(3) > 80 * 20, "what was seen stays: {}", rough(3));
     }
 
     #[test]
