@@ -138,6 +138,11 @@ fn mat3(v: &Value) -> Option<DMat3> {
     Some(DMat3::from_cols(vec3(v.get(0)?)?, vec3(v.get(1)?)?, vec3(v.get(2)?)?).transpose())
 }
 
+/// Place of a niche in the room's shape by its name: `niche_01`.
+fn niche_named(name: &str) -> Option<usize> {
+    name.strip_prefix("niche_")?.parse::<usize>().ok()?.checked_sub(1)
+}
+
 /// A wall by its name in the truth.
 pub fn wall_named(text: &str) -> Option<Wall> {
     match text {
@@ -392,7 +397,10 @@ fn object(o: &Value, v: &[[f32; 3]], f: &[[u32; 3]]) -> Option<TruthObject> {
         "ceiling" => Support::Ceiling,
         other => match other.strip_prefix("wall_").and_then(wall_named) {
             Some(wall) => Support::Wall { wall },
-            None => Support::Object { id: ObjectId::new(other).ok()? },
+            None => match niche_named(other) {
+                Some(niche) => Support::Niche { niche },
+                None => Support::Object { id: ObjectId::new(other).ok()? },
+            },
         },
     };
     let facing = text("facing").filter(|f| f != "room");

@@ -26,7 +26,7 @@ pub(crate) fn held_by(object: &SceneObject, evidence: &Evidence) -> Option<Wall>
             let reach = object.size.depth / 2.0 + HELD_M;
             wall.distance(&evidence.extents, object.pose.position) < reach
         }),
-        Support::Ceiling | Support::Object { .. } | Support::Block { .. } => None,
+        Support::Ceiling | Support::Object { .. } | Support::Block { .. } | Support::Niche { .. } => None,
     }
 }
 

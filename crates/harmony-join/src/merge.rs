@@ -392,7 +392,7 @@ fn at_walls(sources: &[Source], things: &mut [Thing], joint: &Joint) {
                 let off = gap - wall.distance(&joint.extents, t.object.pose.position);
                 t.object.pose.position += wall.normal() * off;
             }
-            (Support::Floor | Support::Object { .. } | Support::Block { .. }, _) => {
+            (Support::Floor | Support::Object { .. } | Support::Block { .. } | Support::Niche { .. }, _) => {
                 let (low, high) = bounds(t);
                 for wall in Wall::ALL {
                     let nearest = if wall.normal().dot(DVec3::ONE) > 0.0 { low } else { high };

@@ -32,7 +32,10 @@ pub const LIGHTEST_KG: f64 = 0.02;
 /// Whether an object moves.
 pub fn motion(object: &SceneObject) -> Motion {
     let kind = kind(&object.label);
-    let on_something = matches!(object.support, Support::Floor | Support::Object { .. } | Support::Block { .. });
+    let on_something = matches!(
+        object.support,
+        Support::Floor | Support::Object { .. } | Support::Block { .. } | Support::Niche { .. }
+    );
     let hung = matches!(object.level, Level::Wall | Level::Ceiling) || !on_something;
     let of_the_room = kind.is_some_and(|k| {
         k.opening.is_some() || [Trait::Flat, Trait::Hangs, Trait::Fixed].into_iter().any(|own| k.has(own))

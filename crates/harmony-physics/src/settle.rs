@@ -198,7 +198,8 @@ pub(crate) fn support_name(support: &Support) -> String {
         Support::Ceiling => "ceiling".to_owned(),
         Support::Wall { wall } => harmony_mesh::shell_material_name(wall.surface()).to_owned(),
         Support::Object { id } => id.to_string(),
-        Support::Block { block } => harmony_scene::Block::id(*block).to_string(),
+        Support::Block { block } => harmony_scene::Ledge::Block(*block).id().to_string(),
+        Support::Niche { niche } => harmony_scene::Ledge::Niche(*niche).id().to_string(),
     }
 }
 

@@ -13,7 +13,8 @@ use harmony_render::{
     render_depth_ids, render_window,
 };
 use harmony_scene::{
-    Block, Camera, ImageSize, Intrinsics, Level, ObjectId, PixelBox, Pose, Room, Size, Support, Surface, gone_with,
+    Camera, ImageSize, Intrinsics, Ledge, LedgeTop, Level, ObjectId, PixelBox, Pose, Room, Size, Support, Surface,
+    gone_with,
 };
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 
@@ -525,18 +526,20 @@ pub fn placed_object(p: &Placed) -> PlacedObject {
     }
 }
 
-/// The blocks of the room on which things can stand, for questions: they are hosts like objects, but nothing moves them.
+/// The parts of the room on which things can stand, for questions: they are hosts like objects, but nothing moves them.
 pub fn ledges(state: &SceneState) -> Vec<PlacedObject> {
-    let row = |(index, block): (usize, &Block)| {
-        let [width, height, depth] = (block.max - block.min).to_array();
+    let row = |(ledge, top): (Ledge, LedgeTop<'_>)| {
+        let [low, high] = top.area;
+        let (middle, sides) = ((low + high) / 2.0, high - low);
+        let foot = if matches!(ledge, Ledge::Block(_)) { top.height - top.tall } else { top.height };
         PlacedObject {
-            id: Block::id(index),
-            label: format!("{}, part of the room", block.kind),
+            id: ledge.id(),
+            label: format!("{}, part of the room", top.kind),
             level: Level::Furniture,
             seen: None,
-            position: ((block.min + block.max) / 2.0).with_y(block.min.y).to_array(),
+            position: [middle.x, foot, middle.y],
             yaw_deg: 0.0,
-            size: Size { width, height, depth },
+            size: Size { width: sides.x, height: top.tall, depth: sides.y },
             support: Support::Floor,
             outline_agreement: None,
         }

@@ -507,7 +507,7 @@ mod tests {
             scene.room.shape.blocks = vec![ledge.clone()];
             let mut vase = boxed(&scene, Vec3::new(0.2, 0.3, 0.2), at, 0.0);
             (vase.id, vase.level) = (name.clone(), Level::Decoration);
-            vase.relations.on_top_of = said.then(|| harmony_scene::Block::id(0));
+            vase.relations.on_top_of = said.then(|| harmony_scene::Ledge::Block(0).id());
             place_level(&mut scene, vec![vase], None, &settings);
             let placed = scene.find(&name).unwrap();
             assert_eq!(placed.support, Support::Block { block: 0 }, "{said}");
@@ -526,6 +526,30 @@ mod tests {
         place_level(&mut scene, vec![board], None, &settings);
         let z = scene.placed[0].pose.position.z;
         assert!((z - 0.15).abs() < 0.03, "{z}");
+    }
+
+    #[test]
+    fn what_is_in_a_windows_recess_stands_on_its_sill() {
+        let settings = PlacementSettings { point_map: false, ..PlacementSettings::default() };
+        let at = Vec3::new(2.4, 0.7, -0.15);
+        for said in [true, false] {
+            let mut scene = empty_room();
+            scene.room.shape.niches = vec![harmony_scene::Niche {
+                kind: "window recess".to_owned(),
+                surface: harmony_scene::Surface::Back,
+                sides: None,
+                glow: None,
+                min: Vec3::new(1.8, 0.7, -0.3),
+                max: Vec3::new(3.0, 2.0, 0.0),
+            }];
+            let mut vase = boxed(&scene, Vec3::new(0.2, 0.3, 0.2), at, 0.0);
+            (vase.id, vase.level) = (ObjectId::numbered("vase", 1), Level::Decoration);
+            vase.relations.on_top_of = said.then(|| harmony_scene::Ledge::Niche(0).id());
+            place_level(&mut scene, vec![vase], None, &settings);
+            let placed = &scene.placed[0];
+            assert_eq!(placed.support, Support::Niche { niche: 0 }, "{said}");
+            assert!(placed.pose.position.distance(at) < 0.05, "{said}: {}", placed.pose.position);
+        }
     }
 
     #[test]

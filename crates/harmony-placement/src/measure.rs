@@ -48,7 +48,7 @@ fn contact_gap(constraint: &PoseConstraint, object: usize) -> f64 {
     let at = placed.pose.position;
     match constraint.attachment {
         Attachment::Floor | Attachment::AgainstWall(_) => at.y,
-        Attachment::OnHost { .. } | Attachment::OnBlock { .. } => at.y - constraint.settle(&placed.pose).position.y,
+        Attachment::OnHost { .. } | Attachment::OnLedge(_) => at.y - constraint.settle(&placed.pose).position.y,
         // The thick part of a window is in the wall: where it should be is not where its back touches.
         Attachment::OnWall(wall) => {
             let away = |at| wall.distance(&scene.room.extents, at);

@@ -2,7 +2,7 @@
 
 use std::fmt::{Display, Formatter, Result};
 
-use harmony_scene::{Block, Extents, ImageSize, Level, ObjectId, PixelBox, RoomShape, Size, Support, Vec3};
+use harmony_scene::{Extents, ImageSize, Ledge, Level, ObjectId, PixelBox, RoomShape, Size, Support, Vec3};
 use serde::{Serialize, Serializer};
 
 /// The room and where the camera stands in it.
@@ -39,12 +39,16 @@ impl Display for RoomSummary {
         for (i, block) in blocks.iter().enumerate() {
             write!(f, " Solid: {}, {}", block.kind, between(block.min, block.max))?;
             if block.carries(&self.extents) {
-                write!(f, " (what stands or lies on it is on top of {})", Block::id(i))?;
+                write!(f, " (what stands or lies on it is on top of {})", Ledge::Block(i).id())?;
             }
             write!(f, ".")?;
         }
-        for niche in niches {
-            write!(f, " Free: {}, {}.", niche.kind, between(niche.min, niche.max))?;
+        for (i, niche) in niches.iter().enumerate() {
+            write!(f, " Free: {}, {}", niche.kind, between(niche.min, niche.max))?;
+            if niche.carries() {
+                write!(f, " (what stands or lies in it is on top of {})", Ledge::Niche(i).id())?;
+            }
+            write!(f, ".")?;
         }
         for slope in slopes {
             let (wall, low, run) = (slope.wall.surface().name(), slope.low, slope.run);
@@ -120,7 +124,8 @@ impl Display for PlacedObject {
             Support::Ceiling => write!(f, "under the ceiling")?,
             Support::Wall { wall } => write!(f, "on the {} wall", wall.surface().name())?,
             Support::Object { id } => write!(f, "on {id}")?,
-            Support::Block { block } => write!(f, "on {}", Block::id(*block))?,
+            Support::Block { block } => write!(f, "on {}", Ledge::Block(*block).id())?,
+            Support::Niche { niche } => write!(f, "on {}", Ledge::Niche(*niche).id())?,
         }
         self.outline_agreement.map_or(Ok(()), |iou| write!(f, ", outline agreement {iou:.2}"))
     }

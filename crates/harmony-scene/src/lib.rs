@@ -40,7 +40,7 @@ pub use points::{PointMap, PointMapKind};
 pub use raster::{Mask, PixelBox};
 pub use room::{Extents, Opening, OpeningKind, Room, Surface, SurfaceTexture, Wall};
 pub use scene::{SCENE_VERSION, Scene, SceneCamera};
-pub use shape::{Block, Exit, Niche, RoomFace, RoomFaces, RoomShape, Slope, WallPlane, clipped};
+pub use shape::{Block, Exit, Ledge, LedgeTop, Niche, RoomFace, RoomFaces, RoomShape, Slope, WallPlane, clipped};
 pub use similarity::Similarity;
 pub use turn::QuarterTurn;
 pub use warning::{Warning, WarningKind};

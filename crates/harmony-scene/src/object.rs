@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{ObjectId, PixelBox, Surface, SurfaceMaterial, Wall};
+use crate::{Ledge, ObjectId, PixelBox, Surface, SurfaceMaterial, Wall};
 
 /// The four object levels, in the order they are detected; placement goes wall, furniture, ceiling, decoration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
@@ -174,6 +174,22 @@ pub enum Support {
         /// Index into the blocks of the room's shape.
         block: usize,
     },
+    /// It stands on the floor of a niche: a window's recess, an alcove in the wall.
+    Niche {
+        /// Index into the niches of the room's shape.
+        niche: usize,
+    },
+}
+
+impl Support {
+    /// The part of the room on which it stands, where that is not the floor.
+    pub fn ledge(&self) -> Option<Ledge> {
+        match self {
+            Self::Block { block } => Some(Ledge::Block(*block)),
+            Self::Niche { niche } => Some(Ledge::Niche(*niche)),
+            Self::Floor | Self::Ceiling | Self::Wall { .. } | Self::Object { .. } => None,
+        }
+    }
 }
 
 /// Share of the room's height above which a thing under the ceiling belongs to it rather than hanging in the room.
@@ -189,7 +205,7 @@ pub fn gone_with<'a>(
 ) -> BTreeSet<&'a ObjectId> {
     let objects: Vec<_> = objects.into_iter().collect();
     let fixed = |support: &Support, bottom: f64| match support {
-        Support::Floor | Support::Object { .. } | Support::Block { .. } => false,
+        Support::Floor | Support::Object { .. } | Support::Block { .. } | Support::Niche { .. } => false,
         Support::Ceiling => omit.contains(&Surface::Ceiling) && bottom > UNDER_THE_CEILING * height,
         Support::Wall { wall } => omit.contains(&wall.surface()),
     };

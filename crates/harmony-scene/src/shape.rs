@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3, Vec3Swizzles as _};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Extents, ObjectId, Ray, Room, Surface, Wall};
+use crate::{Extents, ObjectId, Ray, Room, Support, Surface, Wall};
 
 /// Lengths below this are none, metres.
 const EPS: f64 = 1e-6;
@@ -29,6 +29,8 @@ const STEP: f64 = 0.03;
 /// A block on which something can stand is this wide and deep, and so far below the ceiling, metres.
 const MIN_LEDGE: f64 = 0.04;
 const MIN_ROOM_ABOVE: f64 = 0.3;
+/// A niche in which something can stand is this high, metres.
+const MIN_IN_NICHE: f64 = 0.1;
 
 /// What begins so little below the top of a ledge is above it, metres.
 const ABOVE_LEDGE: f64 = 0.05;
@@ -72,14 +74,62 @@ impl Block {
         self.max.y > STEP && self.max.y < extents.height - MIN_ROOM_ABOVE && sides.min_element() >= MIN_LEDGE
     }
 
-    /// What a block of the room's shape is called where things stand on it.
-    pub fn id(index: usize) -> ObjectId {
-        ObjectId::numbered("block", index + 1)
-    }
-
     /// Whether all of a face lies on it.
     pub fn has(&self, face: &RoomFace) -> bool {
         face.polygon.iter().all(|p| p.cmpge(self.min - EPS).all() && p.cmple(self.max + EPS).all())
+    }
+}
+
+/// A level part of the room on which things stand: the top of a block, the floor of a niche; by their place in the shape.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ledge {
+    /// The top of a block.
+    Block(usize),
+    /// The floor of a niche.
+    Niche(usize),
+}
+
+impl Ledge {
+    /// What it is called where things stand on it.
+    pub fn id(self) -> ObjectId {
+        match self {
+            Self::Block(index) => ObjectId::numbered("block", index + 1),
+            Self::Niche(index) => ObjectId::numbered("niche", index + 1),
+        }
+    }
+
+    /// What carries an object that stands on it.
+    pub fn support(self) -> Support {
+        match self {
+            Self::Block(block) => Support::Block { block },
+            Self::Niche(niche) => Support::Niche { niche },
+        }
+    }
+}
+
+/// Where things stand on a ledge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LedgeTop<'a> {
+    /// What the block or the niche is, in a word.
+    pub kind: &'a str,
+    /// Smallest and largest x and z, metres.
+    pub area: [DVec2; 2],
+    /// Height above the floor, metres.
+    pub height: f64,
+    /// Height of what has it, metres: of a block to its top, of a niche to its upper end.
+    pub tall: f64,
+}
+
+impl LedgeTop<'_> {
+    /// Whether a place lies over it, whatever its height.
+    pub fn is_under(&self, at: DVec3) -> bool {
+        at.xz().cmpge(self.area[0]).all() && at.xz().cmple(self.area[1]).all()
+    }
+
+    /// The nearest place over it, at its height.
+    pub fn nearest(&self, at: DVec3) -> DVec3 {
+        let p = at.xz().clamp(self.area[0], self.area[1]);
+        DVec3::new(p.x, self.height, p.y)
     }
 }
 
@@ -103,6 +153,17 @@ pub struct Niche {
     /// Its largest coordinates, metres.
     #[schemars(with = "[f64; 3]")]
     pub max: DVec3,
+}
+
+impl Niche {
+    /// Whether something can stand in it, above the floor.
+    pub fn carries(&self) -> bool {
+        let sides = self.max - self.min;
+        self.surface.wall().is_some()
+            && self.min.y > STEP
+            && sides.min_element() >= MIN_LEDGE
+            && sides.y >= MIN_IN_NICHE
+    }
 }
 
 /// A plane of the ceiling that comes down towards a wall, along all of it.
@@ -607,14 +668,31 @@ impl Room {
         out.into_iter().map(|(plane, _)| plane).collect()
     }
 
-    /// The blocks on which something can stand, with their indices.
-    pub fn ledges(&self) -> impl Iterator<Item = (usize, &Block)> {
-        self.shape.blocks.iter().enumerate().filter(|(_, block)| block.carries(&self.extents))
+    /// The parts of the room on which something can stand beside its floor.
+    pub fn ledges(&self) -> impl Iterator<Item = (Ledge, LedgeTop<'_>)> {
+        let blocks = self.shape.blocks.iter().enumerate().filter(|(_, block)| block.carries(&self.extents));
+        let niches = self.shape.niches.iter().enumerate().filter(|(_, niche)| niche.carries());
+        let all = blocks.map(|(i, _)| Ledge::Block(i)).chain(niches.map(|(i, _)| Ledge::Niche(i)));
+        all.filter_map(|ledge| Some((ledge, self.ledge_top(ledge)?)))
     }
 
-    /// The block of a name ([`Block::id`]), where something can stand on it.
-    pub fn ledge_named(&self, id: &ObjectId) -> Option<usize> {
-        self.ledges().map(|(index, _)| index).find(|index| Block::id(*index) == *id)
+    /// Where things stand on a ledge; `None` where the shape has no such part.
+    pub fn ledge_top(&self, ledge: Ledge) -> Option<LedgeTop<'_>> {
+        let of = |kind, min: DVec3, max: DVec3, height| LedgeTop {
+            kind,
+            area: [min.xz(), max.xz()],
+            height,
+            tall: max.y - min.y,
+        };
+        match ledge {
+            Ledge::Block(i) => self.shape.blocks.get(i).map(|b| of(b.kind.as_str(), b.min, b.max, b.max.y)),
+            Ledge::Niche(i) => self.shape.niches.get(i).map(|n| of(n.kind.as_str(), n.min, n.max, n.min.y)),
+        }
+    }
+
+    /// The ledge of a name ([`Ledge::id`]), where something can stand on it.
+    pub fn ledge_named(&self, id: &ObjectId) -> Option<Ledge> {
+        self.ledges().map(|(ledge, _)| ledge).find(|ledge| ledge.id() == *id)
     }
 
     /// Those of [`Room::planes`] that furniture can stand against: they come down to the floor, over more than a hand's

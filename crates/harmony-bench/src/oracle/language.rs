@@ -503,6 +503,11 @@ impl Oracle {
                 other => other,
             };
             self.where_on_host(o, object, host.as_str());
+        } else if let Some(ledge) = object.support.ledge() {
+            let name = ledge.id().to_string();
+            let of_its_kind = |id: &&String| id.split('_').next() == name.split('_').next();
+            let same = placed.iter().find(|id| **id == name);
+            o.on_top_of = same.or_else(|| placed.iter().find(of_its_kind)).cloned();
         } else if object.level == Level::Decoration {
             o.placement_type = PlacementType::OnFloor;
         }

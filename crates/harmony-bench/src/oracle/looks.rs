@@ -161,7 +161,11 @@ impl Oracle {
                         let like = of_kind().filter(|k| *k != i && twin(k)).find_map(there);
                         let host = match &object.support {
                             Support::Object { id } => self.id_of(id.as_str()).filter(|h| placed.contains(h.as_str())),
-                            Support::Floor | Support::Ceiling | Support::Wall { .. } | Support::Block { .. } => None,
+                            Support::Floor
+                            | Support::Ceiling
+                            | Support::Wall { .. }
+                            | Support::Block { .. }
+                            | Support::Niche { .. } => None,
                         };
                         Some(MissingInstance { bounds, like, host })
                     })

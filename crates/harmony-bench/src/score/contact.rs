@@ -163,7 +163,10 @@ pub fn faults(truth: &TruthRoom, run: &Prediction, scores: &[ObjectScore]) -> (V
         let host = |id: &str| run.objects.iter().position(|h| h.object.id.as_str() == id);
         let gap = match &o.object.support {
             Support::Floor => solid.bounds.min.y,
-            Support::Block { block } => solid.bounds.min.y - run.room.shape.blocks.get(*block).map_or(0.0, |b| b.max.y),
+            Support::Block { .. } | Support::Niche { .. } => {
+                let top = o.object.support.ledge().and_then(|ledge| run.room.ledge_top(ledge));
+                solid.bounds.min.y - top.map_or(0.0, |top| top.height)
+            }
             Support::Ceiling => run.room.extents.height - solid.bounds.max.y,
             Support::Wall { wall } => wall_gap(*wall, run, solid),
             Support::Object { id } => match host(id.as_str()).and_then(|h| solids[h].as_ref()) {
@@ -191,7 +194,7 @@ fn true_gap(truth: &TruthRoom, t: &TruthObject) -> Option<f64> {
     Some(match &t.support {
         Support::Floor => solid.bounds.min.y,
         Support::Ceiling => truth.extents.height - solid.bounds.max.y,
-        Support::Wall { .. } | Support::Block { .. } => 0.0,
+        Support::Wall { .. } | Support::Block { .. } | Support::Niche { .. } => 0.0,
         Support::Object { id } => solid.gap_above(&Solid::new(&in_room(truth.find(id.as_str())?))?)?,
     })
 }

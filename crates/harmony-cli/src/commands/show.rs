@@ -57,7 +57,8 @@ pub fn run(args: &Args) -> Result<u8> {
             Support::Ceiling => "ceiling".to_owned(),
             Support::Wall { wall } => format!("{} wall", wall.surface().name()),
             Support::Object { id } => id.to_string(),
-            Support::Block { block } => harmony_scene::Block::id(*block).to_string(),
+            Support::Block { block } => harmony_scene::Ledge::Block(*block).id().to_string(),
+            Support::Niche { niche } => harmony_scene::Ledge::Niche(*niche).id().to_string(),
         };
         let (s, p) = (o.size, o.pose.position);
         say!(

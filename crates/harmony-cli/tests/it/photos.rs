@@ -54,7 +54,8 @@ fn replayed(name: &str, photo: &str, more: &[String], least_objects: usize, leas
             Support::Ceiling => "ceiling".to_owned(),
             Support::Wall { wall } => format!("{wall:?}").to_lowercase(),
             Support::Object { id } => id.to_string(),
-            Support::Block { block } => harmony_scene::Block::id(*block).to_string(),
+            Support::Block { block } => harmony_scene::Ledge::Block(*block).id().to_string(),
+            Support::Niche { niche } => harmony_scene::Ledge::Niche(*niche).id().to_string(),
         };
         assert_eq!(found, *host, "{id}");
     }

@@ -67,7 +67,7 @@ fn belongs(world: &World, wall: Wall, item: &Item) -> bool {
         Support::Object { id } => {
             return world.item(id).is_some_and(|host| host.object.id != o.id && before(world, wall, host));
         }
-        Support::Floor | Support::Ceiling | Support::Block { .. } => {}
+        Support::Floor | Support::Ceiling | Support::Block { .. } | Support::Niche { .. } => {}
     }
     before(world, wall, item)
 }

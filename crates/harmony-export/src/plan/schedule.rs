@@ -6,7 +6,7 @@
 //! floor's plane `0.15 / sqrt(-2 ln(1 - p))` (Rayleigh), of the size and of the yaw by the normal distribution. Each is an
 //! upper bound of what the probability says; an object without evidence (p below 0.01) has none.
 
-use harmony_scene::{Level, Size, Support};
+use harmony_scene::{Ledge, Level, Size, Support};
 
 use crate::World;
 
@@ -115,7 +115,8 @@ pub fn csv(world: &World, rows: &[Row]) -> String {
             Support::Ceiling => ("ceiling".to_owned(), String::new()),
             Support::Wall { wall } => ("wall".to_owned(), wall.surface().name().to_owned()),
             Support::Object { id } => (id.to_string(), String::new()),
-            Support::Block { block } => (harmony_scene::Block::id(*block).to_string(), String::new()),
+            Support::Block { block } => (Ledge::Block(*block).id().to_string(), String::new()),
+            Support::Niche { niche } => (Ledge::Niche(*niche).id().to_string(), String::new()),
         };
         let wall = if wall.is_empty() {
             o.relations.wall_affinity.wall().map_or(String::new(), |w| w.surface().name().to_owned())

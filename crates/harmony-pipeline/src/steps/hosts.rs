@@ -66,7 +66,9 @@ pub async fn verify(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), Ph
 fn on(placed: &Placed) -> Option<&ObjectId> {
     match &placed.support {
         Support::Object { id } => Some(id),
-        Support::Floor | Support::Ceiling | Support::Wall { .. } | Support::Block { .. } => None,
+        Support::Floor | Support::Ceiling | Support::Wall { .. } | Support::Block { .. } | Support::Niche { .. } => {
+            None
+        }
     }
 }
 

@@ -139,7 +139,7 @@ fn free_directions(scene: &PartialScene, object: usize, noise: &Noise) -> Vec<Ve
         // A curtain may hang between it and its wall.
         Attachment::AgainstWall(wall) => [along(wall.normal()), vec![wall.normal()]].concat(),
         Attachment::OnWall(wall) => [along(wall.normal()), vec![Vec3::Y, Vec3::NEG_Y]].concat(),
-        Attachment::Floor | Attachment::Ceiling | Attachment::OnHost { .. } | Attachment::OnBlock { .. } => {
+        Attachment::Floor | Attachment::Ceiling | Attachment::OnHost { .. } | Attachment::OnLedge(_) => {
             level_directions()
         }
     }
@@ -344,9 +344,9 @@ fn feasible(scene: &PartialScene, all: &[Solid], object: usize, members: &[usize
     }
     let (host, level) = match attachment_of(scene, object, noise) {
         Attachment::OnHost { host, level } => (host, level),
-        Attachment::OnBlock { block } => {
-            let (b, at) = (&scene.room.shape.blocks[block], (scene.placed[object].pose.position + by).xz());
-            return at.cmpge(b.min.xz()).all() && at.cmple(b.max.xz()).all();
+        Attachment::OnLedge(ledge) => {
+            let at = scene.placed[object].pose.position + by;
+            return scene.room.ledge_top(ledge).is_some_and(|top| top.is_under(at));
         }
         _ => return true,
     };

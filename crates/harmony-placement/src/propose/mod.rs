@@ -8,7 +8,7 @@ mod wall;
 
 pub(crate) use wall::between_curtains;
 
-use harmony_scene::{Level, PlacementType, Pose, Vec2, Vec3, Wall, WallPlane};
+use harmony_scene::{Ledge, Level, PlacementType, Pose, Vec2, Vec3, Wall, WallPlane};
 
 use crate::noise::surprise;
 use crate::observe::Window;
@@ -93,12 +93,12 @@ impl<'a> Proposer<'a, '_> {
             let expects_host = self.on_ledge().is_some() || (self.item.level == Level::Decoration && !on_floor);
             out = self.on_floor(if expects_host { surprise(self.settings.noise.wrong_host) } else { 0.0 });
         }
-        out.extend(self.on_blocks());
+        out.extend(self.on_ledges());
         out
     }
 
-    /// The block of the room on which the object is said to be.
-    fn on_ledge(&self) -> Option<usize> {
+    /// The part of the room on which the object is said to be.
+    fn on_ledge(&self) -> Option<Ledge> {
         let said = self.item.relations.on_top_of.as_ref().filter(|_| self.settings.relations)?;
         self.scene.room.ledge_named(said)
     }
@@ -106,30 +106,29 @@ impl<'a> Proposer<'a, '_> {
     /// On the room's ledges and steps: on the one that was said; at the price of a wrong answer where another thing was, or furniture
     /// of which nothing was said, for it stands on the floor then; at none what must be on something of which nobody said on what.
     /// Where it was not said, only if its foot is seen there.
-    fn on_blocks(&self) -> Vec<Hypothesis<'a>> {
+    fn on_ledges(&self) -> Vec<Hypothesis<'a>> {
         if matches!(self.item.level, Level::Wall | Level::Ceiling) {
             return Vec::new();
         }
         let said = self.on_ledge();
         let is_open = self.item.level == Level::Decoration && self.item.relations.on_top_of.is_none();
         let mut out = Vec::new();
-        for (index, block) in self.scene.room.ledges() {
-            let is_said = said == Some(index);
+        for (ledge, top) in self.scene.room.ledges() {
+            let is_said = said == Some(ledge);
             let price = if is_said || is_open { 0.0 } else { surprise(self.settings.noise.wrong_host) };
-            let top = block.max.y;
-            let rough = self.constraint(Attachment::OnBlock { block: index }, YawRule::Fixed(0.0));
+            let rough = self.constraint(Attachment::OnLedge(ledge), YawRule::Fixed(0.0));
             let pose = self.sized(Vec3::ZERO, 0.0);
-            let seen: Vec<Vec3> = [self.by_contact(&rough, &pose, top, 3), self.by_top(&rough, &pose, top)]
-                .into_iter()
-                .flatten()
-                .chain(self.by_points(&pose))
-                .chain(self.by_size(&pose))
-                .collect();
-            let over = |at: &Vec3| at.x > block.min.x && at.x < block.max.x && at.z > block.min.z && at.z < block.max.z;
+            let seen: Vec<Vec3> =
+                [self.by_contact(&rough, &pose, top.height, 3), self.by_top(&rough, &pose, top.height)]
+                    .into_iter()
+                    .flatten()
+                    .chain(self.by_points(&pose))
+                    .chain(self.by_size(&pose))
+                    .collect();
             // Where it was said, the nearest place on it.
-            for at in seen.into_iter().filter(|at| is_said || over(at)) {
+            for at in seen.into_iter().filter(|at| is_said || top.is_under(*at)) {
                 for yaw in self.yaws(at, 0.0) {
-                    let constraint = self.constraint(Attachment::OnBlock { block: index }, yaw);
+                    let constraint = self.constraint(Attachment::OnLedge(ledge), yaw);
                     out.push(self.settled(constraint, at, price));
                 }
             }

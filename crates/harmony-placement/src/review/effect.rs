@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use harmony_scene::{Block, ObjectId, Support, Vec3};
+use harmony_scene::{Ledge, ObjectId, Support, Vec3};
 
 use super::{ReviewAction, members_of_set};
 use crate::scene::attachment::angle_between;
@@ -97,8 +97,7 @@ fn of_one_size(scene: &PartialScene, object: &ObjectId) -> Option<String> {
 fn stands_on(support: &Support, host: &ObjectId) -> bool {
     match support {
         Support::Object { id } => id == host,
-        Support::Block { block } => Block::id(*block) == *host,
-        _ => false,
+        support => support.ledge().is_some_and(|ledge| ledge.id() == *host),
     }
 }
 
@@ -141,7 +140,8 @@ fn holder(placed: &Placed) -> String {
     match (&placed.support, placed.item.relations.wall_affinity.wall()) {
         (Support::Object { id }, _) => format!("{id}, on which it stands (rehost puts it elsewhere)"),
         (Support::Wall { wall }, _) => format!("the {} wall, on which it hangs", wall.surface().name()),
-        (Support::Block { block }, _) => format!("{}, on which it stands", Block::id(*block)),
+        (Support::Block { block }, _) => format!("{}, on which it stands", Ledge::Block(*block).id()),
+        (Support::Niche { niche }, _) => format!("{}, in which it stands", Ledge::Niche(*niche).id()),
         (Support::Ceiling, _) => "the ceiling, from which it hangs".to_owned(),
         (Support::Floor, Some(wall)) => {
             format!("the floor, the {} wall behind it, or its neighbours", wall.surface().name())

@@ -3,7 +3,8 @@
 //! The paper projects a refined pose back onto its support (Sec. 3.3, App. C). Here the support is built into the
 //! parameters, so that every step and every trial of the optimiser is on the support already.
 
-use harmony_scene::{Pose, Size, Support, Vec2, Vec3, Wall, WallPlane};
+use glam::Vec3Swizzles as _;
+use harmony_scene::{Ledge, Pose, Size, Support, Vec2, Vec3, Wall, WallPlane};
 
 use crate::noise::Noise;
 use crate::scene::shape::Hang;
@@ -46,11 +47,8 @@ pub(crate) enum Attachment {
         /// Height of the surface, metres.
         level: f64,
     },
-    /// On a block of the room that comes up from the floor.
-    OnBlock {
-        /// Index into the blocks of the room's shape.
-        block: usize,
-    },
+    /// On a part of the room that is not its floor.
+    OnLedge(Ledge),
 }
 
 /// What may be said about the yaw while an object is refined.
@@ -177,8 +175,10 @@ pub(crate) fn attachment_of(scene: &PartialScene, object: usize, noise: &Noise) 
             }
             _ => Attachment::Floor,
         },
-        Support::Block { block } if *block < scene.room.shape.blocks.len() => Attachment::OnBlock { block: *block },
-        Support::Block { .. } => Attachment::Floor,
+        Support::Block { .. } | Support::Niche { .. } => {
+            let ledge = placed.support.ledge().filter(|ledge| scene.room.ledge_top(*ledge).is_some());
+            ledge.map_or(Attachment::Floor, Attachment::OnLedge)
+        }
         Support::Floor => match placed.item.relations.wall_affinity.wall() {
             Some(wall) => {
                 let plane = scene.room.plane_behind(wall, placed.pose.position);
@@ -253,9 +253,7 @@ impl PoseConstraint<'_> {
         let e = &self.scene.room.extents;
         let p = pose.position;
         let (a, b) = match self.attachment {
-            Attachment::Floor | Attachment::Ceiling | Attachment::OnHost { .. } | Attachment::OnBlock { .. } => {
-                (p.x, p.z)
-            }
+            Attachment::Floor | Attachment::Ceiling | Attachment::OnHost { .. } | Attachment::OnLedge(_) => (p.x, p.z),
             Attachment::AgainstWall(wall) => {
                 (wall.coordinates(p).x, wall.distance(e, p) - size_of(self.item, pose).z / 2.0)
             }
@@ -302,11 +300,12 @@ impl PoseConstraint<'_> {
                 pose.position = wall.point(&e, numbers[0], y) + wall.normal() * (self.noise.wall_clearance + away);
             }
             Attachment::Ceiling => pose.position.y = self.scene.room.ceiling_over(pose.position) - size.y,
-            Attachment::OnBlock { block } => {
-                let b = &self.scene.room.shape.blocks[block];
-                // Its middle is over the block; it may reach out over the edge.
-                pose.position = pose.position.clamp(b.min, b.max);
-                pose.position.y = b.max.y - sag_of(self.item, &pose);
+            Attachment::OnLedge(ledge) => {
+                if let Some(top) = self.scene.room.ledge_top(ledge) {
+                    // Its middle is over the ledge; it may reach out over the edge.
+                    pose.position = top.nearest(pose.position);
+                    pose.position.y -= sag_of(self.item, &pose);
+                }
             }
             Attachment::Floor | Attachment::OnHost { .. } => {}
         }
@@ -410,13 +409,12 @@ impl PoseConstraint<'_> {
     pub(crate) fn supported_share(&self, pose: &Pose) -> f64 {
         match self.attachment {
             Attachment::OnHost { host, level } => self.surface(host, level, pose).map_or(0.0, |s| s.share),
-            Attachment::OnBlock { block } => {
-                let b = &self.scene.room.shape.blocks[block];
+            Attachment::OnLedge(ledge) => self.scene.room.ledge_top(ledge).map_or(0.0, |top| {
                 let (low, high) = reach(self.item, pose);
-                let over = (high + pose.position).min(b.max) - (low + pose.position).max(b.min);
-                let whole = high - low;
-                (over.x.max(0.0) * over.z.max(0.0) / (whole.x * whole.z).max(1e-9)).min(1.0)
-            }
+                let over = (high + pose.position).xz().min(top.area[1]) - (low + pose.position).xz().max(top.area[0]);
+                let (over, whole) = (over.max(Vec2::ZERO), (high - low).xz());
+                (over.x * over.y / (whole.x * whole.y).max(1e-9)).min(1.0)
+            }),
             _ => 1.0,
         }
     }
@@ -441,7 +439,7 @@ impl PoseConstraint<'_> {
                 Some(p) => Support::Object { id: p.item.id.clone() },
                 None => Support::Floor,
             },
-            Attachment::OnBlock { block } => Support::Block { block },
+            Attachment::OnLedge(ledge) => ledge.support(),
         }
     }
 

@@ -519,7 +519,7 @@ impl ObjectBlock {
                 let recessed = scene.room.ceiling_over(pose.position) - scene.room.extents.height;
                 pose.position.y = extents.height + recessed - size_of(item, &pose).y;
             }
-            Attachment::Floor | Attachment::OnHost { .. } | Attachment::OnBlock { .. } => {
+            Attachment::Floor | Attachment::OnHost { .. } | Attachment::OnLedge(_) => {
                 pose.position = Vec3::new(n[0], self.start.position.y, n[1]);
             }
         }

@@ -123,7 +123,7 @@ pub(crate) fn depth_step(constraint: &PoseConstraint, window: &Window, pose: &Po
 fn contact_plane(constraint: &PoseConstraint, pose: &Pose) -> Option<(f64, bool)> {
     match constraint.attachment {
         Attachment::Floor => Some((0.0, false)),
-        Attachment::OnHost { .. } | Attachment::OnBlock { .. } => Some((pose.position.y, false)),
+        Attachment::OnHost { .. } | Attachment::OnLedge(_) => Some((pose.position.y, false)),
         Attachment::Ceiling => Some((constraint.scene.room.ceiling_over(pose.position), true)),
         Attachment::AgainstWall(_) | Attachment::OnWall(_) => None,
     }

@@ -11,7 +11,7 @@
 mod kernel;
 mod size;
 
-use harmony_scene::{Block, Level, ObjectId, PlacementType, PointMapKind, Pose, Support, Vec3};
+use harmony_scene::{Level, ObjectId, PlacementType, PointMapKind, Pose, Support, Vec3};
 
 use crate::noise::{Noise, surprise};
 use crate::observe::{DIRECTIONS, Match, Window};
@@ -196,7 +196,7 @@ impl<'a> Objective<'a> {
     /// What of a footprint hangs beside its host.
     fn support(&self, pose: &Pose) -> f64 {
         match self.constraint.attachment {
-            Attachment::OnHost { .. } | Attachment::OnBlock { .. } => {
+            Attachment::OnHost { .. } | Attachment::OnLedge(_) => {
                 self.short_of(self.noise.support[0], self.constraint.supported_share(pose))
             }
             _ => 0.0,
@@ -308,10 +308,10 @@ fn told_prior(placed: &Placed, noise: &Noise) -> f64 {
         Support::Floor if placed.item.level == Level::Decoration && relations.on_top_of.is_some() => {
             surprise(noise.wrong_host)
         }
-        Support::Block { block } if relations.on_top_of.as_ref().is_some_and(|said| *said != Block::id(*block)) => {
-            surprise(noise.wrong_host)
-        }
-        _ => 0.0,
+        support => match (support.ledge(), &relations.on_top_of) {
+            (Some(ledge), Some(said)) if *said != ledge.id() => surprise(noise.wrong_host),
+            _ => 0.0,
+        },
     }
 }
 

@@ -91,7 +91,8 @@ fn facts(object: &SceneObject, extra: &ObjectReport) -> Facts {
         Support::Ceiling => "the ceiling".to_owned(),
         Support::Wall { wall } => format!("the {} wall", wall.surface().name()),
         Support::Object { id } => id.to_string(),
-        Support::Block { block } => harmony_scene::Block::id(*block).to_string(),
+        Support::Block { block } => harmony_scene::Ledge::Block(*block).id().to_string(),
+        Support::Niche { niche } => harmony_scene::Ledge::Niche(*niche).id().to_string(),
     };
     f.add("Rests on", &on);
     let r = &object.relations;
