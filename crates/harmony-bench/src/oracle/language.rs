@@ -19,6 +19,11 @@ use serde_json::{Value, json};
 use super::{Oracle, card, normal, synonym};
 use crate::truth::TruthObject;
 
+/// Name of the set that an object would be of.
+fn set_name(object: &TruthObject) -> String {
+    format!("{} set {:.2}", object.label, object.size.y)
+}
+
 /// Twice the area of an outline.
 fn area(outline: &[[f64; 2]]) -> f64 {
     let n = outline.len();
@@ -425,17 +430,15 @@ impl Oracle {
 
     /// Takes the outermost two members of some sets for each other.
     fn exchange(&self, shown: &mut [(String, String, Option<usize>)]) {
-        let mut sets: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+        let mut sets: BTreeMap<String, Vec<usize>> = BTreeMap::new();
         for (k, (_, _, object)) in shown.iter().enumerate() {
-            let model = object.map(|i| self.room.objects[i].model.as_str()).filter(|model| !model.is_empty());
-            if let Some(model) = model {
-                sets.entry(model).or_default().push(k);
+            if let Some(object) = object.map(|i| &self.room.objects[i]) {
+                sets.entry(format!("{} {}", set_name(object), object.model)).or_default().push(k);
             }
         }
-        let sets: Vec<(String, Vec<usize>)> = sets.into_iter().map(|(m, of)| (m.to_owned(), of)).collect();
-        for (model, members) in sets {
+        for (name, members) in sets {
             let [first, .., last] = members[..] else { continue };
-            if self.draws.happens(&format!("swapped {model}"), self.noise.swapped) {
+            if self.draws.happens(&format!("swapped {name}"), self.noise.swapped) {
                 let (one, other) = (shown[first].2, shown[last].2);
                 (shown[first].2, shown[last].2) = (other, one);
             }
@@ -477,7 +480,7 @@ impl Oracle {
         let twins = self.room.visible().filter(|t| t.label == object.label && t.model == object.model);
         let twins: Vec<&TruthObject> = twins.filter(|t| (t.size - object.size).length() < 0.01).collect();
         if twins.len() > 1 {
-            o.matched_set = Some(format!("{} set {:.2}", object.label, object.size.y));
+            o.matched_set = Some(set_name(object));
             o.count = Some(twins.len() as u32);
         }
         o
