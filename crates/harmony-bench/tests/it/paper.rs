@@ -134,7 +134,7 @@ async fn what_lists_overlooked_is_counted_and_added_though_they_found_nothing() 
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn members_that_were_taken_for_each_other_are_exchanged_and_shown_once_more() {
+async fn members_that_were_taken_for_each_other_are_named_and_what_was_exchanged_is_shown_once_more() {
     let folder = tempfile::tempdir().unwrap();
     let truth = dining_room(&folder.path().join("room"));
     let noise = Noise { swapped: 1.0, noticed: 1.0, ..NoiseLevel::Clean.noise() };
@@ -167,12 +167,16 @@ async fn members_that_were_taken_for_each_other_are_exchanged_and_shown_once_mor
     oracle.faults().write(&out).unwrap();
     let rounds: serde_json::Value = harmony_io::read_json(&out.join("3_furniture/groups.json")).unwrap();
     let rounds = rounds.as_array().unwrap();
-    assert_eq!(rounds.len(), 2, "the second shows that they are in order: {rounds:#?}");
-    assert_eq!(rounds[0]["swaps"][0]["kept"], true, "{rounds:#?}");
-    assert_eq!(rounds[1]["swaps"], serde_json::json!([]));
+    // A second round is asked where the first has changed something, and only there.
+    let swaps = |round: &serde_json::Value| round["swaps"].as_array().unwrap().clone();
+    assert!(!swaps(&rounds[0]).is_empty(), "{rounds:#?}");
+    for (k, round) in rounds.iter().enumerate() {
+        let changed = swaps(round).iter().any(|swap| swap["kept"] == true);
+        assert_eq!(rounds.len() > k + 1, changed && k < 2, "{rounds:#?}");
+    }
 
     let [score, _] = judged(&truth, &out, 0, 1.0, None, &Looking::default());
     let groups = score.looks.iter().find(|look| look.look == LookKind::Groups).unwrap();
     assert_eq!([groups.there, groups.found], oracle.faults().of(LookKind::Groups));
-    assert!(groups.found > 0 && groups.made == 0 && groups.mended >= 2, "{groups:?}");
+    assert!(groups.found > 0 && groups.made == 0, "{groups:?}");
 }
