@@ -6,7 +6,7 @@
 use serde::Serialize;
 
 use crate::HomeError;
-use crate::frame::{across, sides};
+use crate::frame::sides;
 use crate::layout::HomeLayout;
 use crate::rooms::{Evidence, RoomRun};
 use crate::solve::{Joint, RoomIn, Seat, Sigmas, Solved, door_range, unrefined};
@@ -86,7 +86,7 @@ fn energy(layout: &HomeLayout, run: &RoomRun, evidence: &Evidence, room: usize, 
     sum += taken.iter().filter(|t| !**t).count() as f64 * MOST;
     let inner = |side: Wall| {
         layout.rooms.iter().enumerate().any(|(k, other)| {
-            let gap = (other.bounds().side(across(side)) - rect.side(side)) * crate::layout::outward(side);
+            let gap = (other.bounds().side(side.opposite()) - rect.side(side)) * crate::layout::outward(side);
             let ([a0, a1], [b0, b1]) = (rect.along(side), other.bounds().along(side));
             k != room && (-0.05..0.6).contains(&gap) && a1.min(b1) - a0.max(b0) > 0.5 * (a1 - a0)
         })

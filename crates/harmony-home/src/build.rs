@@ -2,7 +2,7 @@
 
 use crate::HomeError;
 use crate::assign::{Assignment, assign, joints};
-use crate::frame::{Place, across};
+use crate::frame::Place;
 use crate::home::{Home, HomeDoor, HomeRoom};
 use crate::layout::{DoorKind, HomeLayout, USUAL_DOOR_M, USUAL_WALL_M};
 use crate::matching::{self, Ranking, match_rooms};
@@ -175,7 +175,7 @@ fn by_doors(mut runs: Vec<RoomRun>) -> Result<Built, HomeError> {
         .map(|pair| {
             let [(a, i), (b, j)] = *pair;
             let side = matched.turns[a].wall(evidence[a].doors[i].wall);
-            let seats = [(a, i, side), (b, j, across(side))];
+            let seats = [(a, i, side), (b, j, side.opposite())];
             let range = |rooms: &[Solved]| {
                 let both = seats.map(|(r, d, s)| door_range(&evidence[r], &rooms[r].place, d, s));
                 [f64::midpoint(both[0][0], both[1][0]), f64::midpoint(both[0][1], both[1][1])]

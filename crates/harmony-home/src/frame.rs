@@ -104,16 +104,6 @@ pub fn in_room(rect: &Rect, turn: QuarterTurn, side: Wall, at: f64) -> (Wall, f6
     (wall, if same { at - low } else { high - at })
 }
 
-/// The side across.
-pub fn across(wall: Wall) -> Wall {
-    match wall {
-        Wall::Back => Wall::Front,
-        Wall::Front => Wall::Back,
-        Wall::Left => Wall::Right,
-        Wall::Right => Wall::Left,
-    }
-}
-
 /// The place of a photographed room, `home_from_room`:
 /// `home = (x, floor, z) + Ry(turn + yaw) * scale * (room - (W/2, 0, D/2))`.
 ///
@@ -158,7 +148,7 @@ mod tests {
                 assert_eq!(turn.rotation() * wall.normal(), turn.wall(wall).normal());
                 assert_eq!(turn.inverse().wall(turn.wall(wall)), wall);
                 assert_eq!(QuarterTurn::bringing(wall, turn.wall(wall)), turn);
-                assert_eq!(across(wall).normal(), -wall.normal());
+                assert_eq!(wall.opposite().normal(), -wall.normal());
             }
         }
     }

@@ -4,7 +4,7 @@ use glam::DVec2;
 use harmony_scene::Wall;
 use serde::{Deserialize, Serialize};
 
-use crate::frame::{Rect, across};
+use crate::frame::Rect;
 use crate::layout::{DoorKind, LayoutRoom, outward};
 use crate::rooms::{Evidence, RoomRun};
 use crate::solve::{Solved, wall_ends};
@@ -200,8 +200,10 @@ impl HomeDoor {
     /// The faces of the wall that it goes through: of its first room, and of the second, or `outer` metres behind.
     pub fn faces(&self, rooms: &[HomeRoom], outer: f64) -> [f64; 2] {
         let a = rooms[self.rooms[0]].solved.rect.side(self.side);
-        let b =
-            self.rooms.get(1).map_or(a + outer * outward(self.side), |r| rooms[*r].solved.rect.side(across(self.side)));
+        let b = self
+            .rooms
+            .get(1)
+            .map_or(a + outer * outward(self.side), |r| rooms[*r].solved.rect.side(self.side.opposite()));
         [a, b]
     }
 
@@ -266,7 +268,7 @@ impl Home {
             }
             for (k, room) in door.rooms.iter().enumerate() {
                 let to = door.rooms.iter().find(|r| *r != room).map(|r| name(*r));
-                let side = if k == 0 { door.side } else { across(door.side) };
+                let side = if k == 0 { door.side } else { door.side.opposite() };
                 let Some((_, evidence)) = &self.rooms[*room].run else { continue };
                 match door.seen[k] {
                     Some((_, off)) if off.abs() > DOOR_MEETS_M => {

@@ -10,7 +10,7 @@ use harmony_scene::Wall;
 use serde::{Deserialize, Serialize};
 
 use crate::HomeError;
-use crate::frame::{Rect, across};
+use crate::frame::Rect;
 
 /// Version of the format.
 pub const LAYOUT_VERSION: u32 = 1;
@@ -344,7 +344,7 @@ impl HomeLayout {
             let second = of(other);
             let pairs = first.iter().flat_map(|a| second.iter().map(move |b| (a, b)));
             let best = pairs
-                .filter(|(a, b)| b.0.side == across(a.0.side))
+                .filter(|(a, b)| b.0.side == a.0.side.opposite())
                 .min_by(|x, y| (x.0.1 + x.1.1).total_cmp(&(y.0.1 + y.1.1)));
             return best
                 .map(|(a, b)| vec![a.0, b.0])

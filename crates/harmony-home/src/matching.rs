@@ -16,7 +16,7 @@ use glam::DVec2;
 use serde::Serialize;
 
 use crate::HomeError;
-use crate::frame::{Rect, across, sides};
+use crate::frame::{Rect, sides};
 use crate::layout::{USUAL_WALL_M, outward};
 use crate::rooms::{Evidence, RoomRun, flat};
 use crate::solve::{BackToBack, Joint, Problem, RoomIn, Seat, Sigmas, Solution, anchored, door_range};
@@ -140,7 +140,7 @@ impl Search<'_> {
                 for b in (0..self.evidence.len()).filter(|b| tree.turns[*b].is_none()) {
                     for (j, other) in self.evidence[b].doors.iter().enumerate() {
                         let pair = [(a, i), (b, j)];
-                        let turn_b = QuarterTurn::bringing(other.wall, across(side));
+                        let turn_b = QuarterTurn::bringing(other.wall, side.opposite());
                         let at = anchored(&self.evidence[b], turn_b, middle(b, j), way);
                         let rect = rect_of(&self.evidence[b], turn_b, at);
                         let placed = tree.turns.iter().enumerate().filter_map(|(c, t)| Some((c, (*t)?)));
@@ -192,11 +192,11 @@ impl Search<'_> {
                             continue;
                         }
                         let side = turn(a).wall(self.evidence[a].doors[i].wall);
-                        if turn(b).wall(self.evidence[b].doors[j].wall) != across(side) {
+                        if turn(b).wall(self.evidence[b].doors[j].wall) != side.opposite() {
                             continue;
                         }
                         let rooms = [a, b].map(|r| rect_of(&self.evidence[r], turn(r), tree.at[r]));
-                        let gap = (rooms[1].side(across(side)) - rooms[0].side(side)) * outward(side);
+                        let gap = (rooms[1].side(side.opposite()) - rooms[0].side(side)) * outward(side);
                         let place = |r: usize| crate::frame::Place {
                             turn: turn(r),
                             yaw: 0.0,
@@ -206,7 +206,7 @@ impl Search<'_> {
                         };
                         let ranges = [
                             door_range(&self.evidence[a], &place(a), i, side),
-                            door_range(&self.evidence[b], &place(b), j, across(side)),
+                            door_range(&self.evidence[b], &place(b), j, side.opposite()),
                         ];
                         let off = (ranges[0][0] + ranges[0][1] - ranges[1][0] - ranges[1][1]).abs() / 2.0;
                         if (-0.5..0.8).contains(&gap) && off < 0.6 {
@@ -297,16 +297,17 @@ pub(crate) fn solve(
         for b in 0..evidence.len() {
             for side in [Wall::Right, Wall::Front] {
                 let (ra, rb) = (&first.rooms[a].rect, &first.rooms[b].rect);
-                let known =
-                    |w: &BackToBack| w.rooms == [a, b] && w.side == side || w.rooms == [b, a] && w.side == across(side);
+                let known = |w: &BackToBack| {
+                    w.rooms == [a, b] && w.side == side || w.rooms == [b, a] && w.side == side.opposite()
+                };
                 if a == b || problem.walls.iter().any(known) {
                     continue;
                 }
-                let gap = rb.side(across(side)) - ra.side(side);
+                let gap = rb.side(side.opposite()) - ra.side(side);
                 let ([a0, a1], [b0, b1]) = (ra.along(side), rb.along(side));
                 let common = a1.min(b1) - a0.max(b0);
                 let sees = |r: usize, s: Wall| evidence[r].sees(turns[r].inverse().wall(s).surface());
-                let near = if sees(a, side) && sees(b, across(side)) { 0.25 } else { 0.6 };
+                let near = if sees(a, side) && sees(b, side.opposite()) { 0.25 } else { 0.6 };
                 if (gap - USUAL_WALL_M).abs() < near && common > 0.8 {
                     problem.walls.push(BackToBack { rooms: [a, b], side, sure: false });
                 }

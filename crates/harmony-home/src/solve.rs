@@ -13,7 +13,7 @@ use glam::{DVec2, DVec3};
 use harmony_geometry::least_squares::{minimise, robust};
 use serde::{Deserialize, Serialize};
 
-use crate::frame::{Place, Rect, across, sides};
+use crate::frame::{Place, Rect, sides};
 use crate::layout::{USUAL_WALL_M, outward};
 use crate::rooms::{Evidence, flat};
 use harmony_scene::{QuarterTurn, Surface, Wall};
@@ -272,7 +272,7 @@ impl Problem<'_> {
         }
         for walls in &self.walls {
             let [a, b] = walls.rooms.map(|r| &solved[r].rect);
-            let gap = (b.side(across(walls.side)) - a.side(walls.side)) * outward(walls.side);
+            let gap = (b.side(walls.side.opposite()) - a.side(walls.side)) * outward(walls.side);
             let off = (gap - USUAL_WALL_M) / s.thickness;
             out.push(if walls.sure { off } else { robust(off, s.bound) });
         }

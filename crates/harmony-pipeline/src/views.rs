@@ -531,15 +531,14 @@ pub fn ledges(state: &SceneState) -> Vec<PlacedObject> {
     let row = |(ledge, top): (Ledge, LedgeTop<'_>)| {
         let [low, high] = top.area;
         let (middle, sides) = ((low + high) / 2.0, high - low);
-        let foot = if matches!(ledge, Ledge::Block(_)) { top.height - top.tall } else { top.height };
         PlacedObject {
             id: ledge.id(),
             label: format!("{}, part of the room", top.kind),
             level: Level::Furniture,
             seen: None,
-            position: [middle.x, foot, middle.y],
+            position: [middle.x, top.span[0], middle.y],
             yaw_deg: 0.0,
-            size: Size { width: sides.x, height: top.tall, depth: sides.y },
+            size: Size { width: sides.x, height: top.span[1] - top.span[0], depth: sides.y },
             support: Support::Floor,
             outline_agreement: None,
         }

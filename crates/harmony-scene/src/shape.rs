@@ -116,8 +116,8 @@ pub struct LedgeTop<'a> {
     pub area: [DVec2; 2],
     /// Height above the floor, metres.
     pub height: f64,
-    /// Height of what has it, metres: of a block to its top, of a niche to its upper end.
-    pub tall: f64,
+    /// Lowest and highest of the block or the niche above the floor, metres.
+    pub span: [f64; 2],
 }
 
 impl LedgeTop<'_> {
@@ -682,7 +682,7 @@ impl Room {
             kind,
             area: [min.xz(), max.xz()],
             height,
-            tall: max.y - min.y,
+            span: [min.y, max.y],
         };
         match ledge {
             Ledge::Block(i) => self.shape.blocks.get(i).map(|b| of(b.kind.as_str(), b.min, b.max, b.max.y)),

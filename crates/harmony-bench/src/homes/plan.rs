@@ -1,7 +1,7 @@
 //! A floor plan from a seed: a rectangle cut into rooms, doors between neighbours, and where each photo was taken.
 
 use glam::DVec2;
-use harmony_home::frame::{Rect, across, in_room, sides};
+use harmony_home::frame::{Rect, in_room, sides};
 use harmony_home::layout::{DoorKind, HomeLayout, LAYOUT_VERSION, LayoutDoor, LayoutRoom, Unit};
 use harmony_scene::{Extents, QuarterTurn, Wall};
 
@@ -130,10 +130,10 @@ fn shared(rects: &[Rect], wall: f64) -> Vec<Shared> {
     for (i, a) in rects.iter().enumerate() {
         for (j, b) in rects.iter().enumerate().skip(i + 1) {
             for side in Wall::ALL {
-                let gap = (b.side(across(side)) - a.side(side)).abs();
+                let gap = (b.side(side.opposite()) - a.side(side)).abs();
                 let ([a0, a1], [b0, b1]) = (a.along(side), b.along(side));
                 let along = [a0.max(b0), a1.min(b1)];
-                let faces = matches!(side, Wall::Right | Wall::Front) == (b.side(across(side)) > a.side(side));
+                let faces = matches!(side, Wall::Right | Wall::Front) == (b.side(side.opposite()) > a.side(side));
                 if (gap - wall).abs() < 1e-6 && faces && along[1] - along[0] > 1.6 {
                     out.push(Shared { rooms: [i, j], side, along });
                 }
@@ -189,7 +189,7 @@ fn furnished(seed: u64, dice: &mut Dice, rects: &[Rect], tree: &[Shared], wall: 
                 let sides = tree.iter().filter(|s| s.rooms.contains(&r));
                 sides
                     .map(|s| {
-                        let side = if s.rooms[0] == r { s.side } else { across(s.side) };
+                        let side = if s.rooms[0] == r { s.side } else { s.side.opposite() };
                         let (w, u) = in_room(&rects[r], *turn, side, f64::midpoint(s.along[0], s.along[1]));
                         seen(w, u, &extents(&rects[r], *turn))
                     })
@@ -213,22 +213,22 @@ fn furnished(seed: u64, dice: &mut Dice, rects: &[Rect], tree: &[Shared], wall: 
                 let (w, u) = in_room(&rects[r], turns[r], side, *at);
                 seen(w, u, &extents(&rects[r], turns[r]))
             };
-            of(s.rooms[0], s.side) + of(s.rooms[1], across(s.side))
+            of(s.rooms[0], s.side) + of(s.rooms[1], s.side.opposite())
         };
         let clear = |at: &f64| {
             let of = |r: usize, side: Wall| {
                 let (w, u) = in_room(&rects[r], turns[r], side, *at);
                 fixed[r].iter().all(|d| d.wall != w || (d.u - u).abs() > 1.2)
             };
-            of(s.rooms[0], s.side) && of(s.rooms[1], across(s.side))
+            of(s.rooms[0], s.side) && of(s.rooms[1], s.side.opposite())
         };
         let best = places.iter().copied().filter(clear).max_by(|a, b| worth(a).total_cmp(&worth(b)));
         let at = best.unwrap_or(places[0]);
-        for (r, side) in [(s.rooms[0], s.side), (s.rooms[1], across(s.side))] {
+        for (r, side) in [(s.rooms[0], s.side), (s.rooms[1], s.side.opposite())] {
             let (wall, u) = in_room(&rects[r], turns[r], side, at);
             fixed[r].push(FixedDoor { wall, u, width, height: tall });
         }
-        let out = f64::midpoint(rects[s.rooms[0]].side(s.side), rects[s.rooms[1]].side(across(s.side)));
+        let out = f64::midpoint(rects[s.rooms[0]].side(s.side), rects[s.rooms[1]].side(s.side.opposite()));
         let at = if matches!(s.side, Wall::Left | Wall::Right) { DVec2::new(out, at) } else { DVec2::new(at, out) };
         let rooms = s.rooms.map(|r| names[r].clone()).to_vec();
         doors.push(LayoutDoor { rooms, at, width, height: Some(tall), kind: DoorKind::Door });

@@ -436,7 +436,9 @@ impl Oracle {
                 sets.entry(format!("{} {}", set_name(object), object.model)).or_default().push(k);
             }
         }
-        for (name, members) in sets {
+        for (name, mut members) in sets {
+            // The same two in every question about the level.
+            members.sort_by(|a, b| shown[*a].0.cmp(&shown[*b].0));
             let [first, .., last] = members[..] else { continue };
             if self.draws.happens(&format!("swapped {name}"), self.noise.swapped) {
                 let (one, other) = (shown[first].2, shown[last].2);

@@ -50,7 +50,8 @@ impl Oracle {
         for collision in &question.collisions {
             self.shown(LookKind::Reorder, &format!("{level}: {collision}"), true);
         }
-        let colliding = |id: &str| question.collisions.iter().any(|line| line.contains(id));
+        let named = |line: &str, id: &str| line.split([' ', ':']).any(|word| word == id);
+        let colliding = |id: &str| question.collisions.iter().any(|line| named(line, id));
         let (mut hosts, mut sizes) = (Vec::new(), Vec::new());
         for row in question.placed.iter().filter(|row| question.order.contains(&row.id) && colliding(row.id.as_str())) {
             let Some(object) = self.known(row.id.as_str()) else { continue };

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use glam::{DVec2, DVec3};
 use harmony_scene::{Block, Extents, Niche, ObjectId, Opening, OpeningKind, Room, RoomShape, Wall};
 
-use crate::frame::{Place, Rect, across, in_room, sides};
+use crate::frame::{Place, Rect, in_room, sides};
 use crate::home::{Home, HomeRoom};
 use crate::rooms::{Evidence, flat};
 
@@ -95,7 +95,7 @@ pub(super) fn fitted(home: &Home, index: usize, merged_openings: &BTreeSet<(usiz
     }
     for (d, door) in home.doors.iter().enumerate() {
         for (k, _) in door.rooms.iter().enumerate().filter(|(_, r)| **r == index) {
-            let side = if k == 0 { door.side } else { across(door.side) };
+            let side = if k == 0 { door.side } else { door.side.opposite() };
             let ends = door.range.map(|at| in_room(&rect, turn, side, at));
             let u = [ends[0].1.min(ends[1].1), ends[0].1.max(ends[1].1)];
             let wall = ends[0].0;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3, Vec3};
 use harmony_export::World;
 use harmony_export::world::{Face, Item};
-use harmony_home::frame::{Place, across, in_room, sides};
+use harmony_home::frame::{Place, in_room, sides};
 use harmony_home::layout::HomeLayout;
 use harmony_home::rooms::RoomRun;
 use harmony_mesh::{Group, Material, Mesh};
@@ -205,6 +205,6 @@ pub fn flat() -> HomeLayout {
 /// Turns in which the photos of the flat's rooms show all their doors.
 pub fn turns() -> [QuarterTurn; 3] {
     let facing = |side: Wall| QuarterTurn::bringing(Wall::Back, side);
-    assert_eq!(across(Wall::Left), Wall::Right);
+    assert_eq!(Wall::Left.opposite(), Wall::Right);
     [facing(Wall::Right), facing(Wall::Left), facing(Wall::Back)]
 }
