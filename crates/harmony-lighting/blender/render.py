@@ -42,6 +42,8 @@ from views import sample_response, sample_views, set_view  # noqa: E402
 NOTES = []
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 EMITTER_WORDS = ("shade", "bulb", "globe", "diffuser", "emit", "glow", "flame")
+# Transmission from which a material is clear.
+CLEAR = 0.4
 PANE_WORDS = ("glass", "pane", "glazing", "view", "screen", "display")
 # The node above the room's faces, and what names of materials begin with that show what is seen through passages.
 ROOM = "room"
@@ -460,11 +462,47 @@ def show_emission(material, colour, strength, image_node=None, centre=None, radi
     tree.links.new(join.outputs[0], surface)
 
 
+# Roughness from which what is see-through is cloth, not glass.
+CLOTH = 0.5
+
+
+def spread_in_cloth():
+    """See-through cloth scatters: half of what it stops leaves it at the other side, so that a sheer glows before its window.
+
+    How opaque it is was said of how much of it one sees, its glow included: what passes straight through a weave is less,
+    and a pane behind it, many times as bright as white, would show as sharply as without it.
+    """
+    for material in list(bpy.data.materials):
+        shader = principled(material)
+        if shader is None or material.surface_render_method != "BLENDED":
+            continue
+        alpha, colour = shader.inputs["Alpha"], shader.inputs["Base Color"]
+        if alpha.default_value > 0.98 and not alpha.links:
+            continue
+        if shader.inputs["Roughness"].default_value < CLOTH and not shader.inputs["Roughness"].links:
+            continue
+        if shader.inputs["Transmission Weight"].default_value >= CLEAR:
+            continue
+        tree = material.node_tree
+        straight = math_node(tree, "SUBTRACT", 1.0, alpha.links[0].from_socket if alpha.links else float(alpha.default_value))
+        share = math_node(tree, "POWER", straight, 2.0)
+        for link in list(alpha.links):
+            tree.links.remove(link)
+        alpha.default_value = 1.0
+        shader.inputs["Transmission Weight"].default_value = 0.0
+        through = tree.nodes.new("ShaderNodeBsdfTranslucent")
+        through.inputs["Color"].default_value = colour.default_value[:]
+        if colour.links:
+            tree.links.new(colour.links[0].from_socket, through.inputs["Color"])
+        mix_in(material, lambda tree: math_node(tree, "ADD", 0.5, 0.0), through)
+        clear_for(material, lambda tree: share)
+
+
 def clear_glass():
     """Light goes straight through glass: real refraction would need caustics, which a path tracer hardly finds."""
     for material in list(bpy.data.materials):
         shader = principled(material)
-        if shader and shader.inputs["Transmission Weight"].default_value >= 0.4:
+        if shader and shader.inputs["Transmission Weight"].default_value >= CLEAR:
             colour = shader.inputs["Base Color"].default_value[:]
             let_shadow_rays_through(material, colour)
 
@@ -873,6 +911,7 @@ def main():
             gain = bright_gain(JOB["delight"], spared, true)
         if JOB["delight"] or JOB["albedo"]:
             apply_albedo(gain, JOB["albedo"], {n: part_of(n) for n in (JOB["albedo"] or {}).get("nodes", {})}, true)
+        spread_in_cloth()
         clear_glass()
         show_tops(response)
         hide_boards()

@@ -8,8 +8,8 @@ use glam::DVec3;
 use harmony_catalogue::{Emission, emission};
 use harmony_mesh::{Bounds, Material, Mesh};
 use harmony_scene::{
-    Camera, Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Ray, Room, SceneObject, ViewTransform,
-    Wall, WallPlane,
+    Camera, Extents, Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Ray, Room, SceneObject,
+    ViewTransform, Wall, WallPlane,
 };
 
 use crate::delta::bounds;
@@ -44,6 +44,8 @@ const MAX_PANE_GAP_M: f64 = 0.2;
 
 /// A stretch of wall outside of the photo, shorter than this, gets no window, metres.
 const UNSEEN_M: f64 = 1.2;
+/// What hangs on a wall stands out of it by at most this much, metres.
+const MAX_OFF_M: f64 = 0.4;
 /// Step along a wall at which it is asked whether the photo shows it, metres.
 const UNSEEN_STEP_M: f64 = 0.05;
 /// Height of the middle of a window that the photo does not show, share of the room's.
@@ -224,8 +226,9 @@ pub fn is_cove(light: &Light) -> bool {
 }
 
 /// Windows that a photo may be lit by without showing them: one in the longest stretch of each wall outside of the
-/// picture. Whether there is any is for the fit to say ([`is_unseen_window`]).
-pub fn unseen_windows(room: &Room, camera: &Camera) -> Vec<Light> {
+/// picture. Whether there is any is for the fit to say ([`is_unseen_window`]). `hanging` are the bounds of what hangs on
+/// walls, in the room's frame: a light within a curtain would burn it, so that it is before it.
+pub fn unseen_windows(room: &Room, camera: &Camera, hanging: &[Bounds]) -> Vec<Light> {
     let faces = room.faces();
     let e = room.extents;
     let within = |p: DVec3| p.max(DVec3::splat(0.1)).min((e.as_vec() - 0.1).max(DVec3::splat(0.1)));
@@ -236,8 +239,8 @@ pub fn unseen_windows(room: &Room, camera: &Camera) -> Vec<Light> {
             let (from, to) = unseen_stretch(room, camera, wall);
             let [width, height] = [(to - from, UNSEEN_SIZE[0]), (e.height, UNSEEN_SIZE[1])]
                 .map(|(all, (share, most))| (share * all).min(most));
-            let position =
-                wall.point(&e, f64::midpoint(from, to), UNSEEN_MIDDLE * e.height) + wall.normal() * PANE_GAP_M;
+            let middle = wall.point(&e, f64::midpoint(from, to), UNSEEN_MIDDLE * e.height);
+            let position = middle + wall.normal() * (off_wall(wall, &e, middle, [width, height], hanging) + PANE_GAP_M);
             let eye = within(camera.centre());
             let way = position - eye;
             let ray = Ray { origin: eye, direction: way.try_normalize()? };
@@ -255,6 +258,19 @@ pub fn unseen_windows(room: &Room, camera: &Camera) -> Vec<Light> {
             })
         })
         .collect()
+}
+
+/// How far what hangs over a rectangle on a wall stands out of the wall, metres; 0 where nothing does.
+fn off_wall(wall: Wall, room: &Extents, middle: DVec3, [width, height]: [f64; 2], hanging: &[Bounds]) -> f64 {
+    let normal = wall.normal();
+    let half = DVec3::new(width, height, width) / 2.0 * (DVec3::ONE - normal.abs());
+    let over = |b: &&Bounds| {
+        let near = wall.distance(room, b.min).min(wall.distance(room, b.max));
+        near < MAX_OFF_M
+            && (0..3).all(|k| normal[k] != 0.0 || (b.min[k] < middle[k] + half[k] && b.max[k] > middle[k] - half[k]))
+    };
+    let reach = |b: &Bounds| wall.distance(room, b.min).max(wall.distance(room, b.max));
+    hanging.iter().filter(over).map(reach).filter(|reach| *reach <= MAX_OFF_M).fold(0.0, f64::max)
 }
 
 /// Whether a light is what comes through a passage, from another room or from outside; how much that is, if anything, is

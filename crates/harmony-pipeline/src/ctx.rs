@@ -260,6 +260,14 @@ impl PhaseCtx<'_> {
         Ok(harmony_io::write_atomic(&self.file(relative)?, text.as_bytes())?)
     }
 
+    /// Writes text into another phase's folder.
+    ///
+    /// # Errors
+    /// Unwritable files.
+    pub fn write_text_in(&self, phase: Phase, relative: &str, text: &str) -> Result<(), PhaseError> {
+        Ok(harmony_io::write_atomic(&self.file_in(phase, relative)?, text.as_bytes())?)
+    }
+
     /// Writes JSON into another phase's folder.
     ///
     /// # Errors

@@ -229,7 +229,11 @@ pub fn shell_nodes(shell: &Mesh) -> Vec<GlbNode> {
                 normals: old.iter().map(|i| shell.normals[*i as usize]).collect(),
                 uvs: old.iter().map(|i| shell.uvs[*i as usize]).collect(),
                 metric_uvs: old.iter().filter_map(|i| shell.metric_uvs.get(*i as usize).copied()).collect(),
-                colors: Vec::new(),
+                colors: if is_lit(shell, &old) {
+                    old.iter().map(|i| shell.colors[*i as usize]).collect()
+                } else {
+                    Vec::new()
+                },
                 groups: vec![harmony_mesh::Group {
                     material: 0,
                     triangles: group.triangles.iter().map(|t| t.map(|i| used[&i])).collect(),
@@ -244,6 +248,11 @@ pub fn shell_nodes(shell: &Mesh) -> Vec<GlbNode> {
             }
         })
         .collect()
+}
+
+/// Whether vertices of the shell have colours of their own: those of faces are all white.
+fn is_lit(shell: &Mesh, vertices: &[u32]) -> bool {
+    vertices.iter().any(|i| shell.colors.get(*i as usize).is_some_and(|color| *color != [1.0; 3]))
 }
 
 /// Metalness that a surface with the photo's pixels has at most: its reflections are in the pixels already, and a white

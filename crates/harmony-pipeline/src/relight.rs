@@ -16,7 +16,7 @@ use harmony_lighting::{
     is_found_sun, is_passage_light, is_unseen_window, judge, neutral_field, picture_error, propose, unseen_windows,
     updated_field,
 };
-use harmony_mesh::{Material, Mesh};
+use harmony_mesh::{Bounds, Material, Mesh};
 use harmony_prompts::LightingReviewQuestion;
 use harmony_render::OUTSIDE;
 use harmony_roles::{LightMeasurement, LitImage, LitKind, LitRequest, Picture, RoleError};
@@ -92,7 +92,9 @@ pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState, asked: bool) ->
     state.unseen_openings = sun.as_ref().map(|sun| sun.openings.clone()).unwrap_or_default();
     surfaces::keep_walls_open(state);
     outputs::write_scene_glb(&ctx.file(SCENE)?, state, None)?;
-    lighting.lights.extend(unseen_windows(&state.partial.room, &state.partial.camera));
+    let hanging: Vec<Bounds> =
+        state.partial.placed.iter().filter(|p| p.item.traits.hangs).map(views::bounds_of).collect();
+    lighting.lights.extend(unseen_windows(&state.partial.room, &state.partial.camera, &hanging));
     lighting.lights.extend(sun.map(|sun| sun.light));
     lighting.lights = with_shades(ctx, state, lighting.lights).await?;
     let stage = Stage::new(ctx, state, field_nodes(state))?;
@@ -211,6 +213,11 @@ fn field_nodes(state: &SceneState) -> Vec<FieldNode> {
             _ => "wall",
         };
         let is_even = state.even_surfaces.keys().any(|s| name.strip_prefix("wall_").unwrap_or(&name) == s.name());
+        // What programs built into the room was said, as programs of objects say it.
+        if state.features.iter().any(|f| f.said.contains(&name)) {
+            let paint = Some(paint_of(&shell.materials[g.material]));
+            return FieldNode { is_even: true, paint, ..FieldNode::new(&name, "object") };
+        }
         FieldNode { name, kind, is_even, paint: None }
     });
     let objects = state.partial.placed.iter().filter_map(|p| {
@@ -585,8 +592,9 @@ impl<'a, 'c> Stage<'a, 'c> {
         let view = views::canonical(self.state, size);
         let mut request = self.request(step, view.camera, lighting, samples);
         request.albedo = Some(Arc::clone(field));
+        let built = self.state.features.iter().flat_map(|f| &f.mesh.materials).map(|m| m.name.as_str());
         let gone = views::gone(self.state, &view.omit);
-        request.hidden_nodes = views::hidden_nodes(&view.omit, &gone);
+        request.hidden_nodes = views::hidden_nodes(&view.omit, &gone, built);
         request.background = Some([0, 1, 2].map(|c| f64::from(OUTSIDE[c]) / 255.0));
         Ok(render(self.ctx, &request).await?.map(|lit| lit.image))
     }

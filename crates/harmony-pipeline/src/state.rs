@@ -16,6 +16,7 @@ use serde_json::Value;
 use crate::Phase;
 use crate::filter::Filtered;
 use crate::looks::{Came, LookKind};
+use crate::steps::features::Feature;
 use crate::steps::programs::Program;
 use crate::steps::surfaces::Beyond;
 use crate::views::Gallery;
@@ -205,6 +206,8 @@ pub struct SceneState {
     pub beyond: Vec<Beyond>,
     /// Boards along the walls.
     pub trims: Trims,
+    /// What is built into the room, by programs.
+    pub features: Vec<Feature>,
     /// Pixels of what was found and then left out, by label: not in the scene, and no bare room either.
     pub rejected: Vec<(String, Arc<Mask>)>,
     /// What was looked for and is not in the scene.

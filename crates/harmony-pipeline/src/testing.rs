@@ -134,6 +134,7 @@ pub fn empty_room() -> SceneState {
         beyond: Vec::new(),
         refused: Vec::new(),
         trims: harmony_mesh::Trims::default(),
+        features: Vec::new(),
         rejected: Vec::new(),
         left: Vec::new(),
         looks: Vec::new(),

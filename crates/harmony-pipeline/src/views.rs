@@ -23,7 +23,17 @@ use crate::steps::surfaces::{Beyond, panes};
 
 /// The room shell with the textures made so far; until then in the colours of the layout answer.
 pub fn shell(state: &SceneState, omit: Vec<Surface>) -> Mesh {
-    shell_with(state, omit, &|surface| state.surfaces.get(&surface).cloned().or_else(|| named(state, surface)))
+    let mut shell =
+        faces(state, omit.clone(), &|surface| state.surfaces.get(&surface).cloned().or_else(|| named(state, surface)));
+    for feature in state.features.iter().filter(|f| !omit.contains(&f.on)) {
+        shell.append(feature.shown());
+    }
+    shell
+}
+
+/// The shell as far as no program built it.
+pub fn shell_alone(state: &SceneState) -> Mesh {
+    faces(state, Vec::new(), &|surface| state.surfaces.get(&surface).cloned())
 }
 
 /// A face in the one colour that the layout answer has for it; `None` once faces have textures, and where none was said.
@@ -35,10 +45,14 @@ fn named(state: &SceneState, surface: Surface) -> Option<Arc<RgbaImage>> {
 
 /// The room shell for the path tracer: without the photo's light where that could be taken out.
 pub fn shell_for_light(state: &SceneState) -> Mesh {
-    shell_with(state, Vec::new(), &|s| state.even_surfaces.get(&s).or_else(|| state.surfaces.get(&s)).cloned())
+    let mut shell =
+        faces(state, Vec::new(), &|s| state.even_surfaces.get(&s).or_else(|| state.surfaces.get(&s)).cloned());
+    state.features.iter().for_each(|feature| shell.append(&feature.mesh));
+    shell
 }
 
-fn shell_with(state: &SceneState, omit: Vec<Surface>, textures: &dyn Fn(Surface) -> Option<Arc<RgbaImage>>) -> Mesh {
+/// The room's faces and boards, and what the photo shows through passages.
+fn faces(state: &SceneState, omit: Vec<Surface>, textures: &dyn Fn(Surface) -> Option<Arc<RgbaImage>>) -> Mesh {
     let options =
         ShellOptions { omit, trims: state.trims, roughness: state.roughness.clone(), ..ShellOptions::default() };
     let omitted = |o: &Beyond| options.omit.contains(&o.opening.wall.surface());
@@ -85,9 +99,31 @@ pub fn scene_from(state: &SceneState, camera: &Camera, omit: Vec<Surface>) -> Rg
 }
 
 /// Nodes of the scene's file that a camera outside the room does not see: the faces left out, and what goes with them.
-pub fn hidden_nodes(omit: &[Surface], gone: &BTreeSet<&ObjectId>) -> Vec<String> {
+/// `nodes` are the names of all, for what is built into those faces.
+pub fn hidden_nodes<'n>(
+    omit: &[Surface],
+    gone: &BTreeSet<&'n ObjectId>,
+    nodes: impl Iterator<Item = &'n str>,
+) -> Vec<String> {
     let faces = omit.iter().map(|s| harmony_mesh::shell_material_name(*s));
-    faces.chain(gone.iter().map(|id| id.as_str())).map(str::to_owned).collect()
+    let built = nodes.filter(|node| omit.iter().any(|face| node.starts_with(&built_into(*face))));
+    faces.chain(gone.iter().map(|id| id.as_str())).chain(built).map(str::to_owned).collect()
+}
+
+/// How the names of nodes begin that are built into a face.
+pub fn built_into(face: Surface) -> String {
+    format!("feature_{}_", face.name())
+}
+
+/// The bounds of a placed thing, room frame.
+pub fn bounds_of(placed: &Placed) -> Bounds {
+    let own = placed.item.shape.bounds();
+    let corners = (0..8).map(|i| {
+        let pick = |bit: usize| if i & bit == 0 { own.min } else { own.max };
+        placed.pose.point(DVec3::new(pick(1).x, pick(2).y, pick(4).z))
+    });
+    let (min, max) = corners.fold((DVec3::MAX, DVec3::MIN), |(low, high), p| (low.min(p), high.max(p)));
+    Bounds { min, max }
 }
 
 /// Objects that go with faces left out of a view.
@@ -119,6 +155,7 @@ struct Shown {
     surfaces: Vec<(Surface, Arc<RgbaImage>)>,
     trims: Trims,
     beyond: Vec<Arc<RgbaImage>>,
+    features: Vec<Arc<Mesh>>,
     objects: Vec<(u32, Pose, Arc<Mesh>)>,
 }
 
@@ -132,6 +169,7 @@ impl Shown {
             camera: state.partial.camera,
             room: state.partial.room.clone(),
             trims: state.trims,
+            features: state.features.iter().map(|f| Arc::clone(f.shown())).collect(),
             beyond: state.beyond.iter().map(|b| Arc::clone(&b.picture)).collect(),
             surfaces: state.surfaces.iter().map(|(surface, texture)| (*surface, Arc::clone(texture))).collect(),
             objects: objects.collect(),
@@ -143,6 +181,8 @@ impl Shown {
         self.camera == other.camera
             && self.room == other.room
             && self.trims == other.trims
+            && self.features.len() == other.features.len()
+            && self.features.iter().zip(&other.features).all(|(a, b)| Arc::ptr_eq(a, b))
             && self.beyond.len() == other.beyond.len()
             && self.beyond.iter().zip(&other.beyond).all(|(a, b)| Arc::ptr_eq(a, b))
             && self.surfaces.len() == other.surfaces.len()

@@ -136,6 +136,15 @@ pub struct InspectedMaterial {
     pub elasticity: Option<f64>,
 }
 
+/// To where a thing on a wall goes on, seen or not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum WallReach {
+    Floor,
+    Ceiling,
+}
+
 /// What is said about one candidate.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -164,6 +173,9 @@ pub struct InspectedObject {
     /// Wall level only: the wall it is fixed to.
     #[serde(default)]
     pub wall: Option<Wall>,
+    /// Wall level only: it goes on to the floor, to the ceiling, seen or not (beyond the paper).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub reaches: Vec<WallReach>,
     /// Id of what it rests on, when not the floor.
     #[serde(default)]
     pub on_top_of: Option<String>,
@@ -234,6 +246,7 @@ impl InspectedObject {
             size_m,
             wall_affinity: WallAffinity::Centre,
             wall: None,
+            reaches: Vec::new(),
             on_top_of: None,
             in_front_of: None,
             behind: None,

@@ -32,6 +32,7 @@ pub use groups::{GroupSwap, GroupsAnswer, GroupsQuestion, MatchedSet, MissingMem
 pub use hosts::{HostedObject, HostsAnswer, HostsObject, HostsQuestion};
 pub use inspect::{
     InspectAnswer, InspectCandidate, InspectQuestion, InspectedMaterial, InspectedObject, InspectedSize, Occlusion,
+    WallReach,
 };
 pub use last_look::{
     AMBIENT, AddedObject, Difference, DifferenceKind, LastAction, LastActionKind, LastLookAnswer, LastLookQuestion,
@@ -52,8 +53,8 @@ pub use meshes::{
 pub use missing::{MissingAnswer, MissingDecoration, MissingQuestion, PresentDecoration};
 pub use physical::{PhysicalAnswer, PhysicalItem, PhysicalLabel, PhysicalQuestion};
 pub use programs::{
-    LookVerdict, LookedAt, ModelledObject, ProgramObject, ProgramsAnswer, ProgramsQuestion, SecondLookAnswer,
-    SecondLookQuestion, ShownProgram, ToModel, WithoutProgram,
+    LookVerdict, LookedAt, ModelledObject, ProgramObject, ProgramsAnswer, ProgramsQuestion, RoomFeature,
+    SecondLookAnswer, SecondLookQuestion, ShownProgram, ToModel, WithoutProgram,
 };
 pub use question::{Ask, Question};
 pub use reorder::{ReorderAnswer, ReorderHost, ReorderQuestion, ReorderSize};

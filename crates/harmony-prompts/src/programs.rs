@@ -7,6 +7,7 @@ use harmony_scene::{ImageSize, ObjectId, PixelBox, Size};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::layout::SurfaceName;
 use crate::question::{Ask, bare_lines, fill, tried};
 use crate::subjects::{PlacedObject, RoomSummary, thousandths};
 
@@ -18,6 +19,9 @@ pub struct ProgramsQuestion {
     pub room: RoomSummary,
     /// What is to be modelled.
     pub objects: Vec<ToModel>,
+    /// Whether what is built into the room is asked for, too.
+    #[serde(skip)]
+    pub features: bool,
     /// What the modelling language offers.
     #[serde(skip)]
     pub guide: String,
@@ -141,6 +145,28 @@ impl Display for ModelledObject {
 pub struct ProgramsAnswer {
     /// One entry an object.
     pub objects: Vec<ProgramObject>,
+    /// What is built into the room and is no object; asked for with the walls' objects alone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub features: Vec<RoomFeature>,
+}
+
+/// Something built into the room, modelled on one of its faces.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RoomFeature {
+    /// In a word or two; each once.
+    pub name: String,
+    /// The face of the room in whose frame it is modelled.
+    pub on: SurfaceName,
+    /// The program; null where it shares one by `same_as`.
+    #[serde(default)]
+    pub program: Option<String>,
+    /// Name of the feature whose program it shares.
+    #[serde(default)]
+    pub same_as: Option<String>,
+    /// Values for further parameters of `build`.
+    #[serde(default)]
+    pub params: BTreeMap<String, f64>,
 }
 
 /// How one object is modelled.
@@ -208,18 +234,31 @@ impl Ask for ProgramsQuestion {
     type Answer = ProgramsAnswer;
 
     fn prompt(&self) -> String {
+        let (features, form) =
+            if self.features { (include_str!("../templates/features.md"), FEATURES_FORM) } else { ("", "") };
         fill(
             include_str!("../templates/programs.md"),
-            &[("room", self.room.to_string()), ("objects", bare_lines(&self.objects)), ("guide", self.guide.clone())],
+            &[
+                ("room", self.room.to_string()),
+                ("objects", bare_lines(&self.objects)),
+                ("guide", self.guide.clone()),
+                ("features", features.to_owned()),
+                ("form", form.to_owned()),
+            ],
         )
     }
 
     fn example(&self) -> ProgramsAnswer {
-        ProgramsAnswer::example()
+        let features = if self.features { RoomFeature::examples() } else { Vec::new() };
+        ProgramsAnswer { features, ..ProgramsAnswer::example() }
     }
 
     fn check(&self, answer: &ProgramsAnswer) -> Result<(), String> {
-        answer.check(&self.objects.iter().map(|o| o.id.to_string()).collect::<Vec<_>>())
+        answer.check(&self.objects.iter().map(|o| o.id.to_string()).collect::<Vec<_>>())?;
+        if !self.features && !answer.features.is_empty() {
+            return Err("`features` is not asked for here: they come with the objects on the walls".into());
+        }
+        answer.check_features()
     }
 
     /// No programs are written.
@@ -251,6 +290,36 @@ impl Ask for SecondLookQuestion {
     }
 }
 
+/// How features are answered.
+const FEATURES_FORM: &str = r#", "features": [{"name", "on", "program", "same_as", "params"}]"#;
+
+/// Most features of a room.
+const MAX_FEATURES: usize = 12;
+
+/// A dado rail, for examples.
+const RAIL: &str = r##"def build(w, h, d):
+    white = mat("white", "#f0ede4", rough=0.5)
+    rail = box((w, 0.05, 0.025), bevel=0.008, mat=white).at(w / 2, 0.9, 0.0125)
+    return group("rail", rail=rail)
+"##;
+
+impl RoomFeature {
+    /// About some other picture.
+    fn examples() -> Vec<Self> {
+        let on = |name: &str, on: SurfaceName| Self {
+            name: name.into(),
+            on,
+            program: None,
+            same_as: None,
+            params: BTreeMap::new(),
+        };
+        vec![
+            Self { program: Some(RAIL.into()), ..on("dado rail back", SurfaceName::WallBack) },
+            Self { same_as: Some("dado rail back".into()), ..on("dado rail left", SurfaceName::WallLeft) },
+        ]
+    }
+}
+
 /// A stool, for examples.
 const STOOL: &str = r##"def build(w=0.4, h=0.45, d=0.4):
     oak = mat("oak", "#b98a58", rough=0.5, map=wood(seed=1))
@@ -272,7 +341,32 @@ impl ProgramsAnswer {
                     ..ProgramObject::default()
                 },
             ],
+            features: Vec::new(),
         }
+    }
+
+    /// The program of a feature, its own or the one it shares.
+    pub fn program_of_feature<'a>(&'a self, feature: &'a RoomFeature) -> Option<&'a str> {
+        let shared = |name: &String| self.features.iter().find(|f| f.name == *name)?.program.as_deref();
+        feature.program.as_deref().or_else(|| shared(feature.same_as.as_ref()?))
+    }
+
+    /// Whether features have names of their own and programs.
+    fn check_features(&self) -> Result<(), String> {
+        if self.features.len() > MAX_FEATURES {
+            return Err(format!("{} features; at most {MAX_FEATURES} are built", self.features.len()));
+        }
+        let mut names = BTreeSet::new();
+        for feature in &self.features {
+            let name = &feature.name;
+            if name.trim().is_empty() || !names.insert(name) {
+                return Err(format!("a feature needs a name of its own, not {name:?}"));
+            }
+            if self.program_of_feature(feature).is_none() {
+                return Err(format!("the feature {name:?} has no program, and none that it shares by `same_as`"));
+            }
+        }
+        Ok(())
     }
 
     /// The program of an object, its own or the one it shares, with its parameters.

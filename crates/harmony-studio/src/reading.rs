@@ -42,7 +42,9 @@ const KINDS: [(&str, Read); 13] = [
         Some(LastLookQuestion { room: room(prompt)?, objects, lights, ambient: 0.0, findings, tried, guide }.into())
     }),
     ("You model objects of a photographed room", |prompt| {
-        Some(ProgramsQuestion { room: room(prompt)?, objects: Vec::new(), guide: String::new() }.into())
+        Some(
+            ProgramsQuestion { room: room(prompt)?, objects: Vec::new(), features: false, guide: String::new() }.into(),
+        )
     }),
     ("You look a second time at objects", |_| {
         Some(SecondLookQuestion { objects: Vec::new(), tried: Vec::new(), guide: String::new() }.into())
@@ -414,7 +416,7 @@ mod tests {
             OrientQuestion { objects }.into(),
             LightsQuestion { lighting: dark, screens: vec![], photo_luminance: 0.0, seen: vec![] }.into(),
             LightingReviewQuestion { lighting: setup, stops: 0.0, warmth: 0.0, proposed }.into(),
-            ProgramsQuestion { room: study(), objects: vec![], guide: String::new() }.into(),
+            ProgramsQuestion { room: study(), objects: vec![], features: false, guide: String::new() }.into(),
             SecondLookQuestion { objects: vec![], tried: vec![], guide: String::new() }.into(),
             LastLookQuestion {
                 room: study(),
@@ -440,11 +442,11 @@ mod tests {
             matched_set: None,
             description: "a stool".into(),
         };
-        let programs = ProgramsQuestion { room: study(), objects: vec![stool], guide: String::new() };
+        let programs = ProgramsQuestion { room: study(), objects: vec![stool], features: false, guide: String::new() };
         assert!(programs.prompt().contains("- stool_01: stool"));
         assert_eq!(
             read_of(&programs.into()),
-            ProgramsQuestion { room: study(), objects: vec![], guide: String::new() }.into()
+            ProgramsQuestion { room: study(), objects: vec![], features: false, guide: String::new() }.into()
         );
         assert_eq!(read("What is the weather like?"), None);
     }

@@ -134,13 +134,13 @@ pub fn run(args: &Args) -> Result<u8> {
             (Some(out), _) => out.clone(),
             (None, _) => args.run.join(format!("render_{}{name}.png", if args.lit { "lit_" } else { "" })),
         };
+        let hidden = hidden_nodes(&omit, &scene.gone_with(&omit), glb.nodes.iter().map(|n| n.name.as_str()));
         if let Some(traced) = &traced {
             tell!("path-tracing {name}");
-            picture::write_rgb_png(&path, &traced.picture(&scene, camera, &omit)?)?;
+            picture::write_rgb_png(&path, &traced.picture(&scene, camera, &hidden)?)?;
             say!("{}", path.display())?;
             continue;
         }
-        let hidden = hidden_nodes(&omit, &scene.gone_with(&omit));
         let instances: Vec<Instance<'_>> = glb
             .nodes
             .iter()
@@ -189,9 +189,8 @@ impl Traced {
         Ok(Self { renderer: super::simulate::blender()?, glb, albedo, samples: args.samples })
     }
 
-    fn picture(&self, scene: &Scene, camera: Camera, omit: &[Surface]) -> Result<RgbImage> {
-        let hidden = hidden_nodes(omit, &scene.gone_with(omit));
-        let view = LitView { camera, hidden, true_colors: Vec::new() };
+    fn picture(&self, scene: &Scene, camera: Camera, hidden: &[String]) -> Result<RgbImage> {
+        let view = LitView { camera, hidden: hidden.to_vec(), true_colors: Vec::new() };
         let lit =
             Lit { renderer: &self.renderer, scene, albedo: self.albedo.clone(), samples: self.samples, kept: None };
         Ok(lit.picture(&self.glb, &[], &view)?)

@@ -283,7 +283,7 @@ fn windows_are_assumed_where_the_photo_does_not_look() {
     let intrinsics = Intrinsics::from_horizontal_fov(size, 1.0);
     // From near the front wall, straight at the back one: the near ends of both side walls are out of sight.
     let camera = Camera::looking(size, intrinsics, DVec3::new(2.0, 1.5, 4.8), DVec3::NEG_Z);
-    let found = unseen_windows(&room, &camera);
+    let found = unseen_windows(&room, &camera, &[]);
     let ids: Vec<&str> = found.iter().map(|l| l.id.as_str()).collect();
     assert_eq!(ids, ["daylight_front", "daylight_left", "daylight_right"]);
     for light in &found {
@@ -298,10 +298,17 @@ fn windows_are_assumed_where_the_photo_does_not_look() {
             assert!(!seen(p), "{light:?}");
         }
     }
+    // Before a curtain that hangs over its place, not in it.
+    let left = DVec3::from_array(found[1].position);
+    let curtain = Bounds { min: DVec3::new(0.01, 0.0, left.z - 0.3), max: DVec3::new(0.09, 2.4, left.z + 2.0) };
+    let beside = Bounds { min: DVec3::new(0.01, 0.0, 0.2), max: DVec3::new(0.2, 2.4, 0.5) };
+    let hung = unseen_windows(&room, &camera, &[curtain, beside]);
+    assert!((hung[1].position[0] - 0.09 - PANE_GAP_M).abs() < 1e-9, "{:?}", hung[1]);
+    assert_eq!((hung[0].position, hung[2].position), (found[0].position, found[2].position));
     // A wide lens in the front wall sees all of both side walls.
     let wide = Intrinsics::from_horizontal_fov(size, 3.0);
     let camera = Camera::looking(size, wide, DVec3::new(2.0, 1.5, 5.0), DVec3::NEG_Z);
-    let ids: Vec<String> = unseen_windows(&room, &camera).into_iter().map(|l| l.id).collect();
+    let ids: Vec<String> = unseen_windows(&room, &camera, &[]).into_iter().map(|l| l.id).collect();
     assert_eq!(ids, ["daylight_front"]);
 }
 

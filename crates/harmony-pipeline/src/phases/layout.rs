@@ -28,6 +28,7 @@ use serde_json::{Value, json};
 
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Layout, SceneState};
+use crate::steps::surfaces;
 use crate::views::Gallery;
 
 /// Typical lens of a phone or a real-estate photo, as a fraction of the longer side; used when nothing else is known.
@@ -122,6 +123,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     let nobodys = Arc::new(nobodys);
     partial.nobodys = nobodys.bounds().is_some().then(|| Arc::clone(&nobodys));
     let layout = Layout { answer, evidence, method, confidence, because };
+    let trims = surfaces::named_trims(&layout.answer, &partial.room.extents);
     let mut state = SceneState {
         photo_frame: nobodys,
         photo: working,
@@ -133,7 +135,8 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         roughness: BTreeMap::new(),
         beyond: Vec::new(),
         refused: Vec::new(),
-        trims: harmony_mesh::Trims::default(),
+        trims,
+        features: Vec::new(),
         rejected: Vec::new(),
         left: Vec::new(),
         looks: Vec::new(),

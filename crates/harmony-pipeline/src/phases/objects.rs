@@ -14,10 +14,11 @@ use crate::before::{Before, Known};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::looks::{LookKind, SceneBefore, missing_came};
 use crate::state::{DropReason, Left, Object, SceneState};
+use crate::steps::features::Feature;
 use crate::steps::inspect::Inspection;
 use crate::steps::{
-    counts, detect, doubt, groups, hosts, inspect, place, prepare, programs, relief, review, second_look, shading,
-    surfaces, texture, turns,
+    counts, detect, doubt, features, groups, hosts, inspect, place, prepare, programs, relief, review, second_look,
+    shading, surfaces, texture, turns,
 };
 
 /// A level that can be placed.
@@ -31,6 +32,8 @@ pub struct PreparedLevel {
     left: Vec<Left>,
     /// Labels and pixels of what was found and is not made ready.
     rejected: Vec<(String, Arc<Mask>)>,
+    /// What is built into the room.
+    features: Vec<Feature>,
     /// Placement order as reasoned.
     order: Vec<ObjectId>,
     /// The level in words.
@@ -105,10 +108,12 @@ pub async fn prepare(
     let Inspection { objects, left: refused, rejected: unwanted, order, summary } = inspection;
     left.extend(refused);
     rejected.extend(unwanted);
-    let mut ready = Vec::new();
+    let (mut ready, mut features) = (Vec::new(), Vec::new());
     if candidates > 0 {
         ctx.step("completing and meshing");
-        for outcome in prepare::all(ctx, level, state, objects).await? {
+        let (outcomes, built) = prepare::all(ctx, level, state, objects).await?;
+        features = built;
+        for outcome in outcomes {
             match outcome {
                 Ok(object) => ready.push(object),
                 Err((object, reason)) => {
@@ -118,7 +123,7 @@ pub async fn prepare(
             }
         }
     }
-    Ok(PreparedLevel { candidates, ready, left, rejected, order, summary })
+    Ok(PreparedLevel { candidates, ready, left, rejected, features, order, summary })
 }
 
 /// Places a prepared level and reviews it. `bare` is the picture of the empty room that an image editor drew, for the
@@ -137,6 +142,7 @@ pub async fn place(
     let mut counted = None;
     state.left.extend(prepared.left);
     state.rejected.extend(prepared.rejected);
+    state.features.extend(prepared.features);
     if prepared.candidates > 0 {
         let mut ids = Vec::new();
         for mut object in prepared.ready {
@@ -203,6 +209,7 @@ pub async fn place(
     if level == Level::Decoration {
         let placed: Vec<_> = state.partial.placed.iter().map(|p| p.item.id.clone()).collect();
         programs::refit(ctx, &mut state, &placed).await?;
+        features::refit(ctx, &mut state).await?;
         ctx.step("room surfaces");
         surfaces::all(ctx, &mut state, bare).await?;
         texture::everything(ctx, &mut state).await?;

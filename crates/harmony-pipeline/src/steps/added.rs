@@ -80,7 +80,8 @@ pub async fn all(
         state.left.extend(inspection.left);
         state.rejected.extend(inspection.rejected);
         order = inspection.order;
-        for outcome in prepare::all(ctx, level, &shown, inspection.objects).await? {
+        let (outcomes, _) = prepare::all(ctx, level, &shown, inspection.objects).await?;
+        for outcome in outcomes {
             match outcome {
                 Ok(object) => copies.push(object),
                 Err((object, reason)) => {

@@ -1,6 +1,7 @@
 //! The last look: photo, lit render, canonical view and two inner views side by side; what still differs is named, and
 //! typed actions are tried, measured against the photo, and kept or refused with the reason.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use harmony_lighting::Judgement;
@@ -11,13 +12,13 @@ use harmony_prompts::{
     AMBIENT, LastAction, LastActionKind, LastLookAnswer, LastLookQuestion, ListedLight, PaintedObject,
 };
 use harmony_roles::Picture;
-use harmony_scene::{ImageSize, Lighting, ObjectId, Surface, WarningKind};
+use harmony_scene::{ImageSize, Lighting, ObjectId, Size, Surface, WarningKind};
 use harmony_shape::material::kelvin_to_rgb;
 use image::{RgbImage, RgbaImage};
 use serde_json::json;
 
 use super::added::{self, Wanted};
-use super::programs::Program;
+use super::programs::{self, Program};
 use super::second_look::Tried;
 use super::{review, second_look, surfaces};
 use crate::Phase;
@@ -223,7 +224,18 @@ async fn ask(
     };
     let shown = state.clone();
     let pictures = ctx.computed(move || pictures(&shown, lit)).await?;
-    ctx.ask(name, question, pictures).await
+    let sizes: BTreeMap<String, Size> =
+        state.partial.placed.iter().map(|p| (p.item.id.to_string(), p.size())).collect();
+    let photo = Arc::clone(&state.photo);
+    ctx.ask_and_try(name, question, pictures, move |answer: &LastLookAnswer| {
+        for action in &answer.actions {
+            let (Some(source), Some(size)) = (&action.program, sizes.get(&action.id)) else { continue };
+            let program = Program { source: source.clone(), params: action.params.clone() };
+            programs::built(&program, *size, &photo).map_err(|error| format!("program of {}: {error}", action.id))?;
+        }
+        Ok(())
+    })
+    .await
 }
 
 /// What geometry and colour complain about.

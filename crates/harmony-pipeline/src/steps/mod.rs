@@ -6,6 +6,7 @@ pub mod colour;
 pub mod counts;
 pub mod detect;
 pub mod doubt;
+pub mod features;
 pub mod grain;
 pub mod groups;
 pub mod hosts;

@@ -7,7 +7,7 @@ use harmony_catalogue::Trait;
 use harmony_placement::{
     Collision, Item, LevelReport, PartialScene, PlacementSettings, Traits, YawHint, energy_change, place_level,
 };
-use harmony_prompts::{Occlusion, ReorderAnswer, ReorderQuestion};
+use harmony_prompts::{Occlusion, ReorderAnswer, ReorderQuestion, WallReach};
 use harmony_roles::Picture;
 use harmony_scene::{Level, ObjectId, OpeningKind, Placement, Relations, Support, WallAffinity, WarningKind};
 use serde_json::{Value, json};
@@ -236,7 +236,8 @@ fn item(level: Level, state: &SceneState, object: &Object) -> Option<Item> {
             // A generated mesh has its own proportions; a slab of ours may be given others.
             planar: is(Trait::Planar) && object.is_modelled(),
             opening: opening.is_some(),
-            to_floor: opening == Some(OpeningKind::Door),
+            to_floor: opening == Some(OpeningKind::Door) || o.reaches.contains(&WallReach::Floor),
+            to_ceiling: o.reaches.contains(&WallReach::Ceiling),
             lit_from_above: is(Trait::LitFromAbove),
             hangs: level == Level::Ceiling || is(Trait::Hangs),
             may_stretch: object.is_modelled(),

@@ -15,7 +15,8 @@ use image::RgbaImage;
 use serde_json::{Value, json};
 
 use super::canonical::{Canonical, assemble, canonicalise, shape_of};
-use super::programs::{self, Program};
+use super::features::Feature;
+use super::programs::{self, Program, Written};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{DropReason, Object, SceneState};
 
@@ -42,7 +43,7 @@ pub struct Completed {
 /// How one object came out of its chain: with a model, or without one and why.
 pub type Outcome = Result<Object, (Object, DropReason)>;
 
-/// Completes and models every object; in order of their ids.
+/// Completes and models every object, in order of their ids; with what is built into the room.
 ///
 /// # Errors
 /// Fatal role errors only. All chains have come to their end by then: what is in flight is not dropped.
@@ -51,8 +52,8 @@ pub async fn all(
     level: Level,
     state: &Arc<SceneState>,
     objects: Vec<Object>,
-) -> Result<Vec<Outcome>, PhaseError> {
-    let programs = programs::ask(ctx, state, &objects).await?;
+) -> Result<(Vec<Outcome>, Vec<Feature>), PhaseError> {
+    let Written { objects: programs, features } = programs::ask(ctx, state, &objects).await?;
     // What this program makes itself costs nothing, and a part model is made for each object's own mask.
     let groups =
         if ctx.can().makes_shapes { identical(objects) } else { objects.into_iter().map(|one| vec![one]).collect() };
@@ -69,7 +70,7 @@ pub async fn all(
     }
     outcomes.sort_by(|a, b| id_of(a).cmp(id_of(b)));
     ctx.write_json(&ctx.record("detilt_results.json"), &detilt)?;
-    Ok(outcomes)
+    Ok((outcomes, features))
 }
 
 fn id_of(outcome: &Outcome) -> &ObjectId {

@@ -12,19 +12,23 @@ use harmony_placement::{Shape, reshape};
 use harmony_program::{ChildCommand, GUIDE, Inputs, Limits};
 use harmony_prompts::{ProgramsAnswer, ProgramsQuestion, ToModel, WithoutProgram};
 use harmony_roles::{GeneratedMesh, MeshFrame, Picture, Usage};
-use harmony_scene::{ImageSize, Motion, MovingPart, ObjectId, Size, Vec3, WarningKind};
+use harmony_scene::{ImageSize, Level, Motion, MovingPart, ObjectId, Size, Vec3, WarningKind};
 use harmony_shape::ShapeTree;
 use harmony_shape::build::{BuildContext, BuiltJoint, BuiltLight, BuiltShape, lazy_signs};
 use harmony_shape::tree::JointKind;
 use image::RgbImage;
 
+use super::features::{self, Feature};
 use super::{detect, prints};
+use crate::Phase;
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Model, Object, SceneState};
 use crate::views;
 
 /// Longest side of an object's crop, pixels.
 const CROP_PX: u32 = 720;
+/// The name of a level's first question.
+const FIRST: &str = "programs";
 /// Change of size below which a shape is not built anew.
 const NO_CHANGE: f64 = 0.01;
 
@@ -43,8 +47,15 @@ pub struct Program {
 /// # Errors
 /// What is wrong with it, with the line and a hint, for whoever wrote it.
 pub fn run(program: &Program, size: Size) -> Result<ShapeTree, String> {
+    evaluated(program, Inputs::object(size))
+}
+
+/// Runs a program with its own parameters beside others, in a child process.
+///
+/// # Errors
+/// As [`run`].
+pub fn evaluated(program: &Program, mut inputs: Inputs) -> Result<ShapeTree, String> {
     let child = ChildCommand::this_program().map_err(|error| format!("this program cannot be found: {error}"))?;
-    let mut inputs = Inputs::object(size);
     for (name, value) in &program.params {
         inputs = inputs.with(name, *value);
     }
@@ -122,9 +133,8 @@ impl Modelled {
 fn modelled(Built { shape, tree, printed, .. }: Built, program: &Program) -> Modelled {
     let lines = program.source.lines().filter(|l| !l.trim().is_empty()).count();
     let plain = tree.materials.iter().filter(|m| !m.paint);
-    let plain_slots = plain.clone().map(|m| m.name.clone()).collect();
-    let said = plain.filter(|m| m.photo.is_none() || printed.contains(&m.name));
-    let said_slots = said.map(|m| m.name.clone()).collect();
+    let plain_slots = plain.map(|m| m.name.clone()).collect();
+    let said_slots = said_of(&tree, &printed);
     let moving = shape.joints.iter().filter_map(moving_part).collect();
     let bulb = middle_of(&shape.lights);
     let mesh = GeneratedMesh {
@@ -137,6 +147,12 @@ fn modelled(Built { shape, tree, printed, .. }: Built, program: &Program) -> Mod
         usage: Usage::default(),
     };
     Modelled { mesh, plain_slots, said_slots, tree, moving, bulb }
+}
+
+/// Slots whose colour was said, or that took one that was (`printed`): not what the photo paints, nor pieces of it as they are.
+pub fn said_of(tree: &ShapeTree, printed: &[String]) -> Vec<String> {
+    let plain = tree.materials.iter().filter(|m| !m.paint);
+    plain.filter(|m| m.photo.is_none() || printed.contains(&m.name)).map(|m| m.name.clone()).collect()
 }
 
 /// The middle of a shape's lights, weighted by what they give.
@@ -156,23 +172,34 @@ fn moving_part(joint: &BuiltJoint) -> Option<MovingPart> {
     Some(MovingPart { name, motion, axis, pivot, range, boxes })
 }
 
+/// What came of the questions for programs.
+#[derive(Debug, Default)]
+pub struct Written {
+    /// Programs of objects.
+    pub objects: BTreeMap<ObjectId, Program>,
+    /// What is built into the room.
+    pub features: Vec<Feature>,
+}
+
 /// Asks for programs for the objects of a level that matter, where no generator makes the meshes.
 ///
 /// # Errors
 /// Fatal role errors only.
-pub async fn ask(
-    ctx: &PhaseCtx<'_>,
-    state: &Arc<SceneState>,
-    objects: &[Object],
-) -> Result<BTreeMap<ObjectId, Program>, PhaseError> {
+pub async fn ask(ctx: &PhaseCtx<'_>, state: &Arc<SceneState>, objects: &[Object]) -> Result<Written, PhaseError> {
     let wanted = wanted(ctx, state, objects);
     let answers = join_all(wanted.iter().map(|(name, chunk)| ask_for(ctx, state, chunk, name))).await;
-    let mut found = BTreeMap::new();
+    let mut written = Written::default();
     for answer in answers {
-        found.extend(answer?);
+        let answer = answer?;
+        let named = |o: &Object| {
+            let (source, params) = answer.program_of(o.id.as_str())?;
+            Some((o.id.clone(), Program { source: source.to_owned(), params: params.clone() }))
+        };
+        written.objects.extend(objects.iter().filter_map(named));
+        written.features.extend(features::of_answer(ctx, state, &answer).await?);
     }
-    share(objects, &mut found);
-    Ok(found)
+    share(objects, &mut written.objects);
+    Ok(written)
 }
 
 /// Gives those of a set that were not asked about, for they are small in the photo, the program of the one that is seen
@@ -201,12 +228,24 @@ pub fn wanted<'o>(ctx: &PhaseCtx<'_>, state: &SceneState, objects: &'o [Object])
     let mut wanted: Vec<&Object> = objects.iter().filter(|o| o.mask.count() as f64 >= smallest).collect();
     wanted.sort_by_key(|o| (std::cmp::Reverse(o.mask.count()), o.id.clone()));
     wanted.truncate(settings.most_objects);
+    let wanted = sets_together(wanted);
     let chunks = wanted.chunks(settings.objects_per_question).enumerate();
     let named = chunks.map(|(part, chunk)| {
-        let name = if part == 0 { "programs".to_owned() } else { format!("programs_{}", part + 1) };
+        let name = if part == 0 { FIRST.to_owned() } else { format!("programs_{}", part + 1) };
         (name, chunk.to_vec())
     });
     named.filter(|(name, _)| ctx.is_looked_at(name)).collect()
+}
+
+/// The same objects, those of a set after its first, so that one question asks about them where it can.
+fn sets_together(objects: Vec<&Object>) -> Vec<&Object> {
+    let set = |o: &Object| {
+        o.said.matched_set.clone().filter(|set| !set.trim().is_empty()).map(|set| (set, o.said.kind.clone()))
+    };
+    let first = |o: &Object| set(o).and_then(|own| objects.iter().position(|other| set(other).as_ref() == Some(&own)));
+    let mut keyed: Vec<(usize, usize)> = (0..objects.len()).map(|i| (first(objects[i]).unwrap_or(i), i)).collect();
+    keyed.sort_unstable();
+    keyed.into_iter().map(|(_, i)| objects[i]).collect()
 }
 
 async fn ask_for(
@@ -214,34 +253,29 @@ async fn ask_for(
     state: &Arc<SceneState>,
     objects: &[&Object],
     name: &str,
-) -> Result<Vec<(ObjectId, Program)>, PhaseError> {
+) -> Result<ProgramsAnswer, PhaseError> {
     ctx.step(&format!("modelling {} objects", objects.len()));
     let question = ProgramsQuestion {
         room: views::room_summary(state),
         objects: objects.iter().map(|o| to_model(o, state.partial.camera.size)).collect(),
+        // Once: what is built into the walls is there before what stands at them.
+        features: ctx.phase == Phase::Objects(Level::Wall) && ctx.within.is_none() && name == FIRST,
         guide: GUIDE.to_owned(),
     };
     let (shown, listed) = (Arc::clone(state), objects.iter().map(|o| (*o).clone()).collect::<Vec<_>>());
     let pictures = ctx.computed(move || pictures(&shown, &listed)).await?;
     let sizes: BTreeMap<String, Size> = objects.iter().map(|o| (o.id.to_string(), o.size())).collect();
     let photo = Arc::clone(&state.photo);
-    let answer = ctx
-        .ask_and_try(name, question, pictures, move |answer: &ProgramsAnswer| {
-            for (id, size) in &sizes {
-                let Some((source, params)) = answer.program_of(id) else { continue };
-                let program = Program { source: source.to_owned(), params: params.clone() };
-                built(&program, *size, &photo).map_err(|error| format!("program of {id}: {error}"))?;
-            }
-            Ok(())
-        })
-        .await?;
-    Ok(objects
-        .iter()
-        .filter_map(|o| {
-            let (source, params) = answer.program_of(o.id.as_str())?;
-            Some((o.id.clone(), Program { source: source.to_owned(), params: params.clone() }))
-        })
-        .collect())
+    let (room, camera) = (state.partial.room.extents, state.partial.camera);
+    ctx.ask_and_try(name, question, pictures, move |answer: &ProgramsAnswer| {
+        for (id, size) in &sizes {
+            let Some((source, params)) = answer.program_of(id) else { continue };
+            let program = Program { source: source.to_owned(), params: params.clone() };
+            built(&program, *size, &photo).map_err(|error| format!("program of {id}: {error}"))?;
+        }
+        features::check(answer, (&room, &camera), &photo)
+    })
+    .await
 }
 
 fn to_model(o: &Object, image: ImageSize) -> ToModel {

@@ -270,6 +270,21 @@ struct Tried {
     told: String,
 }
 
+impl Tried {
+    /// What came of actions that could not be tried together, one by one.
+    fn of_each(each: Vec<Self>, reason: &str) -> Self {
+        let kept = each.iter().any(|t| t.kept);
+        let refused = if kept { None } else { each.iter().find_map(|t| t.refused.clone()) };
+        let (records, told): (Vec<Value>, Vec<String>) = each.into_iter().map(|t| (t.record, t.told)).unzip();
+        Self {
+            kept,
+            refused,
+            record: json!({ "apart": records, "kept": kept, "reason": reason }),
+            told: told.join("\n"),
+        }
+    }
+}
+
 /// Tries actions together, and when that is refused each by itself.
 async fn try_together(
     ctx: &PhaseCtx<'_>,
@@ -287,7 +302,15 @@ async fn try_together(
     let before = shown(state, answers);
     let together = attempt(ctx, state, actions.clone()).await?;
     let (verdict, alone) = match together {
-        Err(error) => return Ok(untried(answers, &error.to_string())),
+        Err(error) if actions.len() < 2 => return Ok(untried(answers, &error.to_string())),
+        Err(error) => {
+            // One that cannot be tried does not take the others along.
+            let mut told = Vec::new();
+            for answer in answers {
+                told.push(Box::pin(try_together(ctx, state, &[*answer])).await?);
+            }
+            return Ok(Tried::of_each(told, &error.to_string()));
+        }
         Ok(Attempt { verdict, .. }) if !verdict.kept && actions.len() > 1 => {
             let mut kept = Vec::new();
             for (answer, action) in answers.iter().zip(actions) {
@@ -307,6 +330,12 @@ async fn try_together(
     };
     let kept = verdict.kept || !alone.is_empty();
     let refused = (!kept).then(|| format!("{name} was proposed and refused: {}", verdict.reason));
+    if let (false, [_, ..]) = (verdict.kept, alone.as_slice()) {
+        // Not tried again: a part of it has come about.
+        let message =
+            format!("of {name}, which was proposed together, {} alone was kept: {}", alone.join(" + "), verdict.reason);
+        ctx.warn(WarningKind::ActionRefused, ObjectId::new(&answers[0].id).ok(), message);
+    }
     let came = match (verdict.kept, alone.as_slice()) {
         (true, _) => "kept".to_owned(),
         (false, []) => format!("refused, {}", verdict.reason),

@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use harmony_mesh::{Material, Mesh};
 use harmony_render::{SOLID, Stands, opacity, shade};
-use harmony_scene::{Mask, ObjectId, Pose};
+use harmony_scene::{Mask, ObjectId, Pose, Vec3};
 
-use super::{grain, surfaces};
+use super::{features, grain, surfaces};
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::{Model, SceneState};
+use crate::state::SceneState;
 use crate::views;
 
 /// Gives boards the photo's light, fits the law of light to what it shows and lights every material whose colour was said.
@@ -21,20 +21,32 @@ pub async fn everything(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<()
     state.trims = ctx.computed(move || surfaces::trims_in_photo(&bare)).await?;
     let any =
         |id: &ObjectId| state.objects.get(id).and_then(|o| o.model.as_ref()).is_some_and(|m| !m.said_slots.is_empty());
-    if !state.partial.placed.iter().any(|p| any(&p.item.id)) {
+    let built = state.features.iter().any(|f| !f.said.is_empty());
+    if !built && !state.partial.placed.iter().any(|p| any(&p.item.id)) {
         return Ok(());
     }
     let shown = Arc::new(state.clone());
-    let lit = ctx.computed(move || lit(&shown)).await?;
+    let Lit { objects, features } = ctx.computed(move || lit(&shown)).await?;
     for (id, object) in &mut state.objects {
-        object.look.lit = lit.get(id).cloned();
+        object.look.lit = objects.get(id).cloned();
+    }
+    for (feature, lit) in state.features.iter_mut().zip(features) {
+        feature.lit = lit;
     }
     Ok(())
 }
 
+/// Meshes in the photo's light.
+struct Lit {
+    objects: BTreeMap<ObjectId, Arc<Mesh>>,
+    /// What is built into the room, one by one.
+    features: Vec<Option<Arc<Mesh>>>,
+}
+
 /// An object as it stands before it is lit.
 struct Thing {
-    id: ObjectId,
+    /// `None`: built into the room.
+    id: Option<ObjectId>,
     mesh: Arc<Mesh>,
     pose: Pose,
     visible: Option<Mask>,
@@ -47,9 +59,9 @@ impl Thing {
     }
 }
 
-fn lit(state: &SceneState) -> BTreeMap<ObjectId, Arc<Mesh>> {
+fn lit(state: &SceneState) -> Lit {
     let ids = views::ids(state);
-    let things: Vec<Thing> = state
+    let mut things: Vec<Thing> = state
         .partial
         .placed
         .iter()
@@ -57,26 +69,35 @@ fn lit(state: &SceneState) -> BTreeMap<ObjectId, Arc<Mesh>> {
             let id = placed.item.id.clone();
             let mesh = Arc::clone(state.unlit(&id)?);
             let model = state.objects.get(&id)?.model.as_ref()?;
-            let plain: Vec<bool> = mesh.materials.iter().map(|m| is_said(model, m)).collect();
+            let plain: Vec<bool> = mesh.materials.iter().map(|m| is_said(&model.said_slots, m)).collect();
             let plain = if plain.contains(&true) { plain } else { Vec::new() };
             let visible = if plain.is_empty() { None } else { state.visible_mask(&id, &ids) };
-            Some(Thing { id, mesh, pose: placed.pose, visible, plain })
+            Some(Thing { id: Some(id), mesh, pose: placed.pose, visible, plain })
         })
         .collect();
-    let shell = views::shell(state, Vec::new());
+    things.extend(state.features.iter().zip(features::pixels(state)).map(|(feature, visible)| Thing {
+        id: None,
+        mesh: Arc::clone(&feature.mesh),
+        pose: Pose::new(Vec3::ZERO, 0.0, 1.0),
+        visible: Some(visible),
+        plain: feature.mesh.materials.iter().map(|m| is_said(&feature.said, m)).collect(),
+    }));
+    let shell = views::shell_alone(state);
     let (camera, photo) = (&state.partial.camera, &*state.photo);
     let as_said: Vec<Stands<'_>> = things.iter().map(|t| t.stands(&t.mesh)).collect();
     let grained = grain::as_seen(&shell, &as_said, camera, photo);
     let stands: Vec<Stands<'_>> =
         things.iter().zip(&grained).map(|(t, grained)| t.stands(grained.as_ref().unwrap_or(&t.mesh))).collect();
     let shaded = shade(&shell, &stands, camera, photo, &state.partial.room.extents);
-    let ids = things.iter().map(|t| t.id.clone());
-    ids.zip(shaded.meshes).filter_map(|(id, mesh)| Some((id, Arc::new(mesh?)))).collect()
+    let mut meshes = shaded.meshes.into_iter().map(|mesh| mesh.map(Arc::new));
+    let objects = things.iter().map_while(|t| t.id.clone()).zip(meshes.by_ref());
+    let objects = objects.filter_map(|(id, mesh)| Some((id, mesh?))).collect();
+    Lit { objects, features: meshes.collect() }
 }
 
 /// Whether a material has a colour that was said and light falls on: not what shines or is seen through.
-fn is_said(model: &Model, material: &Material) -> bool {
-    model.said_slots.contains(&material.name)
+fn is_said(said: &[String], material: &Material) -> bool {
+    said.contains(&material.name)
         && material.texture.is_none()
         && material.emissive.iter().all(|e| *e <= 0.0)
         && opacity(material) >= SOLID
@@ -100,7 +121,7 @@ mod tests {
         let said = add(&mut state, "cabinet_01", Level::Furniture, DVec3::splat(0.8), a, Support::Floor);
         let painted = add(&mut state, "chest_01", Level::Furniture, DVec3::splat(0.8), b, Support::Floor);
         state.objects.get_mut(&said).unwrap().model.as_mut().unwrap().said_slots = vec!["box".to_owned()];
-        let lit = lit(&state);
+        let lit = lit(&state).objects;
         assert!(!lit.contains_key(&painted), "the photo's pixels hold its light");
         let mesh = &lit[&said];
         let base = mesh.materials[0].base_color[0];

@@ -23,7 +23,8 @@ const ASKED: u32 = 24;
 
 /// Moves hanging things that share a stretch of wall off it, one before the other: the one whose pixels the photo has
 /// there is in front, else the one that is not see-through. What else is on the wall has hanging things before it in the same
-/// way, a radiator its curtain; where it is in front, the cloth gives way and it stays at its wall.
+/// way, a radiator its curtain; where it is in front, the cloth gives way and it stays at its wall. What a reviewer has put
+/// in its place stays there.
 pub(crate) fn hang_in_layers(scene: &mut PartialScene, settings: &PlacementSettings) {
     let on_wall: Vec<(usize, Wall)> = (0..scene.placed.len())
         .filter(|i| !scene.placed[*i].item.traits.opening)
@@ -35,7 +36,8 @@ pub(crate) fn hang_in_layers(scene: &mut PartialScene, settings: &PlacementSetti
             if wall != other || !(hangs(*a) || hangs(*b)) {
                 continue;
             }
-            if let Some((front, back)) = in_layers(scene, *a, *b, *wall).filter(|(front, _)| hangs(*front)) {
+            let goes = |i: usize| hangs(i) && !scene.placed[i].item.traits.corrected;
+            if let Some((front, back)) = in_layers(scene, *a, *b, *wall).filter(|(front, _)| goes(*front)) {
                 put_before(scene, front, back, *wall);
             }
         }

@@ -10,7 +10,7 @@ pub(crate) use wall::between_curtains;
 
 use harmony_scene::{Ledge, Level, PlacementType, Pose, Vec2, Vec3, Wall, WallPlane};
 
-use crate::noise::surprise;
+use crate::noise::{Noise, surprise};
 use crate::observe::Window;
 use crate::scene::attachment::{Attachment, PoseConstraint, YawRule, angle_between, facing, size_of};
 use crate::stats::median;
@@ -22,6 +22,9 @@ const AGREES: f64 = 0.6;
 
 /// How far a coarse yaw may be from the room's axes for these to be tried, radians.
 const ALONG_THE_ROOM: f64 = 0.45;
+
+/// As near to the room's axes a turn was answered along them, radians.
+const SQUARE: f64 = 0.02;
 
 /// A pose to start from.
 #[derive(Debug, Clone)]
@@ -147,8 +150,7 @@ impl<'a> Proposer<'a, '_> {
         if let YawHint::About(yaw) = self.item.yaw
             && yaw.is_finite()
         {
-            // What stands on something stands along its edge more often than not.
-            let sigma = if self.item.level == Level::Decoration { noise.yaw_along } else { noise.yaw_panel };
+            let sigma = answered_yaw(self.item, yaw, noise);
             return vec![YawRule::About { yaw, sigma }];
         }
         if let Some(target) = self.target()
@@ -449,6 +451,18 @@ impl<'a> Proposer<'a, '_> {
             out.extend(positions.into_iter().flatten().map(|p| self.settled(constraint, p, 0.0)));
         }
         out
+    }
+}
+
+/// One sigma of an answered turn, radians. What stands on something stands along its edge more often than not; a rug of
+/// which a turn along the room was answered lies square in it, for one that lies aslant is answered so.
+pub(crate) fn answered_yaw(item: &Item, yaw: f64, noise: &Noise) -> f64 {
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let is_square = (yaw - (yaw / quarter).round() * quarter).abs() < SQUARE;
+    match item.level {
+        Level::Decoration => noise.yaw_along,
+        _ if item.traits.flat && is_square => noise.yaw_square,
+        _ => noise.yaw_panel,
     }
 }
 

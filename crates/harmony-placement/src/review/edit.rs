@@ -10,7 +10,8 @@ use harmony_scene::{Mask, ObjectId, Pose, Relations, Size, Support, Vec3, Wall, 
 
 use super::ActionError;
 use crate::observe::Window;
-use crate::scene::attachment::{Attachment, PoseConstraint, SAME_TURN, YawRule, angle_between, attachment_of};
+use crate::propose::level_direction;
+use crate::scene::attachment::{Attachment, PoseConstraint, SAME_TURN, YawRule, angle_between, attachment_of, reach};
 use crate::scene::subtree::take_along;
 use crate::solve::local::solve;
 use crate::{Item, PartialScene, Placed, PlacementSettings};
@@ -73,10 +74,21 @@ pub(super) fn rescale(scene: &mut PartialScene, object: usize, factor: Vec3, set
         item.traits.corrected = true;
     });
     let base = scene.placed[object].pose.position.y;
+    let seen_end = seen_end(scene, object, settings);
+    let half = |placed: &Placed, along: Vec3| {
+        let (low, high) = reach(&placed.item, &placed.pose);
+        ((high - low) * along.abs()).element_sum() / 2.0
+    };
+    let before = seen_end.map(|end| half(&scene.placed[object], end));
     carry(scene, object, settings, |pose| {
         pose.scale *= common;
         pose.stretch *= factor / common;
     });
+    if let (Some(end), Some(before)) = (seen_end, before) {
+        // What the picture cuts, or another thing hides, grows there: the end that is seen stays.
+        let by = before - half(&scene.placed[object], end);
+        carry(scene, object, settings, |pose| pose.position += end * by);
+    }
     // Its surfaces have gone up or down, and what stands on them with them.
     let host = scene.placed[object].item.id.clone();
     let moved = scene.placed[object].pose.position.y - base;
@@ -85,6 +97,17 @@ pub(super) fn rescale(scene: &mut PartialScene, object: usize, factor: Vec3, set
         let mut pose = scene.placed[guest].pose;
         pose.position.y += (pose.position.y - base - moved) * (factor.y - 1.0);
         take_along(scene, guest, pose);
+    }
+}
+
+/// The direction, level, in which the one end of an object lies that is seen, where the other is not.
+fn seen_end(scene: &PartialScene, object: usize, settings: &PlacementSettings) -> Option<Vec3> {
+    let window = Window::new(scene, &scene.placed[object].item, Some(object), &[], settings)?;
+    let right = level_direction(scene.camera.right())?;
+    match (window.free[0], window.free[2]) {
+        (true, false) => Some(-right),
+        (false, true) => Some(right),
+        _ => None,
     }
 }
 

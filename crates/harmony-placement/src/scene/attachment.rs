@@ -24,7 +24,7 @@ pub(crate) const SAME_PLACE: f64 = 0.01;
 pub(crate) const SAME_TURN: f64 = 0.02;
 
 /// Thickness of a rug or mat, at most, metres: what stands on it stands on the floor. A long pile, which is said to be
-/// thicker than [`PILE`], stands around it.
+/// as thick as [`PILE`], stands around it.
 const THICKEST_RUG: f64 = 0.008;
 const PILE: f64 = 0.02;
 const THICKEST_PILE: f64 = 0.04;
@@ -159,7 +159,7 @@ pub(crate) fn prior_scale(item: &Item, size: Size) -> (f64, Vec3) {
 /// The stretch of an object's height at a scale: a larger rug is no thicker one.
 pub(crate) fn height_stretch(item: &Item, scale: f64, stretch: f64) -> f64 {
     let height = item.shape.bounds().size().y * scale * stretch;
-    let most = if item.size.height > PILE { item.size.height.min(THICKEST_PILE) } else { THICKEST_RUG };
+    let most = if item.size.height >= PILE { item.size.height.min(THICKEST_PILE) } else { THICKEST_RUG };
     if item.traits.flat { stretch * (most / height.max(1e-6)).min(1.0) } else { stretch }
 }
 
@@ -279,15 +279,14 @@ impl PoseConstraint<'_> {
         let scale = numbers[3].exp();
         stretch.y = height_stretch(self.item, scale, stretch.y);
         let mut pose = Pose { position: Vec3::new(numbers[0], 0.0, numbers[1]), yaw, scale, stretch };
-        let size = size_of(self.item, &pose);
+        let mut size = size_of(self.item, &pose);
         match self.attachment {
             Attachment::AgainstWall(wall) => {
                 let gap = numbers[1].clamp(self.noise.wall_clearance, self.noise.wall_gap_most);
                 pose.position = wall.point(&e, numbers[0], 0.0) + wall.normal() * (gap + size.z / 2.0);
             }
             Attachment::OnWall(wall) => {
-                let highest = if self.item.traits.to_floor { 0.0 } else { (e.height - size.y).max(0.0) };
-                let y = numbers[1].clamp(0.0, highest);
+                let y = self.foot_on_wall(numbers[1], &mut pose, &mut size);
                 let away = if self.item.traits.opening {
                     // A curtain must hang free of the window's frame, and hangs along the wall.
                     let setback = self.item.shape.setback() * pose.scale * pose.stretch.z;
@@ -318,6 +317,21 @@ impl PoseConstraint<'_> {
             pose.position.y = self.surface(host, level, &pose).map_or(level, |s| s.height) - sag_of(self.item, &pose);
         }
         pose
+    }
+
+    /// How high the foot of a thing on a wall is. What was said to reach floor or ceiling ends there, and is as high as that
+    /// asks for where its proportions may change; its other end stays.
+    fn foot_on_wall(&self, foot: f64, pose: &mut Pose, size: &mut Vec3) -> f64 {
+        let (traits, ceiling) = (&self.item.traits, self.scene.room.extents.height);
+        let highest = if traits.to_floor { 0.0 } else { (ceiling - size.y).max(0.0) };
+        if !traits.may_stretch || traits.opening || !(traits.to_floor || traits.to_ceiling) {
+            return foot.clamp(0.0, highest);
+        }
+        let bottom = if traits.to_floor { 0.0 } else { foot.clamp(0.0, 0.9 * ceiling) };
+        let top = if traits.to_ceiling { ceiling } else { (foot + size.y).clamp(0.1 * ceiling, ceiling) };
+        pose.stretch.y *= (top - bottom).max(0.05 * ceiling) / size.y.max(1e-6);
+        *size = size_of(self.item, pose);
+        bottom
     }
 
     /// The nearest place within the room, or one of its niches, for a box of coordinates relative to it.
@@ -491,6 +505,30 @@ mod tests {
             assert_eq!((size.x / size.z - 1.0).abs() < 1e-9, tied);
             assert_eq!(constraint.free_numbers(&pose).iter().any(|(i, _)| *i == 6), !tied);
         }
+    }
+
+    #[test]
+    fn what_reaches_floor_or_ceiling_ends_there_and_its_other_end_stays() {
+        let scene = empty_room();
+        let ceiling = scene.room.extents.height;
+        let mut item = boxed(&scene, Vec3::new(1.0, 1.2, 0.05), Vec3::new(1.5, 0.0, 1.5), 0.0);
+        item.traits.may_stretch = true;
+        let noise = Noise::default();
+        // Seen from 0.9 to 2.1 m.
+        let mut ends = |to_floor: bool, to_ceiling: bool| {
+            (item.traits.to_floor, item.traits.to_ceiling) = (to_floor, to_ceiling);
+            let on = Attachment::OnWall(harmony_scene::Wall::Back.into());
+            let constraint = PoseConstraint::new(&scene, &item, on, YawRule::Fixed(0.0), &noise);
+            let pose = constraint.pose(&[1.5, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0]);
+            let again = constraint.settle(&pose);
+            assert!((again.position - pose.position).length() < 1e-9 && (again.stretch - pose.stretch).length() < 1e-9);
+            [pose.position.y, pose.position.y + size_of(&item, &pose).y]
+        };
+        let near = |a: [f64; 2], b: [f64; 2]| (0..2).all(|k| (a[k] - b[k]).abs() < 1e-6);
+        assert!(near(ends(false, false), [0.9, 2.1]));
+        assert!(near(ends(true, false), [0.0, 2.1]));
+        assert!(near(ends(false, true), [0.9, ceiling]));
+        assert!(near(ends(true, true), [0.0, ceiling]));
     }
 
     #[test]

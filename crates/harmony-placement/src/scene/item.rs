@@ -24,8 +24,10 @@ pub struct Traits {
     pub planar: bool,
     /// A window or door: it sits in its wall, not on it.
     pub opening: bool,
-    /// A door: its lower edge is at the floor.
+    /// A door, or what was said to go on to the floor: its lower edge is there.
     pub to_floor: bool,
+    /// On a wall: it was said to go on to the ceiling.
+    pub to_ceiling: bool,
     /// A table: a lamp that hangs alone may hang over it.
     pub lit_from_above: bool,
     /// Hangs down (pendant, curtain).

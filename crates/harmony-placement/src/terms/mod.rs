@@ -15,6 +15,7 @@ use harmony_scene::{Level, ObjectId, PlacementType, PointMapKind, Pose, Support,
 
 use crate::noise::{Noise, surprise};
 use crate::observe::{DIRECTIONS, Match, Window};
+use crate::propose::answered_yaw;
 use crate::scene::attachment::{Attachment, PoseConstraint, YawRule, angle_between, facing, reach};
 use crate::scene::support::gap_to_back;
 use crate::scene::{Energy, Evidence};
@@ -289,6 +290,9 @@ fn told_yaw(scene: &PartialScene, placed: &Placed, noise: &Noise) -> YawRule {
     let facing = item.relations.facing_toward.as_ref().and_then(|id| scene.position(id));
     match (item.yaw, facing, &placed.support) {
         (_, _, Support::Wall { .. }) => YawRule::Fixed(placed.pose.yaw),
+        (crate::YawHint::About(yaw), ..) if item.traits.flat => {
+            YawRule::About { yaw, sigma: answered_yaw(item, yaw, noise) }
+        }
         (crate::YawHint::About(yaw), ..) => YawRule::About { yaw, sigma: noise.yaw_panel },
         (_, Some(target), _) => YawRule::Facing { target, start: placed.pose.yaw, sigma: noise.yaw_facing },
         _ => YawRule::Free(placed.pose.yaw),

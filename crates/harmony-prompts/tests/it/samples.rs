@@ -256,6 +256,7 @@ pub fn questions() -> Vec<(String, Question)> {
                     to_model("stool_02", WithoutProgram::Template("stool".into()), None),
                     to_model("stool_03", WithoutProgram::Unnamed, None),
                 ],
+                features: true,
                 guide: "(the guide)".into(),
             }
             .into(),

@@ -77,7 +77,8 @@ impl Grain {
 fn boards(space: &Space, p: &Pattern, layout: Layout, default_groove: f64, bevel: f64) -> Paint {
     let palette = Palette::of(p, space, p.joint > 0.0, |c| tinted(c, GROOVE));
     let grain = Grain::new(space);
-    let sigma = tone_sigma(p, 0.30);
+    // Several named colours say how much boards differ.
+    let sigma = tone_sigma(p, if palette.main.len() > 1 { 0.06 } else { 0.30 });
     let strength = amount(p, 0.55);
     let groove = joint(p, default_groove);
     let bevel = bevel.max(space.px);

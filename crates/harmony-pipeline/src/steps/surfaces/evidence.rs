@@ -8,6 +8,7 @@ use harmony_scene::{Camera, Extents, ImageSize, Mask, RoomFaces, Surface};
 use image::{RgbImage, Rgba, RgbaImage};
 
 use crate::state::SceneState;
+use crate::steps::features;
 use crate::views;
 
 /// Margin around what was found, as a share of the photo's width: masks end short, and edges mix colours.
@@ -49,11 +50,12 @@ pub fn bare_pixels(state: &SceneState, is_seen: bool) -> Bare {
     Bare { bare, open }
 }
 
-/// Pixels in which an object of the scene is drawn.
+/// Pixels in which an object of the scene, or what is built into the room, is drawn.
 fn drawn(state: &SceneState) -> Mask {
     let size = state.partial.camera.size;
     let ids = views::ids(state);
-    Mask::from_fn(size, |x, y| ids[(y * size.width + x) as usize] != 0)
+    let objects = Mask::from_fn(size, |x, y| ids[(y * size.width + x) as usize] != 0);
+    features::pixels(state).iter().fold(objects, |all, mask| all.or(mask))
 }
 
 /// All pixels that show what a point map has before the room's faces; none without a map.

@@ -13,8 +13,9 @@ use std::sync::Arc;
 
 use harmony_imaging::color::linear_from_srgb;
 use harmony_mesh::Trims;
+use harmony_prompts::LayoutAnswer;
 use harmony_roles::{EditKind, EditRequest};
-use harmony_scene::{Camera, Level, Mask, Room, Surface};
+use harmony_scene::{Camera, Extents, Level, Mask, Room, Surface};
 use image::{DynamicImage, RgbImage};
 use rayon::prelude::*;
 use serde_json::json;
@@ -35,6 +36,11 @@ use crate::views;
 const LONGEST_PX: f64 = 1536.0;
 /// Photo pixels this far from a board may show it, metres.
 const BOARD_MARGIN: f64 = 0.025;
+
+/// The boards that the layout answer names, as reviews show them until the photo's light is known.
+pub fn named_trims(answer: &LayoutAnswer, extents: &Extents) -> Trims {
+    trim::trims(&answer.trims, &[], extents)
+}
 
 /// The paper's empty room: the image editor takes everything out of the photo. `None` when no editor draws here.
 ///
