@@ -19,14 +19,16 @@ use harmony_scene::{
 use image::{DynamicImage, RgbImage, RgbaImage, imageops};
 
 use crate::state::{Object, SceneState};
+use crate::steps::features::Feature;
 use crate::steps::surfaces::{Beyond, panes};
 
 /// The room shell with the textures made so far; until then in the colours of the layout answer.
 pub fn shell(state: &SceneState, omit: Vec<Surface>) -> Mesh {
+    let built: Vec<&Arc<Mesh>> = state.features.iter().filter(|f| !omit.contains(&f.on)).map(Feature::shown).collect();
     let mut shell =
-        faces(state, omit.clone(), &|surface| state.surfaces.get(&surface).cloned().or_else(|| named(state, surface)));
-    for feature in state.features.iter().filter(|f| !omit.contains(&f.on)) {
-        shell.append(feature.shown());
+        faces(state, omit, &|surface| state.surfaces.get(&surface).cloned().or_else(|| named(state, surface)));
+    for mesh in built {
+        shell.append(mesh);
     }
     shell
 }
@@ -47,7 +49,9 @@ fn named(state: &SceneState, surface: Surface) -> Option<Arc<RgbaImage>> {
 pub fn shell_for_light(state: &SceneState) -> Mesh {
     let mut shell =
         faces(state, Vec::new(), &|s| state.even_surfaces.get(&s).or_else(|| state.surfaces.get(&s)).cloned());
-    state.features.iter().for_each(|feature| shell.append(&feature.mesh));
+    for feature in &state.features {
+        shell.append(&feature.mesh);
+    }
     shell
 }
 

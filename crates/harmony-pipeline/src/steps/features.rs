@@ -4,7 +4,7 @@
 //! path tracer have them with the faces that they are on, and built anew when camera and room have changed, for a program
 //! asks where the photo shows things. Nothing collides with them, and nothing stands on them.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
@@ -154,12 +154,12 @@ fn file_name(name: &str) -> String {
 /// # Errors
 /// What is wrong with the first that cannot, by its name.
 pub fn check(answer: &ProgramsAnswer, room: (&Extents, &Camera), photo: &RgbImage) -> Result<(), String> {
-    let mut programs = BTreeMap::new();
+    let mut names = BTreeSet::new();
     for feature in &answer.features {
         let Some(source) = answer.program_of_feature(feature) else { continue };
         let program = Program { source: source.to_owned(), params: feature.params.clone() };
         let name = file_name(&feature.name);
-        if programs.insert(name.clone(), ()).is_some() {
+        if !names.insert(name.clone()) {
             return Err(format!(
                 "feature {:?}: another one has the same letters and figures in its name",
                 feature.name
@@ -278,7 +278,7 @@ pub fn pixels(state: &SceneState) -> Vec<Mask> {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
+    use std::collections::BTreeMap;
 
     use super::*;
     use crate::testing::empty_room;
@@ -317,10 +317,10 @@ mod tests {
     #[test]
     fn a_mark_stands_where_the_photo_shows_it() {
         let state = empty_room();
-        let source = r##"def build(w, h, d):
+        let source = r#"def build(w, h, d):
     p = pixel(500, 400, wall("back"))
     return group("mark", dot=box((0.1, 0.1, 0.02)).at(p.x, p.y - 0.05, 0.01))
-"##;
+"#;
         let made = build(&state, Surface::Back, source).unwrap();
         let bounds = made.mesh.bounds().unwrap();
         let seen = state.partial.camera.project((bounds.min + bounds.max) / 2.0).unwrap();

@@ -228,7 +228,7 @@ pub fn wanted<'o>(ctx: &PhaseCtx<'_>, state: &SceneState, objects: &'o [Object])
     let mut wanted: Vec<&Object> = objects.iter().filter(|o| o.mask.count() as f64 >= smallest).collect();
     wanted.sort_by_key(|o| (std::cmp::Reverse(o.mask.count()), o.id.clone()));
     wanted.truncate(settings.most_objects);
-    let wanted = sets_together(wanted);
+    let wanted = sets_together(&wanted);
     let chunks = wanted.chunks(settings.objects_per_question).enumerate();
     let named = chunks.map(|(part, chunk)| {
         let name = if part == 0 { FIRST.to_owned() } else { format!("programs_{}", part + 1) };
@@ -238,7 +238,7 @@ pub fn wanted<'o>(ctx: &PhaseCtx<'_>, state: &SceneState, objects: &'o [Object])
 }
 
 /// The same objects, those of a set after its first, so that one question asks about them where it can.
-fn sets_together(objects: Vec<&Object>) -> Vec<&Object> {
+fn sets_together<'o>(objects: &[&'o Object]) -> Vec<&'o Object> {
     let set = |o: &Object| {
         o.said.matched_set.clone().filter(|set| !set.trim().is_empty()).map(|set| (set, o.said.kind.clone()))
     };
