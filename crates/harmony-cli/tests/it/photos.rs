@@ -76,7 +76,7 @@ fn a_room_of_leather_and_signs() {
         ("throw_blanket_01", "armchair_01"),
         ("ceiling_fan_01", "ceiling"),
     ];
-    replayed("living_room_02", "photos/living_room_02.jpg", &[], 35, 0.65, &on);
+    replayed("living_room_02", "photos/living_room_02.jpg", &[], 35, 0.7, &on);
 }
 
 #[test]
