@@ -492,17 +492,26 @@ impl View<'_> {
 
 /// Planes on each side of a vault's crown, which the ceiling is.
 const VAULT_PLANES: u32 = 4;
+/// A crown that is told this far from the middle, as shares of the span, is not midway; nearer it is the told length's error,
+/// and farther no vault.
+const OFF_MIDDLE: std::ops::RangeInclusive<f64> = 0.1..=0.35;
 /// Points nearer to the crown than this, as a share of the rise, say little of where a vault springs.
 const CROWN: f64 = 0.85;
 
 impl View<'_> {
-    /// A vault: half an ellipse from wall to wall whose crown is the box's ceiling, as planes that touch it from outside. Where
-    /// it springs is measured by the map's points in its outline, or as told.
+    /// A vault: half an ellipse from wall to wall whose crown is the box's ceiling, or a quarter of one from either wall where the
+    /// crown is told off the middle; as planes that touch it from outside. Where it springs is measured by the map's points in
+    /// its outline, or as told.
     fn vault(&self, hint: &ShapeHint) -> (Vec<Slope>, Option<String>) {
         let e = self.extents;
-        let half = if hint.wall.normal().x.abs() > 0.5 { e.width / 2.0 } else { e.depth / 2.0 };
+        let span = if hint.wall.normal().x.abs() > 0.5 { e.width } else { e.depth };
+        let is_aside = OFF_MIDDLE.contains(&(hint.depth / span - 0.5).abs());
+        let crown = if is_aside { hint.depth } else { span / 2.0 };
         // Height above the springing as a share of the rise, so far from the wall.
-        let share = |d: f64| (1.0 - ((d - half) / half).powi(2)).max(0.0).sqrt();
+        let share = |d: f64| {
+            let half = if d < crown { crown } else { span - crown };
+            (1.0 - ((d - crown) / half).powi(2)).max(0.0).sqrt()
+        };
         let points = self.points(&hint.face);
         let springs: Vec<f64> = points
             .iter()
@@ -516,6 +525,7 @@ impl View<'_> {
         let low = measured.unwrap_or_else(|| hint.low.clamp(0.0, e.height - THINNEST));
         let rise = e.height - low;
         let touching = |wall: Wall| {
+            let half = if wall == hint.wall { crown } else { span - crown };
             (1..=VAULT_PLANES).map(move |k| {
                 let angle = f64::from(k) * std::f64::consts::FRAC_PI_2 / f64::from(VAULT_PLANES + 1);
                 let steep = rise / half / angle.tan();
@@ -809,6 +819,18 @@ mod tests {
                 assert!(below(x, arch(x) - 0.02), "the arch is free at {x}");
                 assert!(!below(x, arch(x) + 0.12) || arch(x) + 0.12 > 2.6, "above it is no room at {x}");
             }
+        }
+        // A crown that is told a third of the way across: a quarter of an ellipse on either side of it.
+        let aside = ShapeHint { depth: 1.7, ..hints[0].clone() };
+        let found = measure_shape(&[aside], &camera, &plain.extents, None);
+        let arch = |x: f64| {
+            let half: f64 = if x < 1.7 { 1.7 } else { 3.3 };
+            1.5 + 1.1 * (1.0 - ((x - 1.7) / half).powi(2)).sqrt()
+        };
+        for x in [0.3, 0.9, 1.7, 2.6, 3.6, 4.6] {
+            let is_room = |y: f64| found.shape.slopes.iter().all(|s| s.below(&plain.extents, Vec3::new(x, y, 2.5)) >= 0.0);
+            assert!(is_room(arch(x) - 0.02), "the arch is free at {x}");
+            assert!(!is_room(arch(x) + 0.12) || arch(x) + 0.12 > 2.6, "above it is no room at {x}");
         }
     }
 }

@@ -143,6 +143,8 @@ fn usual_seconds(role: Role, card: &PlayerCard) -> f64 {
 const QUESTION_IN: f64 = 4500.0;
 const QUESTION_OUT: f64 = 300.0;
 const OBJECT_OUT: f64 = 120.0;
+/// Faces of a room that an image editor completes: the floor and the walls that a photo shows.
+const FACES_COMPLETED: f64 = 3.0;
 /// A program has some 40 lines; the guide that goes with the question is English with code.
 const PROGRAM_OUT: f64 = 700.0;
 const BYTES_A_TOKEN: f64 = 3.7;
@@ -173,7 +175,7 @@ pub fn estimate(inventory: Inventory, cast: &Cast, lit: bool, prices: &Prices, l
     let questions = 1.0 + levels + inspections + busy + 1.0 + 1.0 + lit_rounds + drawn + fronts;
     let questions = questions + programs + second_looks + at_the_end;
     let guide = harmony_program::GUIDE.len() as f64 / BYTES_A_TOKEN;
-    let edits = if can.draws { drawn * (1.0 + DRAWN_AGAIN) + 1.0 } else { 0.0 };
+    let edits = if can.draws { drawn * (1.0 + DRAWN_AGAIN) + 1.0 + FACES_COMPLETED } else { 0.0 };
     let calls = |role: Role| match role {
         Role::VisionLanguage => questions,
         Role::ImageEditor => edits,

@@ -24,8 +24,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use futures::future::join_all;
 use harmony_calls::StopReason;
-use harmony_scene::{Level, Mask};
-use image::RgbImage;
+use harmony_scene::Level;
 use tokio::sync::{oneshot, watch};
 
 use crate::Phase;
@@ -33,7 +32,8 @@ use crate::before::{Before, Known};
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::phases::objects::{self, PreparedLevel};
 use crate::state::SceneState;
-use crate::steps::{detect, surfaces};
+use crate::steps::detect;
+use crate::steps::surfaces::{self, Faces};
 
 /// Whether a value has come.
 #[derive(Debug, Clone)]
@@ -82,8 +82,8 @@ impl<T: Clone> Slot<T> {
     }
 }
 
-/// A prepared level on its way to placement, with the empty room for the last one.
-type Delivery = Result<(PreparedLevel, Option<Arc<RgbImage>>), PhaseError>;
+/// A prepared level on its way to placement; with the last one the room's faces as an image editor completed them.
+type Delivery = Result<(PreparedLevel, Faces), PhaseError>;
 
 /// The levels of one run.
 pub struct Graph<'a> {
@@ -139,6 +139,15 @@ impl<'a> Graph<'a> {
     }
 
     async fn level(&self, level: usize) -> Delivery {
+        let faces = async {
+            let is_last = Level::ALL[level] == Level::Decoration;
+            if is_last { surfaces::completed(&self.ctxs[level], &self.start).await } else { Ok(Faces::new()) }
+        };
+        let (prepared, faces) = futures::join!(self.prepared(level), faces);
+        Ok((prepared?, faces?))
+    }
+
+    async fn prepared(&self, level: usize) -> Result<PreparedLevel, PhaseError> {
         let (ctx, name) = (&self.ctxs[level], Level::ALL[level]);
         let state = self.looks_at(level).await?;
         ctx.step(&format!("looking for {} objects", name.stage()));
@@ -146,11 +155,7 @@ impl<'a> Graph<'a> {
         let before = Before { found: self.waiting(level, &state).await?, state: Arc::clone(&state) };
         let inspected = objects::inspect(ctx, name, found, &before).await?;
         self.known[level].set(Arc::new(inspected.known(name)));
-        let is_last = name == Level::Decoration;
-        let (prepared, bare) = futures::join!(objects::prepare(ctx, name, &state, inspected), async {
-            if is_last { self.bare_room(ctx, &state).await } else { Ok(None) }
-        });
-        Ok((prepared?, bare?))
+        objects::prepare(ctx, name, &state, inspected).await
     }
 
     /// The scene that a level's questions look at.
@@ -176,35 +181,20 @@ impl<'a> Graph<'a> {
         Ok(waiting)
     }
 
-    /// The empty room, as soon as all objects are known.
-    async fn bare_room(
-        &self,
-        ctx: &PhaseCtx<'_>,
-        state: &Arc<SceneState>,
-    ) -> Result<Option<Arc<RgbImage>>, PhaseError> {
-        let mut objects = Mask::empty(state.partial.camera.size);
-        for known in &self.known {
-            let known = known.get().await.ok_or_else(|| PhaseError::abandoned(ctx.phase))?;
-            for object in &known.objects {
-                objects = objects.or(&object.mask);
-            }
-        }
-        surfaces::bare_room(ctx, state, &objects).await
-    }
-
     /// Waits until a level is prepared and places it.
     ///
     /// # Errors
     /// What its preparation or placement failed with.
-    pub async fn place(&self, level: usize, state: SceneState) -> Result<SceneState, PhaseError> {
+    pub async fn place(&self, level: usize, mut state: SceneState) -> Result<SceneState, PhaseError> {
         let ctx = &self.ctxs[level];
         let receiver = self.receivers.lock().unwrap_or_else(PoisonError::into_inner)[level].take();
         let delivery = match receiver {
             Some(receiver) => receiver.await.ok(),
             None => None,
         };
-        let (prepared, bare) = delivery.ok_or_else(|| PhaseError::abandoned(ctx.phase))??;
-        let state = objects::place(ctx, Level::ALL[level], state, prepared, bare).await?;
+        let (prepared, faces) = delivery.ok_or_else(|| PhaseError::abandoned(ctx.phase))??;
+        state.edited.faces.extend(faces);
+        let state = objects::place(ctx, Level::ALL[level], state, prepared).await?;
         self.placed[level].set(Arc::new(state.clone()));
         Ok(state)
     }

@@ -18,7 +18,7 @@ use crate::filter::Filtered;
 use crate::looks::{Came, LookKind};
 use crate::steps::features::Feature;
 use crate::steps::programs::Program;
-use crate::steps::surfaces::Beyond;
+use crate::steps::surfaces::{Beyond, EditedRoom};
 use crate::views::Gallery;
 
 /// One thing in the room. It gains fields as it goes: found and masked, inspected, modelled, placed (then
@@ -106,6 +106,8 @@ pub struct Model {
     pub said_slots: Vec<String>,
     /// Where its program has its light, in the mesh's frame.
     pub bulb: Option<Vec3>,
+    /// Whether parts of it move on joints.
+    pub moves: bool,
     /// Who made the mesh, in words.
     pub source: String,
     /// Material.
@@ -200,6 +202,8 @@ pub struct SceneState {
     pub surfaces: BTreeMap<Surface, Arc<RgbaImage>>,
     /// The same under even light, where there is a path tracer; a face that is not there has the other one.
     pub even_surfaces: BTreeMap<Surface, Arc<RgbaImage>>,
+    /// What an image editor has drawn of the room, where one is cast.
+    pub edited: EditedRoom,
     /// Perceptual roughness of faces whose shine was said, or is known by their material.
     pub roughness: BTreeMap<Surface, f32>,
     /// What the photo shows through passages.

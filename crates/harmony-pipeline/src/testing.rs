@@ -129,6 +129,7 @@ pub fn empty_room() -> SceneState {
         partial: PartialScene::new(room, camera, None, None),
         objects: BTreeMap::new(),
         surfaces: BTreeMap::new(),
+        edited: crate::steps::surfaces::EditedRoom::default(),
         even_surfaces: BTreeMap::new(),
         roughness: BTreeMap::new(),
         beyond: Vec::new(),
@@ -189,6 +190,7 @@ pub fn add(state: &mut SceneState, name: &str, level: Level, size: DVec3, at: DV
         plain_slots: Vec::new(),
         said_slots: Vec::new(),
         bulb: None,
+        moves: false,
         source: "a box".to_owned(),
         material: harmony_lighting::material_for(&label, Size::from_vec(size), None).0,
     });

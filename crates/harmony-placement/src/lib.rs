@@ -19,12 +19,14 @@
 //! | `terms`, `noise` | the energy, and every number in it |
 //! | `propose`, `solve`, `accept` | hypotheses, solves, the rule by which a change is kept |
 //! | `contact` | nothing in anything, everything on what carries it |
+//! | `form` | seats, arms and backs where depth has them |
 //!
 //! Frames and units are those of `docs/conventions.md`: room frame (metres, +Y up), OpenCV camera, yaw about +Y.
 //! Masks, and the camera of [`PartialScene`], are at one working resolution (longest side about 1024 pixels).
 
 mod accept;
 mod contact;
+mod form;
 mod level;
 mod measure;
 mod noise;
@@ -41,6 +43,7 @@ mod terms;
 mod testing;
 
 pub use contact::collision::{Collision, collisions};
+pub use form::{Bend, FittedForm, bend_in, fit_form};
 pub use level::{LevelReport, ObjectReport, PlacementError, place_level};
 pub use measure::measure;
 pub use noise::Noise;

@@ -39,6 +39,9 @@ pub struct Noise {
     /// Relative error of depths that no patch averages out: a map's, a sensor's, and a mesh's form beside either. By eye,
     /// near the error of a pixel at level `real` (1 %).
     pub depth_floor: f64,
+    /// How far a step of a shape (a seat, an arm, the front of a back) is from where it was modelled, share of the shape's
+    /// size along that axis. By eye.
+    pub form: f64,
     /// A neighbour whose depth is smaller than this share of the own one is nearer. By eye.
     pub nearer: f64,
     /// Two surfaces closer than this along the view do not hide each other, metres. By eye.
@@ -145,6 +148,7 @@ impl Default for Noise {
             order_trust: 0.4,
             depth_patch: [0.03, 0.1],
             depth_floor: 0.012,
+            form: 0.08,
             nearer: 0.955,
             hiding_m: 0.03,
             size: 0.15,

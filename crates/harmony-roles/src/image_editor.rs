@@ -15,6 +15,10 @@ pub enum EditKind {
     EmptyRoom,
     /// Complete a partly hidden object on a plain background.
     Amodal,
+    /// Complete a face of the room, seen straight on as a flat texture: what is not known of it is marked. The answer is the
+    /// editor's own picture everywhere; whoever asked puts the known part back, for only that tells how the editor's
+    /// colours differ.
+    Surface,
 }
 
 /// What to edit.

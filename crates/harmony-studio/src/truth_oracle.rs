@@ -31,6 +31,8 @@ const THUMB: u32 = 32;
 
 /// First id of an object in the truth's id image; below are the room's own faces.
 const FIRST_OBJECT: u8 = 10;
+/// What is not known of a face that is to be completed.
+const UNKNOWN: [u8; 3] = [128; 3];
 
 /// The truth of a room, and who answers from it.
 pub struct TruthOracle {
@@ -232,6 +234,9 @@ impl TruthOracle {
         if prompt.contains("Remove all furniture") {
             return Ok(self.emptied(first));
         }
+        if prompt.contains("Fill all the grey") {
+            return Ok(filled(first));
+        }
         if prompt.contains("red ball") {
             return Ok(first.clone());
         }
@@ -286,4 +291,18 @@ impl TruthOracle {
 pub fn scaled(bounds: [f64; 4], size: ImageSize) -> [f64; 4] {
     let (w, h) = (f64::from(size.width), f64::from(size.height));
     [bounds[0] * w, bounds[1] * h, bounds[2] * w, bounds[3] * h].map(f64::round)
+}
+
+/// A face of which the grey is not known, the rest of it in the middle of what is.
+fn filled(face: &RgbImage) -> RgbImage {
+    let known: Vec<[u8; 3]> = face.pixels().map(|p| p.0).filter(|p| *p != UNKNOWN).collect();
+    let middle = |c: usize| {
+        let mut values: Vec<u8> = known.iter().map(|p| p[c]).collect();
+        values.sort_unstable();
+        values.get(values.len() / 2).copied().unwrap_or(UNKNOWN[c])
+    };
+    let color = image::Rgb([middle(0), middle(1), middle(2)]);
+    RgbImage::from_fn(face.width(), face.height(), |x, y| {
+        if face.get_pixel(x, y).0 == UNKNOWN { color } else { *face.get_pixel(x, y) }
+    })
 }

@@ -111,6 +111,7 @@ fn edit_kind(kind: EditKind) -> &'static str {
     match kind {
         EditKind::EmptyRoom => "empty_room",
         EditKind::Amodal => "amodal",
+        EditKind::Surface => "surface",
     }
 }
 

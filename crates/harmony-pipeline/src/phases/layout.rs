@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use futures::future::try_join;
 use harmony_geometry::{
     Calibration, CalibrationSettings, CameraHints, FocalPrior, GrayImage, LayoutPins, LayoutPrior, MapInRoom,
     OpeningHint, PinnedEdge, RoomBox, RoomEdge, RoomPosterior, ShapeHint, ShapeKind, WallSide, calibrate_with_photo,
@@ -28,7 +29,7 @@ use serde_json::{Value, json};
 
 use crate::ctx::{PhaseCtx, PhaseError};
 use crate::state::{Layout, SceneState};
-use crate::steps::surfaces;
+use crate::steps::surfaces::{self, EditedRoom};
 use crate::views::Gallery;
 
 /// Typical lens of a phone or a real-estate photo, as a fraction of the longer side; used when nothing else is known.
@@ -50,7 +51,9 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
 
     ctx.step("geometry");
     let request = GeometryRequest { name: ctx.call("geometry"), image: working.clone(), exif_focal_px: exif_focal };
-    let geometry = ctx.calls.estimate(&request).await?;
+    let geometry = async { Ok::<_, PhaseError>(ctx.calls.estimate(&request).await?) };
+    // An image editor empties the room meanwhile: it needs the photo alone.
+    let (geometry, emptied) = try_join(geometry, surfaces::emptied(ctx, &working)).await?;
     let gray = GrayImage::from_rgb8(size, working.as_raw()).map_err(|e| PhaseError::internal(ctx.phase, &e))?;
     let focal = match &geometry {
         GeometryAnswer::Points(map) => {
@@ -132,6 +135,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         objects: BTreeMap::new(),
         surfaces: BTreeMap::new(),
         even_surfaces: BTreeMap::new(),
+        edited: EditedRoom::default(),
         roughness: BTreeMap::new(),
         beyond: Vec::new(),
         refused: Vec::new(),
@@ -148,7 +152,12 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         next_index: 10,
         drawn: Gallery::default(),
     };
-    state.beyond = crate::steps::surfaces::beyond(&state);
+    state.beyond = surfaces::beyond(&state);
+    if let Some(emptied) = emptied {
+        ctx.step("the empty room in its textures");
+        state.edited.emptied = Some(emptied);
+        surfaces::all(ctx, &mut state).await?;
+    }
     write_files(ctx, &state)?;
     Ok(state)
 }

@@ -7,7 +7,6 @@ use std::sync::Arc;
 
 use futures::future::join;
 use harmony_scene::{Level, Mask, ObjectId};
-use image::RgbImage;
 use serde_json::json;
 
 use crate::before::{Before, Known};
@@ -17,7 +16,7 @@ use crate::state::{DropReason, Left, Object, SceneState};
 use crate::steps::features::Feature;
 use crate::steps::inspect::Inspection;
 use crate::steps::{
-    counts, detect, doubt, features, groups, hosts, inspect, place, prepare, programs, relief, review, second_look,
+    counts, detect, doubt, features, form, groups, hosts, inspect, place, prepare, programs, relief, review, second_look,
     shading, surfaces, texture, turns,
 };
 
@@ -126,8 +125,7 @@ pub async fn prepare(
     Ok(PreparedLevel { candidates, ready, left, rejected, features, order, summary })
 }
 
-/// Places a prepared level and reviews it. `bare` is the picture of the empty room that an image editor drew, for the
-/// last level.
+/// Places a prepared level and reviews it.
 ///
 /// # Errors
 /// Fatal role errors and unwritable files only; an object that cannot be placed is dropped with a warning.
@@ -136,7 +134,6 @@ pub async fn place(
     level: Level,
     mut state: SceneState,
     prepared: PreparedLevel,
-    bare: Option<Arc<RgbImage>>,
 ) -> Result<SceneState, PhaseError> {
     let mut outcome = json!({ "candidates": prepared.candidates });
     let mut counted = None;
@@ -209,9 +206,10 @@ pub async fn place(
     if level == Level::Decoration {
         let placed: Vec<_> = state.partial.placed.iter().map(|p| p.item.id.clone()).collect();
         programs::refit(ctx, &mut state, &placed).await?;
+        form::follow_depth(ctx, &mut state).await?;
         features::refit(ctx, &mut state).await?;
         ctx.step("room surfaces");
-        surfaces::all(ctx, &mut state, bare).await?;
+        surfaces::all(ctx, &mut state).await?;
         texture::everything(ctx, &mut state).await?;
         shading::everything(ctx, &mut state).await?;
     }

@@ -225,6 +225,7 @@ pub async fn assemble(
         plain_slots,
         said_slots,
         bulb: c.bulb,
+        moves: c.moves,
         material: material_of(ctx, &id, &c.object.said),
         mesh: g.mesh.clone(),
         shape,

@@ -7,6 +7,7 @@ pub mod counts;
 pub mod detect;
 pub mod doubt;
 pub mod features;
+pub mod form;
 pub mod grain;
 pub mod groups;
 pub mod hosts;

@@ -38,6 +38,8 @@ pub struct Completed {
     pub said_slots: Vec<String>,
     /// Where its program has its light, in the mesh's frame.
     pub bulb: Option<Vec3>,
+    /// Whether parts of it move on joints.
+    pub moves: bool,
 }
 
 /// How one object came out of its chain: with a model, or without one and why.
@@ -132,7 +134,8 @@ async fn chain(
         ctx.write_picture_rgba(&format!("crops/{}.png", object.id), &crop)?;
         let program = programs.get(&object.id).cloned().map(Arc::new);
         let (plain_slots, said_slots) = (Vec::new(), Vec::new());
-        members.push(Completed { object, image: Arc::new(crop), program, plain_slots, said_slots, bulb: None });
+        let image = Arc::new(crop);
+        members.push(Completed { object, image, program, plain_slots, said_slots, bulb: None, moves: false });
     }
     let mut made = None;
     for member in &mut members {
@@ -142,9 +145,10 @@ async fn chain(
         let mut programmed = None;
         if let Some(program) = &member.program {
             programmed = programs::mesh(ctx, &id, program, member.object.size(), state).await?;
-            programmed.iter().try_for_each(|modelled| modelled.write(ctx, &id, program))?;
+            programmed.iter().try_for_each(|modelled| modelled.write(ctx, level, &id, program))?;
         }
         let mesh = if let Some(modelled) = programmed {
+            member.moves = modelled.moves();
             member.plain_slots = modelled.plain_slots;
             member.said_slots = modelled.said_slots;
             member.bulb = modelled.bulb;

@@ -119,14 +119,20 @@ pub struct Modelled {
 }
 
 impl Modelled {
-    /// Writes the parts and the program beside the meshes.
+    /// Whether parts of it move on joints.
+    pub fn moves(&self) -> bool {
+        !self.moving.is_empty()
+    }
+
+    /// Writes the parts and the program beside the meshes of the object's level, whichever level it is made anew in.
     ///
     /// # Errors
     /// Unwritable files.
-    pub fn write(&self, ctx: &PhaseCtx<'_>, id: &ObjectId, program: &Program) -> Result<(), PhaseError> {
-        ctx.write_json(&format!("meshes/{id}.tree.json"), &self.tree)?;
-        ctx.write_json(&format!("meshes/{id}.joints.json"), &self.moving)?;
-        ctx.write_text(&format!("meshes/{id}.program.py"), &program.source)
+    pub fn write(&self, ctx: &PhaseCtx<'_>, level: Level, id: &ObjectId, program: &Program) -> Result<(), PhaseError> {
+        let phase = Phase::Objects(level);
+        ctx.write_json_in(phase, &format!("meshes/{id}.tree.json"), &self.tree)?;
+        ctx.write_json_in(phase, &format!("meshes/{id}.joints.json"), &self.moving)?;
+        ctx.write_text_in(phase, &format!("meshes/{id}.program.py"), &program.source)
     }
 }
 
@@ -355,7 +361,7 @@ pub async fn refit(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: &[ObjectId])
         if (change - glam::DVec3::ONE).abs().max_element() < NO_CHANGE {
             continue;
         }
-        let size = placed.size();
+        let (size, level) = (placed.size(), placed.item.level);
         let shown = Arc::new(state.clone());
         let Some(made) = mesh(ctx, id, &program, size, &shown).await? else { continue };
         let (settings, wanted) = (ctx.settings.placement.clone(), id.clone());
@@ -370,7 +376,7 @@ pub async fn refit(ctx: &PhaseCtx<'_>, state: &mut SceneState, ids: &[ObjectId])
             .await?;
         let Ok((made, shape, outcome)) = refitted else { continue };
         state.partial = outcome.scene;
-        made.write(ctx, id, &program)?;
+        made.write(ctx, level, id, &program)?;
         adopt(state, id, made, shape, program);
     }
     Ok(())
@@ -381,6 +387,7 @@ pub fn adopt(state: &mut SceneState, id: &ObjectId, made: Modelled, shape: Arc<S
     state.forget_look(id);
     if let Some(model) = state.objects.get_mut(id).and_then(|object| object.model.as_mut()) {
         *model = Model {
+            moves: made.moves(),
             mesh: made.mesh.mesh,
             shape,
             part_model: None,

@@ -288,6 +288,7 @@ fn add(state: &mut SceneState, id: ObjectId, relief: Relief) {
         plain_slots: Vec::new(),
         said_slots: Vec::new(),
         bulb: None,
+        moves: false,
         source: "relief of the point map".to_owned(),
         material: harmony_lighting::material_for(LABEL, size, None).0,
     });

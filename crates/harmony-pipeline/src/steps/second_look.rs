@@ -254,7 +254,8 @@ pub async fn try_program(
         colour = [colour::distance(ctx, &shown, id).await?, colour::distance(ctx, &changed, id).await?];
         match colour::against(colour[0], colour[1]) {
             None => {
-                written.write(ctx, id, &program)?;
+                let level = changed.objects[id].level;
+                written.write(ctx, level, id, &program)?;
                 *state = changed;
                 programs::refit(ctx, state, slice::from_ref(id)).await?;
             }

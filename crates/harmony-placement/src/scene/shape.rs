@@ -11,6 +11,7 @@ use std::sync::{Arc, OnceLock};
 use harmony_mesh::{Bounds, Bvh, ConvexPart, Group, Material, Mesh};
 use harmony_scene::{Vec2, Vec3};
 
+use crate::form::Bend;
 use crate::observe::proxy::Proxy;
 
 /// Points an outline is made of, at most.
@@ -122,6 +123,38 @@ impl Shape {
         let made = if parts.is_none() { harmony_mesh::convex_parts(&form, longest_m) } else { Vec::new() };
         let hulls = parts.unwrap_or(&made).iter().map(|p| p.points.iter().map(|q| q.as_dvec3()).collect());
         Self::with_form(mesh, &form, hulls.collect())
+    }
+
+    /// The same bent along its axes, as silhouettes and depths draw it; its mesh is the one before.
+    pub(crate) fn drawn_bent(&self, bend: &Bend) -> Self {
+        let proxy = |proxy: &Proxy| {
+            let points = proxy.points.iter().map(|p| bend.at(p.as_dvec3()).as_vec3()).collect();
+            Arc::new(Proxy { points, ..proxy.clone() })
+        };
+        Self {
+            mesh: Arc::clone(&self.mesh),
+            proxy: proxy(&self.proxy),
+            hulls: Vec::new(),
+            extremes: self.extremes.iter().map(|p| bend.at(*p)).collect(),
+            bounds: self.bounds,
+            bvh: OnceLock::new(),
+            setback: OnceLock::new(),
+            hang: OnceLock::new(),
+            foot: OnceLock::new(),
+            opaque: self.opaque.as_deref().map(proxy),
+        }
+    }
+
+    /// The same bent along its axes.
+    pub(crate) fn bent(&self, bend: &Bend) -> Self {
+        let mut mesh = (*self.mesh).clone();
+        for (p, n) in mesh.positions.iter_mut().zip(&mut mesh.normals) {
+            let at = p.as_dvec3();
+            *n = (n.as_dvec3() / bend.stretch(at)).as_vec3().normalize_or(glam::Vec3::Y);
+            *p = bend.at(at).as_vec3();
+        }
+        let hulls = self.hulls.iter().map(|hull| hull.iter().map(|p| bend.at(*p)).collect()).collect();
+        Self { mesh: Arc::new(mesh), hulls, ..self.drawn_bent(bend) }
     }
 
     /// The mesh.

@@ -19,7 +19,7 @@ use crate::propose::answered_yaw;
 use crate::scene::attachment::{Attachment, PoseConstraint, YawRule, angle_between, facing, reach};
 use crate::scene::support::gap_to_back;
 use crate::scene::{Energy, Evidence};
-use crate::{Item, PartialScene, Placed, PlacementSettings};
+use crate::{Item, PartialScene, Placed, PlacementSettings, Shape};
 
 pub(crate) use kernel::Kernel;
 pub(crate) use size::{NamedSize, first_size, size_log_ratio};
@@ -120,6 +120,16 @@ impl<'a> Objective<'a> {
         let of_mask = sigma.min(self.noise.area_share * self.window.whole_px());
         let beside = if self.window.free == [true; 4] { of_mask } else { sigma };
         self.noise.area_pieces * AREA.loss(missed_px / of_mask + beside_px / beside)
+    }
+
+    /// What a shape explains at a pose by its form alone: the area and the reach of its silhouette, and the map pixel by pixel,
+    /// each patch for itself; `None` where the map says nothing about it.
+    pub(crate) fn form(&self, shape: &Shape, pose: &Pose) -> Option<f64> {
+        let m = self.window.compare(shape, pose, self.depth.pixel);
+        let outline = self.window.outline.residuals(&self.constraint.scene.camera, shape, pose);
+        let reach: f64 = outline_residuals(outline, self.noise).iter().map(|r| 0.5 * r * r).sum();
+        let depth = Kernel::GemanMcClure(self.noise.outline_limit).loss(m.depth?);
+        Some(reach + self.area(m.missed_px + self.noise.order_trust * m.hidden_px, m.beside_px) + self.depth.patches * depth)
     }
 
     /// The part of the energy that needs no drawing: the outline's reach, sizes, turn and place.

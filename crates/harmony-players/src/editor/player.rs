@@ -196,7 +196,7 @@ fn prepare(request: &EditRequest, sizes: Sizes, with_context: bool) -> Result<Pr
         }
     };
     let mask = match (&request.mask, request.kind) {
-        (Some(mask), EditKind::EmptyRoom) => {
+        (Some(mask), EditKind::EmptyRoom | EditKind::Surface) => {
             let laid = canvas.lay_mask(&mask.resized(size));
             let picture = RgbaImage::from_fn(canvas.size.width, canvas.size.height, |x, y| {
                 Rgba([0, 0, 0, if laid.get(i64::from(x), i64::from(y)) { 0 } else { 255 }])
@@ -220,6 +220,7 @@ fn finish(request: &EditRequest, prepared: &Prepared, bytes: &[u8]) -> Result<Rg
     let keeps =
         |x: u32, y: u32| may_change.as_ref().is_some_and(|mask| !mask.get(i64::from(x + left), i64::from(y + top)));
     match request.kind {
+        EditKind::Surface => Ok(crop),
         EditKind::EmptyRoom => {
             for (x, y, pixel) in crop.enumerate_pixels_mut() {
                 let [r, g, b] = if keeps(x, y) {

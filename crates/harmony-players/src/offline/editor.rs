@@ -42,6 +42,7 @@ impl ImageEditor for ExemplarEditor {
         let image = super::computed(move || match request.kind {
             EditKind::EmptyRoom => empty_room(&request),
             EditKind::Amodal => amodal(&request),
+            EditKind::Surface => Err(super::not_capable("faces are completed by whoever asks")),
         })
         .await??;
         Ok(EditedImage { image, usage: Usage::default() })

@@ -185,6 +185,10 @@ async fn as_inside(profile: Profile, level: NoiseLevel) {
         found.warnings.iter().filter(|w| w.kind == harmony_scene::WarningKind::PlayerReplaced).collect();
     assert!(stood_in.is_empty(), "{stood_in:?}");
     same(&found, &wanted);
+    // The room was emptied in the layout phase, and its faces were completed beside the levels.
+    let drawn = |name: &str| run.join("calls/image_editor/1_layout").join(name).join("answer.png").is_file();
+    assert!(drawn("empty_room") && drawn("surface_floor"), "{said}");
+    assert!(!run.join("calls/image_editor/5_decoration/empty_room").exists());
     // Tokens on the bill are those that the services counted.
     let bill: serde_json::Value = serde_json::from_slice(&std::fs::read(run.join("bill.json")).unwrap()).unwrap();
     let paid = studio.ledger.paid_tokens();

@@ -2,6 +2,7 @@
 //! (key `layout.empty_room`).
 
 mod beyond;
+mod edited;
 mod evidence;
 mod openings;
 mod paint;
@@ -14,13 +15,13 @@ use std::sync::Arc;
 use harmony_imaging::color::linear_from_srgb;
 use harmony_mesh::Trims;
 use harmony_prompts::LayoutAnswer;
-use harmony_roles::{EditKind, EditRequest};
 use harmony_scene::{Camera, Extents, Level, Mask, Room, Surface};
 use image::{DynamicImage, RgbImage};
 use rayon::prelude::*;
 use serde_json::json;
 
 pub use beyond::{Beyond, beyond, panes};
+pub use edited::{EditedRoom, Faces, emptied};
 use evidence::{Bare, Face};
 pub use evidence::{standing, unnamed};
 pub use openings::{keep_walls_open, open_walls};
@@ -42,53 +43,31 @@ pub fn named_trims(answer: &LayoutAnswer, extents: &Extents) -> Trims {
     trim::trims(&answer.trims, &[], extents)
 }
 
-/// The paper's empty room: the image editor takes everything out of the photo. `None` when no editor draws here.
-///
-/// `objects` are the pixels of everything that was found.
+/// The room's faces as an image editor completes what its empty room shows of them; none where there is no such room.
 ///
 /// # Errors
 /// Fatal role errors.
-pub async fn bare_room(
-    ctx: &PhaseCtx<'_>,
-    state: &SceneState,
-    objects: &Mask,
-) -> Result<Option<Arc<RgbImage>>, PhaseError> {
-    if !ctx.can().draws {
-        return Ok(None);
+pub async fn completed(ctx: &PhaseCtx<'_>, state: &Arc<SceneState>) -> Result<Faces, PhaseError> {
+    if state.edited.emptied.is_none() {
+        return Ok(Faces::new());
     }
-    let request = EditRequest {
-        name: "1_layout/empty_room".to_owned(),
-        kind: EditKind::EmptyRoom,
-        image: state.photo.clone(),
-        mask: Some(Arc::new(with_margin(state, objects))),
-        object: None,
-        instruction: "Remove all furniture, wall objects, lamps and decorations. Keep the room itself exactly as it \
-                      is: floor, walls, ceiling, corners, light, camera."
-            .to_owned(),
-    };
-    let edited = ctx.calls.edit(&request).await?;
-    Ok(Some(Arc::new(DynamicImage::ImageRgba8(edited.image).to_rgb8())))
-}
-
-/// Pixels that are not bare room: objects with a margin, and the photo's empty frame.
-fn with_margin(state: &SceneState, objects: &Mask) -> Mask {
-    objects.dilated((state.photo.width() / 200).max(2) as i32).or(&state.photo_frame)
+    let (seen, finest, is_seen) = (Arc::clone(state), ctx.settings.surface_px_per_m, ctx.is_seen());
+    let shown = ctx.computed(move || Shown::of(&seen, finest, is_seen)).await?;
+    edited::completed(ctx, &shown.faces, &state.partial.room.extents).await
 }
 
 /// Makes the textures of all faces, the boards along the walls and the empty-room picture.
 ///
-/// With an image editor that draws, its empty room (`bare`) is projected onto the faces, as in the paper; otherwise the
-/// photo's bare pixels are. Either way each face becomes a material that goes on where nothing was seen.
+/// The photo's bare pixels are projected onto the faces and, where an image editor draws, those of its empty room
+/// elsewhere, as in the paper. Each face becomes a material that goes on where nothing was seen, the editor's where it
+/// completed the face.
 ///
 /// # Errors
 /// Fatal role errors and unwritable files.
-pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<RgbImage>>) -> Result<(), PhaseError> {
+pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
     let seen = state.clone();
     let (finest, is_seen, is_lit) = (ctx.settings.surface_px_per_m, ctx.is_seen(), ctx.path_tracer);
-    let (painted, trims, faces, sides) =
-        tokio::task::spawn_blocking(move || painted(&seen, bare.as_deref(), finest, is_seen, is_lit))
-            .await
-            .map_err(|e| PhaseError::internal(ctx.phase, &e))?;
+    let (painted, trims, faces, sides) = ctx.computed(move || painted(&seen, finest, is_seen, is_lit)).await?;
     state.trims = trims;
     for (niche, color) in state.partial.room.shape.niches.iter_mut().zip(sides) {
         niche.sides = color;
@@ -125,55 +104,87 @@ pub async fn all(ctx: &PhaseCtx<'_>, state: &mut SceneState, bare: Option<Arc<Rg
     Ok(())
 }
 
-/// All faces in their materials, and the boards along the walls. Where nobody looked at the photo (`is_seen`), its things
-/// are paint on the faces: no board is read from them, and no edge is cleaned that runs through them.
+/// What is seen of the faces, and the boards along the walls.
+struct Shown {
+    faces: Vec<Face>,
+    trims: Trims,
+    /// What shows the bare room, and which of its pixels do.
+    source: Arc<RgbImage>,
+    visible: Bare,
+}
+
+impl Shown {
+    /// Where nobody looked at the photo (`is_seen`), its things are paint on the faces: no board is read from them, and no edge
+    /// is cleaned that runs through them. Before anything is found, an editor's empty room is all that shows the room.
+    fn of(state: &SceneState, finest: f64, is_seen: bool) -> Self {
+        let (camera, extents) = (state.partial.camera, state.partial.room.extents);
+        let room_faces = state.partial.room.faces();
+        let (source, mut visible) = match &state.edited.emptied {
+            Some(emptied) => {
+                let all = Mask::from_fn(camera.size, |_, _| true).minus(&state.photo_frame);
+                let source = if state.objects.is_empty() {
+                    Arc::clone(emptied)
+                } else {
+                    let bare = evidence::bare_pixels(state, is_seen).bare;
+                    Arc::new(edited::put_together(&state.photo, emptied, &bare))
+                };
+                (source, Bare { open: all.clone(), bare: all })
+            }
+            None => (Arc::clone(&state.photo), evidence::bare_pixels(state, is_seen)),
+        };
+        // What is seen through a passage is no wall.
+        let through = beyond::pixels(&camera, &state.partial.room);
+        (visible.open, visible.bare) = (visible.open.minus(&through), visible.bare.minus(&through));
+        // One texel size for all faces: they lend each other their materials.
+        let longest = extents.as_vec().max_element().max(0.1);
+        let px_per_m = finest.min(LONGEST_PX / longest);
+        let mut faces: Vec<Face> = Surface::ALL
+            .par_iter()
+            .map(|surface| Face::seen(&source, &camera, &room_faces, *surface, px_per_m, &visible))
+            .collect();
+        let found = if is_seen { &faces[..] } else { &[] };
+        let trims = trim::trims(&state.layout.answer.trims, found, &extents);
+        faces.par_iter_mut().for_each(|face| {
+            if is_seen {
+                face.without_seams(&camera, &room_faces);
+            }
+            if face.surface.wall().is_some() {
+                // What the boards cover, and their shadow.
+                if let Some(board) = trims.skirting {
+                    face.without_heights(&extents, -1.0, board.height + BOARD_MARGIN);
+                }
+                if let Some(board) = trims.cornice {
+                    face.without_heights(&extents, extents.height - board.height - BOARD_MARGIN, f64::INFINITY);
+                }
+            }
+        });
+        Self { faces, trims, source, visible }
+    }
+}
+
+/// All faces in their materials, the boards along the walls and the colours of niches' sides. `is_lit`: the path tracer will
+/// light them.
 fn painted(
     state: &SceneState,
-    bare: Option<&RgbImage>,
     finest: f64,
     is_seen: bool,
     is_lit: bool,
 ) -> (Painted, Trims, Vec<Face>, Vec<Option<[f32; 3]>>) {
-    let (camera, extents) = (state.partial.camera, state.partial.room.extents);
-    let room_faces = state.partial.room.faces();
-    let mut visible = match bare {
-        Some(_) => {
-            let all = Mask::from_fn(camera.size, |_, _| true).minus(&state.photo_frame);
-            Bare { open: all.clone(), bare: all }
-        }
-        None => evidence::bare_pixels(state, is_seen),
-    };
-    // What is seen through a passage is no wall.
-    let through = beyond::pixels(&camera, &state.partial.room);
-    (visible.open, visible.bare) = (visible.open.minus(&through), visible.bare.minus(&through));
-    let source = bare.unwrap_or(&state.photo);
-    // One texel size for all faces: they lend each other their materials.
-    let longest = extents.as_vec().max_element().max(0.1);
-    let px_per_m = finest.min(LONGEST_PX / longest);
-    let mut faces: Vec<Face> = Surface::ALL
-        .par_iter()
-        .map(|surface| Face::seen(source, &camera, &room_faces, *surface, px_per_m, &visible))
-        .collect();
+    let room = &state.partial.room;
+    let Shown { faces, trims, source, visible } = Shown::of(state, finest, is_seen);
+    let sides = niche_sides(&source, &state.partial.camera, room, &visible.bare);
     let answer = &state.layout.answer;
-    let found = if is_seen { &faces[..] } else { &[] };
-    let trims = trim::trims(&answer.trims, found, &extents);
-    faces.par_iter_mut().for_each(|face| {
-        if is_seen {
-            face.without_seams(&camera, &room_faces);
-        }
-        if face.surface.wall().is_some() {
-            // What the boards cover, and their shadow.
-            if let Some(board) = trims.skirting {
-                face.without_heights(&extents, -1.0, board.height + BOARD_MARGIN);
-            }
-            if let Some(board) = trims.cornice {
-                face.without_heights(&extents, extents.height - board.height - BOARD_MARGIN, f64::INFINITY);
+    let surfaces = trim::with_frieze(&answer.surfaces, &answer.trims, &room.extents);
+    let mut painted = paint::paint(&faces, &surfaces, room, is_seen, is_lit);
+    for face in &faces {
+        let Some(edited) = state.edited.faces.get(&face.surface) else { continue };
+        for textures in [&mut painted.textures, &mut painted.even] {
+            if let Some(own) = textures.get_mut(&face.surface) {
+                edited::over_unseen(own, &face.texture, edited, face.px_per_m);
             }
         }
-    });
-    let sides = niche_sides(source, &camera, &state.partial.room, &visible.bare);
-    let surfaces = trim::with_frieze(&answer.surfaces, &answer.trims, &extents);
-    (paint::paint(&faces, &surfaces, &state.partial.room, is_seen, is_lit), trims, faces, sides)
+    }
+    (painted, trims, faces, sides)
 }
 
 /// Linear colour of each niche's sides, sill and lintel: the middle of the bare pixels that show them.
