@@ -14,7 +14,7 @@ use harmony_scene::{AlbedoCells, AlbedoField, Camera, SceneCamera};
 use crate::LinearImage;
 use crate::linear::luminance;
 use crate::smooth::{interior, smoothed};
-use crate::view::median;
+use crate::view::{median, quantile};
 
 /// Cells of a field across the frame.
 pub const COLUMNS: u32 = 48;
@@ -57,6 +57,10 @@ const TWIN_STOPS: f32 = 0.35;
 /// How far the level of a material whose colour was said may be from that of the whole thing, which stands in one light: thin
 /// stripes a little beside their place took the colours of their neighbours, 2.5 stops lighter.
 const OWN_STOPS: f32 = 0.8;
+/// Which of a glossy thing's ratios, in order, is that of its colour: highlights are above, by which leather was as pale as the
+/// window that it mirrors; and how far its hue may be from what was said, stops, for what it mirrors has another.
+const DULL: f64 = 0.3;
+const MAX_GLOSSY_HUE: f32 = 0.12;
 /// How far an unseen material's level may be from what is usual, stops.
 const UNSEEN_STOPS: f32 = 0.7;
 
@@ -71,12 +75,15 @@ pub struct FieldNode {
     pub is_even: bool,
     /// The paint that was said of it, in whatever words: nodes of one paint have one reflectance.
     pub paint: Option<String>,
+    /// Whether it shines, and its texture is one under even light: what the photo has brighter on it is what it mirrors, not
+    /// its colour.
+    pub is_glossy: bool,
 }
 
 impl FieldNode {
     /// A node whose texture holds the photo's light.
     pub fn new(name: &str, kind: &'static str) -> Self {
-        Self { name: name.to_owned(), kind, is_even: false, paint: None }
+        Self { name: name.to_owned(), kind, is_even: false, paint: None, is_glossy: false }
     }
 
     /// One material of a node.
@@ -206,7 +213,7 @@ pub fn updated_field(
         let middle = [0, 1, 2].map(|c| {
             let mut all: Vec<f64> =
                 ratio.iter().zip(&weights).filter(|(_, w)| **w > 0.0).map(|(r, _)| f64::from(r[c])).collect();
-            median(&mut all) as f32
+            quantile(&mut all, if node.is_glossy { DULL } else { 0.5 }) as f32
         });
         wanted.push(Wanted { node, weights, counted, middle });
     }
@@ -215,12 +222,16 @@ pub fn updated_field(
     for Wanted { node, weights, counted, middle: off } in wanted {
         let asked = [0, 1, 2].map(|c| off[c] - common[c] + common[c] / response[c]);
         let how = if node.is_even { (EVEN_SIGMAS, MAX_STEP[1]) } else { (SIGMAS, MAX_STEP[0]) };
+        // Where it is brighter it mirrors something: no light that the fit lacks.
+        let is_mirroring = node.is_glossy && node.kind == "object";
+        let how = if is_mirroring { (how.0, 0.0) } else { how };
         let step = local_step(&ratio, &weights, off, size, how);
         let before = field.nodes.get(&node.name);
         let old_mean = before.map_or(field.other, |b| b.mean).map(f32::log2);
         let mean = within_veil([0, 1, 2].map(|c| old_mean[c] + asked[c]), middle_light(seen.photo, &weights));
         let is_said = node.is_even && node.kind == "object";
-        let mean = if is_said { near_grey(mean, MAX_SAID_HUE) } else { mean };
+        let most = if node.is_glossy { MAX_GLOSSY_HUE } else { MAX_SAID_HUE };
+        let mean = if is_said { near_grey(mean, most) } else { mean };
         let factors = (0..field.rows * field.columns)
             .map(|cell| {
                 let (x, y) = (cell % field.columns, cell / field.columns);
@@ -241,6 +252,28 @@ pub fn updated_field(
         let gloss = if too_glossy { gloss * LESS_GLOSS } else { gloss };
         next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded(mean), factors, gloss });
     }
+    // What is seen of a thing in threads and specks of several materials has one level: the pile of a rug.
+    let whole = wholes(nodes, seen);
+    let mut things: BTreeMap<&str, Vec<&FieldNode>> = BTreeMap::new();
+    unseen.iter().filter(|n| n.kind == "object").for_each(|n| things.entry(n.node()).or_default().push(n));
+    for parts in things.values() {
+        let is_part = |id: u32| parts.iter().any(|n| nodes.get((id as usize).wrapping_sub(1)) == Some(*n));
+        let shown: Vec<usize> = (0..ratio.len()).filter(|i| whole[*i] && is_part(seen.ids[*i])).collect();
+        let counts = |i: &&usize| seen.weights.get(**i).copied().unwrap_or(1.0) > 0.0;
+        let mut own: Vec<f64> = shown.iter().filter(counts).map(|i| f64::from(luminance(ratio[*i]))).collect();
+        if own.len() < MIN_PIXELS || (own.len() as f64) < MIN_SHARE * shown.len() as f64 {
+            continue;
+        }
+        let (off, usual) = (median(&mut own) as f32, luminance(common));
+        let by = off - usual + usual / luminance(response);
+        for node in parts {
+            let level = luminance(field.nodes.get(&node.name).map_or(field.other, |b| b.mean)).log2() + by;
+            let gloss = (field.nodes.get(&node.name).map_or(1.0, |b| b.gloss) * by.exp2()).min(1.0);
+            next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded([level; 3]), factors: Vec::new(), gloss });
+            found.push(Found { node, pixels: own.len() / parts.len(), level, hue: [0.0; 3] });
+        }
+    }
+    unseen.retain(|n| !next.nodes.contains_key(&n.name));
     keep_to_thing(&mut next, &mut found);
     share_paint(&mut next, &found);
     next.other = rounded([level_of(&found, |_| true).unwrap_or_else(|| luminance(field.other).log2()); 3]);
@@ -250,6 +283,18 @@ pub fn updated_field(
         next.nodes.insert(node.name.clone(), AlbedoCells { mean: level, factors: Vec::new(), gloss });
     }
     next
+}
+
+/// Pixels whose neighbours show the same thing, whichever material of it.
+fn wholes(nodes: &[FieldNode], seen: &Comparison<'_>) -> Vec<bool> {
+    let mut numbers: BTreeMap<&str, u32> = BTreeMap::new();
+    let of = |id: &u32| {
+        let node = nodes.get((*id as usize).wrapping_sub(1))?;
+        let next = numbers.len() as u32 + 1;
+        Some(*numbers.entry(node.node()).or_insert(next))
+    };
+    let things: Vec<u32> = seen.ids.iter().map(of).map(Option::unwrap_or_default).collect();
+    interior(&things, seen.photo.size)
 }
 
 /// A node that was seen: what counts of it, and what the photo has more than the render, log2.
@@ -611,6 +656,49 @@ mod tests {
         assert!((apart.log2() - 2.0 * TWIN_STOPS).abs() < 0.02, "{a:?} {b:?}");
         // A quarter of its red is not what a table of a said colour lacks.
         assert!((0.64..0.69).contains(&red(table)), "{table:?}");
+    }
+
+    #[test]
+    fn the_threads_of_a_rug_have_the_level_of_the_rug() {
+        // Light and dark threads a pixel wide; the rug is half as bright in the photo.
+        let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| if i / 96 < 29 { 3 } else { 1 + (i as u32 % 96) % 2 }).collect();
+        let of = |id: u32| if id == 1 { 0.5 } else { 0.1 };
+        let render = LinearImage {
+            size: SIZE,
+            rgb: ids.iter().map(|id| [if *id == 3 { 0.4 } else { of(*id) }; 3]).collect(),
+        };
+        let photo = LinearImage {
+            size: SIZE,
+            rgb: ids.iter().map(|id| [if *id == 3 { 0.4 } else { 0.5 * of(*id) }; 3]).collect(),
+        };
+        let weights = vec![1.0; ids.len()];
+        let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
+        let thread = |name: &str| FieldNode { is_even: true, ..FieldNode::part("rug_01", name, "object") };
+        let nodes = [thread("light"), thread("dark"), FieldNode::new("floor", "floor")];
+        let field = updated_field(&neutral_field(&camera()), &nodes, &seen, [1.0; 3]);
+        for name in ["rug_01/light", "rug_01/dark"] {
+            let level = luminance(field.nodes[name].mean).log2();
+            assert!((level + 0.98).abs() < 0.05, "{name}: {level}");
+        }
+    }
+
+    #[test]
+    fn a_glossy_thing_has_the_colour_beside_its_highlights() {
+        // Half of it mirrors a window.
+        let photo = image(|x, _| if x < 0.55 { [0.4, 0.35, 0.33] } else { [0.15, 0.05, 0.02] });
+        let render = image(|_, _| [0.3, 0.1, 0.04]);
+        let (ids, weights) = (vec![1; SIZE.pixels()], vec![1.0; SIZE.pixels()]);
+        let seen = Comparison { photo: &photo, render: &render, ids: &ids, weights: &weights };
+        let cells = |is_glossy: bool| {
+            let leather = FieldNode { is_even: true, is_glossy, ..FieldNode::part("ottoman_01", "leather", "object") };
+            let field = updated_field(&neutral_field(&camera()), &[leather], &seen, [1.0; 3]);
+            field.nodes["ottoman_01/leather"].clone()
+        };
+        let level = |is_glossy: bool| luminance(cells(is_glossy).mean).log2();
+        assert!((level(true) + 0.9).abs() < 0.15 && level(false) > 0.5, "{} {}", level(true), level(false));
+        // One colour all over it.
+        let glossy = cells(true);
+        assert!(glossy.factors.iter().all(|f| *f == glossy.factors[0]), "{:?}", glossy.factors);
     }
 
     fn nodes() -> Vec<FieldNode> {

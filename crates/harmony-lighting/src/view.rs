@@ -143,8 +143,13 @@ pub fn picture_error(photo: &LinearImage, render: &LinearImage, weights: &[f32])
 
 /// Median, 0 for nothing.
 pub(crate) fn median(values: &mut [f64]) -> f64 {
+    quantile(values, 0.5)
+}
+
+/// The value that so large a share of the others are below, 0 for nothing.
+pub(crate) fn quantile(values: &mut [f64], share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
+    values.get((values.len() as f64 * share) as usize).copied().unwrap_or(0.0)
 }
 
 /// A picture's display-linear values.

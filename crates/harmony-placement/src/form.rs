@@ -1,4 +1,4 @@
-//! The inner form of a shape by what is seen of it: where a point map is good, seats, arms, backs and tops go where
+//! The inner form of a shape by what is seen of it (key `shape.depth`): where a point map is good, seats, arms, backs and tops go where
 //! silhouette and depth have them, not pose and size alone.
 //!
 //! A shape is bent along its three axes ([`Bend`]): wherever it has much level or upright surface (a seat, the inner side

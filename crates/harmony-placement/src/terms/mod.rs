@@ -51,7 +51,12 @@ pub(crate) struct DepthNoise {
     pub(crate) mean: f64,
     /// Independent patches on it.
     pub(crate) patches: f64,
+    /// The same for its inner form.
+    form: f64,
 }
+
+/// A sensor's errors are the same over patches this many times smaller than an estimated map's.
+const SENSOR_PATCHES: f64 = 9.0;
 
 impl DepthNoise {
     pub(crate) fn new(scene: &PartialScene, window: &Window, noise: &Noise) -> Self {
@@ -61,9 +66,9 @@ impl DepthNoise {
         if scene.points.as_ref().is_some_and(|p| p.kind == PointMapKind::Metric) {
             // The form of a mesh is no better than that of a map.
             let pixel = noise.depth_floor.hypot(noise.depth_floor);
-            return Self { pixel, mean: noise.depth_floor, patches };
+            return Self { pixel, mean: noise.depth_floor, patches, form: SENSOR_PATCHES * patches };
         }
-        Self { pixel, mean: (pixel / patches.sqrt()).hypot(noise.depth_floor), patches }
+        Self { pixel, mean: (pixel / patches.sqrt()).hypot(noise.depth_floor), patches, form: patches }
     }
 }
 
@@ -129,7 +134,7 @@ impl<'a> Objective<'a> {
         let outline = self.window.outline.residuals(&self.constraint.scene.camera, shape, pose);
         let reach: f64 = outline_residuals(outline, self.noise).iter().map(|r| 0.5 * r * r).sum();
         let depth = Kernel::GemanMcClure(self.noise.outline_limit).loss(m.depth?);
-        Some(reach + self.area(m.missed_px + self.noise.order_trust * m.hidden_px, m.beside_px) + self.depth.patches * depth)
+        Some(reach + self.area(m.missed_px + self.noise.order_trust * m.hidden_px, m.beside_px) + self.depth.form * depth)
     }
 
     /// The part of the energy that needs no drawing: the outline's reach, sizes, turn and place.

@@ -12,13 +12,22 @@ use crate::tree::FuzzKind;
 
 /// Most triangles of the hairs.
 pub(super) const MAX_TRIANGLES: usize = 60_000;
+/// Triangles of a lock of pile; its length and half width against the distance of its neighbours of one colour, and its largest
+/// length, metres.
+const LOCK_TRIANGLES: usize = 9;
+const LOCK_LENGTH: f64 = 1.3;
+const LOCK_WIDTH: f64 = 0.16;
+/// How high a lock rises at least, of its length: its shadow is what makes pile dark between its hairs.
+const LOCK_RISE: f64 = 0.35;
+const MAX_LOCK: f64 = 0.05;
 /// Half width of a hair against its length, at most: what lies below has the hair's colour, and thick hair looks like dough.
 const THIN: f64 = 0.06;
 
 /// The hairs of a piece, without the piece itself; at most 60 000 triangles.
 ///
 /// `length` of the hairs; `density` 0 to 1 of what the kind would have. Where the surface is large there are fewer and
-/// thicker hairs, so that it stays covered; fur stays thin, and the piece shows between its hairs.
+/// thicker hairs, so that it stays covered: pile lies over in locks as long as they are apart, for short thick tufts look
+/// like gravel. Fur stays thin, and the piece shows between its hairs.
 pub fn fuzz(child: &Piece, kind: FuzzKind, length: f64, density: f64, seed: u32) -> Piece {
     let mut piece = Piece::default();
     let length = length.clamp(0.0005, 0.3);
@@ -40,9 +49,15 @@ pub fn fuzz(child: &Piece, kind: FuzzKind, length: f64, density: f64, seed: u32)
         FuzzKind::Boucle => (36, 14_000.0, 0.62),
         FuzzKind::Fur => (12, 40_000.0, 0.45),
     };
-    let most = MAX_TRIANGLES / cost;
-    let count = ((area * many * density.clamp(0.02, 1.0)) as usize).clamp(1, most);
-    let gap = (area / count as f64).sqrt();
+    let count_at = |cost: usize| {
+        let count = ((area * many * density.clamp(0.02, 1.0)) as usize).clamp(1, MAX_TRIANGLES / cost);
+        (count, (area / count as f64).sqrt())
+    };
+    let (mut count, mut gap) = count_at(cost);
+    let is_sparse = kind == FuzzKind::Pile && gap > length;
+    if is_sparse {
+        (count, gap) = count_at(LOCK_TRIANGLES);
+    }
     let mut dice = Dice::new(seed, 81);
     for k in 0..count {
         // One in every equal share of the area: even without a grain.
@@ -62,6 +77,11 @@ pub fn fuzz(child: &Piece, kind: FuzzKind, length: f64, density: f64, seed: u32)
         let long = length * (0.75 + 0.5 * dice.unit());
         let r = (gap * wide).min(0.5 * length).max(0.0004);
         match kind {
+            FuzzKind::Pile if is_sparse => {
+                let long = (LOCK_LENGTH * gap).clamp(length, MAX_LOCK) * (0.75 + 0.5 * dice.unit());
+                let height = length.max(LOCK_RISE * long).min(0.6 * long);
+                lock(&mut piece, at, normal, lay, [long, height, (LOCK_WIDTH * gap).min(0.2 * long)]);
+            }
             FuzzKind::Pile => {
                 let from = piece.positions.len();
                 let d = (normal + lay * (0.35 * dice.unit())).normalize_or(normal);
@@ -82,6 +102,26 @@ pub fn fuzz(child: &Piece, kind: FuzzKind, length: f64, density: f64, seed: u32)
         }
     }
     piece
+}
+
+/// A flat lock of pile, `[length, height, half width]`: it rises, lies over and comes to a point; closed around like a strand.
+fn lock(piece: &mut Piece, at: DVec3, normal: DVec3, lay: DVec3, [length, height, half]: [f64; 3]) {
+    let base = piece.positions.len() as u32;
+    let across = normal.cross(lay);
+    for (along, up, wide) in [(0.0, 0.0, 0.5), (0.45, 1.0, 1.0)] {
+        let middle = at + lay * (along * length) + normal * (up * height);
+        let r = half * wide;
+        for (i, (out, lift)) in [(-1.0, 0.0), (0.0, 0.7), (1.0, 0.0)].into_iter().enumerate() {
+            let n = (normal + across * (0.5 * out) + lay * (0.5 * (along - 0.45))).normalize_or(normal);
+            push(piece, middle + across * (out * r) + normal * (lift * r), n, DVec2::new(r * i as f64, along * length));
+        }
+    }
+    let tip = at + lay * length + normal * (0.35 * height);
+    push(piece, tip, (normal + lay * 0.3).normalize_or(normal), DVec2::new(half, length));
+    for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+        let [a, b, c, d] = [base + i, base + j, base + 3 + i, base + 3 + j];
+        piece.triangles.extend([[a, c, d], [a, d, b], [c, base + 6, d]]);
+    }
 }
 
 /// Light falls on hair as on the surface that it stands on, nearly.
@@ -171,6 +211,23 @@ mod tests {
                 .sum();
             assert!(volume > 1e-7, "{kind:?}: {volume}");
         }
+    }
+
+    #[test]
+    fn sparse_pile_lies_over_in_locks_that_reach_one_another() {
+        let rug = cushion([3.0, 0.02, 2.5], 0.0, 0.0, 0.0, 0.005);
+        let hair = fuzz(&rug, FuzzKind::Pile, 0.007, 0.5, 3);
+        sound(&hair);
+        assert!(hair.triangles.len() <= MAX_TRIANGLES);
+        // Seven points a lock: the first three are its foot, the last its tip.
+        let foot = |lock: &[DVec3]| (lock[0] + lock[2]) / 2.0;
+        let locks: Vec<f64> = hair.positions.chunks(7).map(|lock| lock[6].distance(foot(lock))).collect();
+        let apart = (2.0 * (3.0 * 2.5) / locks.len() as f64).sqrt();
+        let mean = locks.iter().sum::<f64>() / locks.len() as f64;
+        assert!(mean > 0.9 * apart.min(MAX_LOCK) && mean < 1.4 * apart, "{mean} m, {apart} m apart");
+        let volume: f64 =
+            hair.triangles.iter().map(|t| t.map(|i| hair.positions[i as usize])).map(|[a, b, c]| a.dot(b.cross(c))).sum();
+        assert!(volume > 1e-7, "{volume}");
     }
 
     #[test]
