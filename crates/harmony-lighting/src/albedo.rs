@@ -75,8 +75,7 @@ pub struct FieldNode {
     pub is_even: bool,
     /// The paint that was said of it, in whatever words: nodes of one paint have one reflectance.
     pub paint: Option<String>,
-    /// Whether it shines, and its texture is one under even light: what the photo has brighter on it is what it mirrors, not
-    /// its colour.
+    /// Whether it shines, and its colour was said: what the photo has brighter on it is what it mirrors, not its colour.
     pub is_glossy: bool,
 }
 
@@ -223,8 +222,7 @@ pub fn updated_field(
         let asked = [0, 1, 2].map(|c| off[c] - common[c] + common[c] / response[c]);
         let how = if node.is_even { (EVEN_SIGMAS, MAX_STEP[1]) } else { (SIGMAS, MAX_STEP[0]) };
         // Where it is brighter it mirrors something: no light that the fit lacks.
-        let is_mirroring = node.is_glossy && node.kind == "object";
-        let how = if is_mirroring { (how.0, 0.0) } else { how };
+        let how = if node.is_glossy { (how.0, 0.0) } else { how };
         let step = local_step(&ratio, &weights, off, size, how);
         let before = field.nodes.get(&node.name);
         let old_mean = before.map_or(field.other, |b| b.mean).map(f32::log2);

@@ -219,8 +219,7 @@ fn field_nodes(state: &SceneState) -> Vec<FieldNode> {
             let is_glossy = shines(&shell.materials[g.material]);
             return FieldNode { is_even: true, paint, is_glossy, ..FieldNode::new(&name, "object") };
         }
-        let is_glossy = is_even && shines(&shell.materials[g.material]);
-        FieldNode { name, kind, is_even, paint: None, is_glossy }
+        FieldNode { name, kind, is_even, paint: None, is_glossy: false }
     });
     let objects = state.partial.placed.iter().filter_map(|p| {
         let said = state.objects.get(&p.item.id)?.model.as_ref().map_or(&[][..], |model| &model.said_slots);
@@ -253,7 +252,7 @@ fn parts(id: &str, mesh: &Mesh, said: &[String]) -> Vec<FieldNode> {
     names.into_iter().map(part).collect()
 }
 
-/// Whether a material mirrors bright things around it enough to be seen: leather, lacquer, glazes, polished floors; not metals,
+/// Whether a material mirrors bright things around it enough to be seen: leather, lacquer, glazes; not metals,
 /// which have no other colour than what they mirror.
 fn shines(material: &Material) -> bool {
     let surface = material.tile.as_ref().and_then(|tile| tile.surface.as_ref());

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use futures::future::join_all;
 use harmony_imaging::color::{lab_distance, linear_from_srgb, srgb_from_linear};
-use harmony_roles::{EditKind, EditRequest, RoleError};
+use harmony_roles::{EditKind, EditRequest};
 use harmony_scene::{Extents, ImageSize, Mask, Surface, WarningKind};
 use image::{DynamicImage, Rgb, RgbImage, RgbaImage, imageops};
 
@@ -134,8 +134,7 @@ async fn asked(ctx: &PhaseCtx<'_>, request: &EditRequest, what: &str) -> Result<
     match ctx.calls.edit(request).await {
         Ok(edited) => Ok(Some(DynamicImage::ImageRgba8(edited.image).to_rgb8())),
         Err(error) if error.is_fatal() => Err(error.into()),
-        // What this program can do itself it does with the photo, without a call.
-        Err(RoleError::NotCapable { .. }) => Ok(None),
+        // Nobody stands in: what this program can do itself it does with the photo's bare pixels.
         Err(error) => {
             ctx.warn(WarningKind::Fallback, None, format!("no image editor drew {what}: {error}"));
             Ok(None)
