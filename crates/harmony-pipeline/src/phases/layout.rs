@@ -46,14 +46,28 @@ const WHOLE_WALL: f64 = 0.95;
 /// # Errors
 /// Fatal role errors and unwritable files only: geometry that does not hold falls back, and says so.
 pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> Result<SceneState, PhaseError> {
+    // An image editor empties the room meanwhile: it needs the photo alone.
+    let found = Box::pin(room_and_camera(ctx, photo, Arc::clone(&working)));
+    let (mut state, emptied) = try_join(found, surfaces::emptied(ctx, &working)).await?;
+    if let Some(emptied) = emptied {
+        ctx.step("the empty room in its textures");
+        state.edited.emptied = Some(emptied);
+        surfaces::all(ctx, &mut state).await?;
+    }
+    Ok(state)
+}
+
+async fn room_and_camera(
+    ctx: &PhaseCtx<'_>,
+    photo: &Photo,
+    working: Arc<RgbImage>,
+) -> Result<SceneState, PhaseError> {
     let size = ImageSize::new(working.width(), working.height());
     let exif_focal = photo.focal_px.map(|f| f * f64::from(size.width) / f64::from(photo.image.width()));
 
     ctx.step("geometry");
     let request = GeometryRequest { name: ctx.call("geometry"), image: working.clone(), exif_focal_px: exif_focal };
-    let geometry = async { Ok::<_, PhaseError>(ctx.calls.estimate(&request).await?) };
-    // An image editor empties the room meanwhile: it needs the photo alone.
-    let (geometry, emptied) = try_join(geometry, surfaces::emptied(ctx, &working)).await?;
+    let geometry = ctx.calls.estimate(&request).await?;
     let gray = GrayImage::from_rgb8(size, working.as_raw()).map_err(|e| PhaseError::internal(ctx.phase, &e))?;
     let focal = match &geometry {
         GeometryAnswer::Points(map) => {
@@ -153,11 +167,6 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
         drawn: Gallery::default(),
     };
     state.beyond = surfaces::beyond(&state);
-    if let Some(emptied) = emptied {
-        ctx.step("the empty room in its textures");
-        state.edited.emptied = Some(emptied);
-        surfaces::all(ctx, &mut state).await?;
-    }
     write_files(ctx, &state)?;
     Ok(state)
 }
