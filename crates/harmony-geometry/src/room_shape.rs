@@ -828,7 +828,8 @@ mod tests {
             1.5 + 1.1 * (1.0 - ((x - 1.7) / half).powi(2)).sqrt()
         };
         for x in [0.3, 0.9, 1.7, 2.6, 3.6, 4.6] {
-            let is_room = |y: f64| found.shape.slopes.iter().all(|s| s.below(&plain.extents, Vec3::new(x, y, 2.5)) >= 0.0);
+            let is_room =
+                |y: f64| found.shape.slopes.iter().all(|s| s.below(&plain.extents, Vec3::new(x, y, 2.5)) >= 0.0);
             assert!(is_room(arch(x) - 0.02), "the arch is free at {x}");
             assert!(!is_room(arch(x) + 0.12) || arch(x) + 0.12 > 2.6, "above it is no room at {x}");
         }

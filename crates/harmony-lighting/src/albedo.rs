@@ -661,10 +661,8 @@ mod tests {
         // Light and dark threads a pixel wide; the rug is half as bright in the photo.
         let ids: Vec<u32> = (0..SIZE.pixels()).map(|i| if i / 96 < 29 { 3 } else { 1 + (i as u32 % 96) % 2 }).collect();
         let of = |id: u32| if id == 1 { 0.5 } else { 0.1 };
-        let render = LinearImage {
-            size: SIZE,
-            rgb: ids.iter().map(|id| [if *id == 3 { 0.4 } else { of(*id) }; 3]).collect(),
-        };
+        let render =
+            LinearImage { size: SIZE, rgb: ids.iter().map(|id| [if *id == 3 { 0.4 } else { of(*id) }; 3]).collect() };
         let photo = LinearImage {
             size: SIZE,
             rgb: ids.iter().map(|id| [if *id == 3 { 0.4 } else { 0.5 * of(*id) }; 3]).collect(),

@@ -14,7 +14,7 @@ use crate::noise::Noise;
 use crate::observe::Window;
 use crate::scene::subtree::take_along;
 use crate::terms::told_objective;
-use crate::{PartialScene, PlacementSettings, Shape, measure};
+use crate::{PartialScene, PlacementSettings, RoomPoints, Shape, measure};
 
 /// Bins along an axis in which surface across it is looked for.
 const BINS: usize = 32;
@@ -113,7 +113,8 @@ fn steps(shape: &Shape, axis: usize) -> Vec<f64> {
     let mut found: Vec<f64> = Vec::new();
     for (area, bin) in by_area {
         let share = (bin as f64 + 0.5) / BINS as f64;
-        let is_free = found.iter().all(|other| (other - share).abs() >= APART) && (APART..=1.0 - APART).contains(&share);
+        let is_free =
+            found.iter().all(|other| (other - share).abs() >= APART) && (APART..=1.0 - APART).contains(&share);
         if area >= STEP_SHARE * section && is_free && bins[bin] > 0.0 && found.len() < MAX_KNOTS {
             found.push(share);
         }
@@ -141,7 +142,7 @@ pub fn fit_form(scene: &PartialScene, object: &ObjectId, settings: &PlacementSet
     let item = &placed.item;
     let is_solid = !(item.traits.planar || item.traits.flat || item.traits.opening) && item.level != Level::Wall;
     let is_large = item.mask.count() as f64 >= SMALLEST * scene.camera.size.pixels() as f64;
-    if !(settings.point_map && is_solid && is_large && scene.points.as_ref().is_some_and(|p| p.is_dense())) {
+    if !(settings.point_map && is_solid && is_large && scene.points.as_ref().is_some_and(RoomPoints::is_dense)) {
         return None;
     }
     let window = Window::new(scene, item, Some(i), &[], settings)?;
@@ -205,7 +206,6 @@ mod tests {
     use harmony_scene::{ImageSize, PointMapKind};
 
     use super::*;
-    use crate::RoomPoints;
     use crate::testing::{boxed, empty_room, of_boxes, seen};
 
     /// A sofa with a seat at 45 cm and a back of 20 cm, modelled with the seat at 60 and the back of 35, in a room of which every

@@ -57,11 +57,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> R
     Ok(state)
 }
 
-async fn room_and_camera(
-    ctx: &PhaseCtx<'_>,
-    photo: &Photo,
-    working: Arc<RgbImage>,
-) -> Result<SceneState, PhaseError> {
+async fn room_and_camera(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImage>) -> Result<SceneState, PhaseError> {
     let size = ImageSize::new(working.width(), working.height());
     let exif_focal = photo.focal_px.map(|f| f * f64::from(size.width) / f64::from(photo.image.width()));
 

@@ -16,8 +16,8 @@ use crate::state::{DropReason, Left, Object, SceneState};
 use crate::steps::features::Feature;
 use crate::steps::inspect::Inspection;
 use crate::steps::{
-    counts, detect, doubt, features, form, groups, hosts, inspect, place, prepare, programs, relief, review, second_look,
-    shading, surfaces, texture, turns,
+    counts, detect, doubt, features, form, groups, hosts, inspect, place, prepare, programs, relief, review,
+    second_look, shading, surfaces, texture, turns,
 };
 
 /// A level that can be placed.

@@ -4,7 +4,7 @@
 //! bent (`harmony_placement::fit_form`), and how is written beside it. What moves on joints stays as it is: its parts are
 //! known by their boxes.
 
-use harmony_placement::{bend_in, fit_form};
+use harmony_placement::{RoomPoints, bend_in, fit_form};
 use serde_json::json;
 
 use crate::Phase;
@@ -16,7 +16,7 @@ use crate::state::SceneState;
 /// # Errors
 /// Unwritable files.
 pub async fn follow_depth(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<(), PhaseError> {
-    if !state.partial.points.as_ref().is_some_and(|points| points.is_dense()) {
+    if !state.partial.points.as_ref().is_some_and(RoomPoints::is_dense) {
         return Ok(());
     }
     let ids: Vec<_> = state.partial.placed.iter().map(|p| (p.item.id.clone(), p.item.level)).collect();

@@ -134,7 +134,11 @@ impl<'a> Objective<'a> {
         let outline = self.window.outline.residuals(&self.constraint.scene.camera, shape, pose);
         let reach: f64 = outline_residuals(outline, self.noise).iter().map(|r| 0.5 * r * r).sum();
         let depth = Kernel::GemanMcClure(self.noise.outline_limit).loss(m.depth?);
-        Some(reach + self.area(m.missed_px + self.noise.order_trust * m.hidden_px, m.beside_px) + self.depth.form * depth)
+        Some(
+            reach
+                + self.area(m.missed_px + self.noise.order_trust * m.hidden_px, m.beside_px)
+                + self.depth.form * depth,
+        )
     }
 
     /// The part of the energy that needs no drawing: the outline's reach, sizes, turn and place.

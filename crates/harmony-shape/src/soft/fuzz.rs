@@ -225,8 +225,12 @@ mod tests {
         let apart = (2.0 * (3.0 * 2.5) / locks.len() as f64).sqrt();
         let mean = locks.iter().sum::<f64>() / locks.len() as f64;
         assert!(mean > 0.9 * apart.min(MAX_LOCK) && mean < 1.4 * apart, "{mean} m, {apart} m apart");
-        let volume: f64 =
-            hair.triangles.iter().map(|t| t.map(|i| hair.positions[i as usize])).map(|[a, b, c]| a.dot(b.cross(c))).sum();
+        let volume: f64 = hair
+            .triangles
+            .iter()
+            .map(|t| t.map(|i| hair.positions[i as usize]))
+            .map(|[a, b, c]| a.dot(b.cross(c)))
+            .sum();
         assert!(volume > 1e-7, "{volume}");
     }
 

@@ -87,11 +87,7 @@ pub async fn emptied(ctx: &PhaseCtx<'_>, photo: &Arc<RgbImage>) -> Result<Option
 ///
 /// # Errors
 /// Fatal role errors.
-pub(super) async fn completed(
-    ctx: &PhaseCtx<'_>,
-    faces: &[Face],
-    extents: &Extents,
-) -> Result<Faces, PhaseError> {
+pub(super) async fn completed(ctx: &PhaseCtx<'_>, faces: &[Face], extents: &Extents) -> Result<Faces, PhaseError> {
     let asked = join_all(faces.iter().filter(|f| COMPLETED.contains(&f.surface)).map(|face| async move {
         let (image, known) = sent(&face.texture);
         let share = known.count() as f64 / known.size().pixels().max(1) as f64;
@@ -161,7 +157,11 @@ fn sent(texture: &RgbaImage) -> (RgbImage, Mask) {
 pub(super) fn put_together(photo: &RgbImage, emptied: &RgbImage, bare: &Mask) -> RgbImage {
     let gain = gain(photo, emptied, bare);
     RgbImage::from_fn(photo.width(), photo.height(), |x, y| {
-        if bare.get(i64::from(x), i64::from(y)) { *photo.get_pixel(x, y) } else { times(*emptied.get_pixel(x, y), gain) }
+        if bare.get(i64::from(x), i64::from(y)) {
+            *photo.get_pixel(x, y)
+        } else {
+            times(*emptied.get_pixel(x, y), gain)
+        }
     })
 }
 
@@ -249,7 +249,7 @@ mod tests {
     /// A wall of stripes, half of it known, and an editor that has its own shade of everything.
     #[test]
     fn what_is_not_seen_goes_on_as_drawn_in_the_colours_of_what_is() {
-        let stripe = |x: u32| if x / 10 % 2 == 0 { [200, 180, 160] } else { [120, 100, 90] };
+        let stripe = |x: u32| if (x / 10).is_multiple_of(2) { [200, 180, 160] } else { [120, 100, 90] };
         let truth = RgbImage::from_fn(200, 100, |x, _| Rgb(stripe(x)));
         let shade = RgbImage::from_fn(200, 100, |x, y| times(*truth.get_pixel(x, y), [0.7, 0.8, 0.9]));
         let seen = RgbaImage::from_fn(200, 100, |x, _| {
@@ -288,8 +288,7 @@ mod tests {
 
     #[test]
     fn what_is_not_known_of_a_face_is_sent_grey() {
-        let texture =
-            RgbaImage::from_fn(2048, 512, |x, _| image::Rgba([200, 100, 50, if x < 1024 { 255 } else { 0 }]));
+        let texture = RgbaImage::from_fn(2048, 512, |x, _| image::Rgba([200, 100, 50, if x < 1024 { 255 } else { 0 }]));
         let (image, known) = sent(&texture);
         assert_eq!(image.dimensions(), (1024, 256));
         assert!((510 * 256..=512 * 256).contains(&known.count()), "{}", known.count());
