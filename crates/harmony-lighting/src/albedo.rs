@@ -57,6 +57,9 @@ const TWIN_STOPS: f32 = 0.35;
 /// How far the level of a material whose colour was said may be from that of the whole thing, which stands in one light: thin
 /// stripes a little beside their place took the colours of their neighbours, 2.5 stops lighter.
 const OWN_STOPS: f32 = 0.8;
+/// How far the level of what is seen in threads may be from that of other things, stops: between leaves and slats the photo shows
+/// a wall, or daylight, where the render does not.
+const MIXED_STOPS: f32 = 0.5;
 /// Which of a glossy thing's ratios, in order, is that of its colour: highlights are above, by which leather was as pale as the
 /// window that it mirrors; and how far its hue may be from what was said, stops, for what it mirrors has another.
 const DULL: f64 = 0.3;
@@ -254,6 +257,7 @@ pub fn updated_field(
     let whole = wholes(nodes, seen);
     let mut things: BTreeMap<&str, Vec<&FieldNode>> = BTreeMap::new();
     unseen.iter().filter(|n| n.kind == "object").for_each(|n| things.entry(n.node()).or_default().push(n));
+    let of_things = level_of(&found, |n| n.kind == "object");
     for parts in things.values() {
         let is_part = |id: u32| parts.iter().any(|n| nodes.get((id as usize).wrapping_sub(1)) == Some(*n));
         let shown: Vec<usize> = (0..ratio.len()).filter(|i| whole[*i] && is_part(seen.ids[*i])).collect();
@@ -266,6 +270,7 @@ pub fn updated_field(
         let by = off - usual + usual / luminance(response);
         for node in parts {
             let level = luminance(field.nodes.get(&node.name).map_or(field.other, |b| b.mean)).log2() + by;
+            let level = of_things.map_or(level, |of| level.clamp(of - MIXED_STOPS, of + MIXED_STOPS));
             let gloss = (field.nodes.get(&node.name).map_or(1.0, |b| b.gloss) * by.exp2()).min(1.0);
             next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded([level; 3]), factors: Vec::new(), gloss });
             found.push(Found { node, pixels: own.len() / parts.len(), level, hue: [0.0; 3] });
@@ -676,6 +681,11 @@ mod tests {
             let level = luminance(field.nodes[name].mean).log2();
             assert!((level + 0.98).abs() < 0.05, "{name}: {level}");
         }
+        // Beside a thing that is as bright as in the photo they are not believed all of it.
+        let beside = [nodes[0].clone(), nodes[1].clone(), FieldNode::new("chair_01", "object")];
+        let field = updated_field(&neutral_field(&camera()), &beside, &seen, [1.0; 3]);
+        let level = luminance(field.nodes["rug_01/light"].mean).log2();
+        assert!((level + MIXED_STOPS).abs() < 0.05, "{level}");
     }
 
     #[test]
