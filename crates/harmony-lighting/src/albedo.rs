@@ -269,9 +269,10 @@ pub fn updated_field(
         let (off, usual) = (median(&mut own) as f32, luminance(common));
         let by = off - usual + usual / luminance(response);
         for node in parts {
-            let level = luminance(field.nodes.get(&node.name).map_or(field.other, |b| b.mean)).log2() + by;
-            let level = of_things.map_or(level, |of| level.clamp(of - MIXED_STOPS, of + MIXED_STOPS));
-            let gloss = (field.nodes.get(&node.name).map_or(1.0, |b| b.gloss) * by.exp2()).min(1.0);
+            let before = field.nodes.get(&node.name);
+            let old = luminance(before.map_or(field.other, |b| b.mean)).log2();
+            let level = of_things.map_or(old + by, |of| (old + by).clamp(of - MIXED_STOPS, of + MIXED_STOPS));
+            let gloss = (before.map_or(1.0, |b| b.gloss) * (level - old).exp2()).min(1.0);
             next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded([level; 3]), factors: Vec::new(), gloss });
             found.push(Found { node, pixels: own.len() / parts.len(), level, hue: [0.0; 3] });
         }

@@ -8,6 +8,8 @@
 //! place        prepared        + wall placed      + furniture pl.   + ceiling placed
 //! ```
 //!
+//! An image editor completes the room's faces beside all of them: they need the layout alone.
+//!
 //! Two chains run beside each other: preparation, as early as what it needs is there, and placement in the paper's
 //! order. Inspection goes level by level because ids are numbered across levels and relations name objects of earlier
 //! ones. The list of decorations waits for the furniture to be placed: it asks what the photo shows and the

@@ -22,10 +22,10 @@ pub async fn follow_depth(ctx: &PhaseCtx<'_>, state: &mut SceneState) -> Result<
     let ids: Vec<_> = state.partial.placed.iter().map(|p| (p.item.id.clone(), p.item.level)).collect();
     let mut bent = 0;
     for (id, level) in ids {
-        let (scene, settings, wanted) = (state.partial.clone(), ctx.settings.placement.clone(), id.clone());
         if state.objects.get(&id).and_then(|o| o.model.as_ref()).is_some_and(|model| model.moves) {
             continue;
         }
+        let (scene, settings, wanted) = (state.partial.clone(), ctx.settings.placement.clone(), id.clone());
         let fitted = ctx
             .computed(move || {
                 let fitted = fit_form(&scene, &wanted, &settings)?;

@@ -176,7 +176,7 @@ fn strand(piece: &mut Piece, path: &[DVec3], half: &[f64], across: DVec3, normal
 #[cfg(test)]
 mod tests {
     use super::super::cushion;
-    use super::super::grid::testing::sound;
+    use super::super::grid::testing::{sound, volume};
     use super::*;
 
     #[test]
@@ -202,14 +202,9 @@ mod tests {
         let child = cushion([0.3, 0.05, 0.3], 0.0, 0.0, 0.0, 0.02);
         for kind in [FuzzKind::Pile, FuzzKind::Terry, FuzzKind::Boucle, FuzzKind::Fur] {
             let hair = fuzz(&child, kind, 0.015, 0.1, 3);
-            // The volume under the faces as they are wound; an open ribbon has none, one wound inwards a negative one.
-            let volume: f64 = hair
-                .triangles
-                .iter()
-                .map(|t| t.map(|i| hair.positions[i as usize]))
-                .map(|[a, b, c]| a.dot(b.cross(c)))
-                .sum();
-            assert!(volume > 1e-7, "{kind:?}: {volume}");
+            // Of an open ribbon there is none, of one wound inwards a negative one.
+            let volume = volume(&hair);
+            assert!(volume > 1.7e-8, "{kind:?}: {volume}");
         }
     }
 
@@ -225,13 +220,8 @@ mod tests {
         let apart = (2.0 * (3.0 * 2.5) / locks.len() as f64).sqrt();
         let mean = locks.iter().sum::<f64>() / locks.len() as f64;
         assert!(mean > 0.9 * apart.min(MAX_LOCK) && mean < 1.4 * apart, "{mean} m, {apart} m apart");
-        let volume: f64 = hair
-            .triangles
-            .iter()
-            .map(|t| t.map(|i| hair.positions[i as usize]))
-            .map(|[a, b, c]| a.dot(b.cross(c)))
-            .sum();
-        assert!(volume > 1e-7, "{volume}");
+        let volume = volume(&hair);
+        assert!(volume > 1.7e-8, "{volume}");
     }
 
     #[test]
