@@ -36,6 +36,7 @@ from mathutils import Matrix, Vector  # noqa: E402
 sys.path.insert(0, JOB["folder"])
 # These lie beside the job.
 from albedo import apply_albedo  # noqa: E402
+from apart import apart  # noqa: E402
 from textures import base_image, bright_gain, decode, encode, name_in_file, principled  # noqa: E402
 from views import sample_response, sample_views, set_view  # noqa: E402
 
@@ -66,14 +67,6 @@ def to_blender(v):
 # ---------------------------------------------------------------- scene and nodes
 
 
-# Distance between the planes of two pieces that shared one, metres, and how many different ones there are: all of them
-# together are less than what lies on one another is apart, a rug's border on its ground.
-PIECE_STEP = 3e-5
-PIECE_STEPS = 6
-# Planes as near as this are one, metres, where their normals are alike to a hundredth.
-ONE_PLANE = 2e-5
-
-
 def load_scene():
     bpy.ops.wm.read_factory_settings(use_empty=True)
     logging.disable(logging.INFO)  # the importer names every mesh
@@ -93,57 +86,21 @@ def load_scene():
 
 
 def part_faces(obj):
-    """Moves connected pieces of a mesh that share a plane inward by fractions of a millimetre, each by another amount.
-
-    Parts of a model may share a plane (a table top of two boards), and Cycles draws coincident faces black. What lies a
-    little higher than another piece stays on it.
-    """
+    """Moves faces of a mesh that lie on one another a little apart: Cycles draws coincident faces black."""
     mesh = obj.data
     if not mesh.polygons:
         return
-    corners = np.empty(len(mesh.loops), np.int32)
+    corners, starts = np.empty(len(mesh.loops), np.int32), np.empty(len(mesh.polygons), np.int32)
+    places, normals = np.empty(3 * len(mesh.vertices), np.float32), np.empty(3 * len(mesh.polygons), np.float32)
     mesh.loops.foreach_get("vertex_index", corners)
-    starts = np.empty(len(mesh.polygons), np.int32)
     mesh.polygons.foreach_get("loop_start", starts)
-    firsts = np.repeat(corners[starts], np.diff(starts, append=len(corners)))
-    piece = np.arange(len(mesh.vertices), dtype=np.int32)
-    while True:
-        # Every piece ends with the number of its first vertex.
-        lowest, before = np.minimum(piece[corners], piece[firsts]), piece.copy()
-        np.minimum.at(piece, corners, lowest)
-        np.minimum.at(piece, firsts, lowest)
-        piece = piece[piece]
-        if np.array_equal(piece, before):
-            break
-    _, number = np.unique(piece, return_inverse=True)
-    places = np.empty(3 * len(piece), np.float32)
-    normals, level = np.empty_like(places), np.empty(3 * len(mesh.polygons), np.float32)
     mesh.vertices.foreach_get("co", places)
-    mesh.vertices.foreach_get("normal", normals)
-    mesh.polygons.foreach_get("normal", level)
-    level = level.reshape(-1, 3).astype(np.float64)
-    off = (level * places.reshape(-1, 3)[corners[starts]]).sum(axis=1)
-    own = number[corners[starts]]
-    rank = np.zeros(len(off), np.int64)
-    for shift in (0.0, 0.5):  # a plane near the border of two bins is whole in one of both divisions
-        planes = np.column_stack([np.rint(level * 100.0), np.rint(off / ONE_PLANE + shift), own]).astype(np.int64)
-        rank = np.maximum(rank, coplanar_rank(planes))
-    if not rank.any():
-        return
-    steps = np.zeros(int(number.max()) + 1, np.float32)
-    np.maximum.at(steps, own, (rank % PIECE_STEPS).astype(np.float32))
-    mesh.vertices.foreach_set("co", places - normals * np.repeat(steps[number] * PIECE_STEP, 3))
-    mesh.update()
-
-
-def coplanar_rank(planes):
-    """For each face its piece's number among the pieces that have a face in its plane; `planes`: plane, then piece."""
-    pairs, which = np.unique(planes, axis=0, return_inverse=True)
-    # Rows of one plane follow one another, pieces in order.
-    new = np.ones(len(pairs), bool)
-    new[1:] = (pairs[1:, :-1] != pairs[:-1, :-1]).any(axis=1)
-    first = np.maximum.accumulate(np.where(new, np.arange(len(pairs)), 0))
-    return (np.arange(len(pairs)) - first)[which.reshape(-1)]
+    mesh.polygons.foreach_get("normal", normals)
+    places, normals = (v.reshape(-1, 3).astype(np.float64) for v in (places, normals))
+    moved = apart(places, normals, corners, starts)
+    if not np.array_equal(moved, places):
+        mesh.vertices.foreach_set("co", moved.astype(np.float32).ravel())
+        mesh.update()
 
 
 def meshes_below(name):
@@ -540,6 +497,19 @@ def add_rectangle(scene, name, position, direction, size, energy, colour, group)
     return obj
 
 
+def keep_off(light, objects):
+    """A window's own frame and bars are lit by what its pane shows: the rectangle of daylight lies within them, and what is
+    nearly in its plane would be burnt white along every edge."""
+    if not objects:
+        return
+    receivers = bpy.data.collections.new(f"{light.name}_receivers")
+    for obj in objects:
+        receivers.objects.link(obj)
+    for linked in receivers.collection_objects:
+        linked.light_linking.link_state = "EXCLUDE"
+    light.light_linking.receiver_collection = receivers
+
+
 def add_ambient(scene, group, response):
     """Uniform light from the six faces of the room box, unseen by camera and mirrors; the world's in no room."""
     lighting = JOB["lighting"]
@@ -774,7 +744,8 @@ def add_lights(scene, response, groups):
             continue
         args = light["position"], light["intensity"], light["color"], group
         if light["kind"] == "area":
-            add_rectangle(scene, f"light_{index}", args[0], light["direction"], light["size_m"], *args[1:])
+            obj = add_rectangle(scene, f"light_{index}", args[0], light["direction"], light["size_m"], *args[1:])
+            keep_off(obj, objects)
         elif light["kind"] == "point":
             obj = add_light(scene, f"light_{index}", "POINT", *args)
             obj.data.shadow_soft_size = light["radius_m"]

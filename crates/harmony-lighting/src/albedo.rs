@@ -6,11 +6,15 @@
 //! and whatever the estimated light lacks. Multiplying it in (Barrow and Tenenbaum's intrinsic images, with the light
 //! known from a path tracer instead of unknown) makes the lit picture match without touching texture detail.
 //! Two passes at two widths; light that bounces changes with the reflectances, so that it is done again on a new render.
+//! What materials have of one another is in `levels`.
+
+mod levels;
 
 use std::collections::BTreeMap;
 
 use harmony_scene::{AlbedoCells, AlbedoField, Camera, SceneCamera};
 
+use self::levels::Found;
 use crate::LinearImage;
 use crate::linear::luminance;
 use crate::smooth::{interior, smoothed};
@@ -51,22 +55,10 @@ const MIN_SHARE: f64 = 0.3;
 /// such response that is believed.
 const TELLING_CHANGE: f32 = 0.1;
 const MAX_RESPONSE: f32 = 3.0;
-/// How far the levels of one material of alike things may be from their mean, stops: they have one paint, and what is left of
-/// the fit's light or of what is seen between slats is no other one.
-const TWIN_STOPS: f32 = 0.35;
-/// How far the level of a material whose colour was said may be from that of the whole thing, which stands in one light: thin
-/// stripes a little beside their place took the colours of their neighbours, 2.5 stops lighter.
-const OWN_STOPS: f32 = 0.8;
-/// How far the level of what is seen in threads may be from that of other things, stops: between leaves and slats the photo shows
-/// a wall, or daylight, where the render does not.
-const MIXED_STOPS: f32 = 0.5;
 /// Which of a glossy thing's ratios, in order, is that of its colour: highlights are above, by which leather was as pale as the
 /// window that it mirrors; and how far its hue may be from what was said, stops, for what it mirrors has another.
 const DULL: f64 = 0.3;
 const MAX_GLOSSY_HUE: f32 = 0.12;
-/// How far an unseen material's level may be from what is usual, stops.
-const UNSEEN_STOPS: f32 = 0.7;
-
 /// A node of the scene as the field sees it, or one material of a node: a bed's wood and its cover have nothing in common.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FieldNode {
@@ -253,52 +245,28 @@ pub fn updated_field(
         let gloss = if too_glossy { gloss * LESS_GLOSS } else { gloss };
         next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded(mean), factors, gloss });
     }
-    // What is seen of a thing in threads and specks of several materials has one level: the pile of a rug.
-    let whole = wholes(nodes, seen);
-    let mut things: BTreeMap<&str, Vec<&FieldNode>> = BTreeMap::new();
-    unseen.iter().filter(|n| n.kind == "object").for_each(|n| things.entry(n.node()).or_default().push(n));
-    let of_things = level_of(&found, |n| n.kind == "object");
-    for parts in things.values() {
-        let is_part = |id: u32| parts.iter().any(|n| nodes.get((id as usize).wrapping_sub(1)) == Some(*n));
-        let shown: Vec<usize> = (0..ratio.len()).filter(|i| whole[*i] && is_part(seen.ids[*i])).collect();
-        let counts = |i: &&usize| seen.weights.get(**i).copied().unwrap_or(1.0) > 0.0;
-        let mut own: Vec<f64> = shown.iter().filter(counts).map(|i| f64::from(luminance(ratio[*i]))).collect();
-        if own.len() < MIN_PIXELS || (own.len() as f64) < MIN_SHARE * shown.len() as f64 {
-            continue;
-        }
-        let (off, usual) = (median(&mut own) as f32, luminance(common));
+    let mut threads = Vec::new();
+    for (node, off, pixels) in levels::in_threads(nodes, &unseen, seen, &ratio) {
+        let usual = luminance(common);
         let by = off - usual + usual / luminance(response);
-        for node in parts {
-            let before = field.nodes.get(&node.name);
-            let old = luminance(before.map_or(field.other, |b| b.mean)).log2();
-            let level = of_things.map_or(old + by, |of| (old + by).clamp(of - MIXED_STOPS, of + MIXED_STOPS));
-            let gloss = (before.map_or(1.0, |b| b.gloss) * (level - old).exp2()).min(1.0);
-            next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded([level; 3]), factors: Vec::new(), gloss });
-            found.push(Found { node, pixels: own.len() / parts.len(), level, hue: [0.0; 3] });
-        }
+        let before = field.nodes.get(&node.name);
+        let old = luminance(before.map_or(field.other, |b| b.mean)).log2();
+        let level = levels::near_others(old + by, &found);
+        let gloss = (before.map_or(1.0, |b| b.gloss) * (level - old).exp2()).min(1.0);
+        next.nodes.insert(node.name.clone(), AlbedoCells { mean: rounded([level; 3]), factors: Vec::new(), gloss });
+        threads.push(Found { node, pixels, level, hue: [0.0; 3] });
     }
+    found.append(&mut threads);
     unseen.retain(|n| !next.nodes.contains_key(&n.name));
-    keep_to_thing(&mut next, &mut found);
-    share_paint(&mut next, &found);
-    next.other = rounded([level_of(&found, |_| true).unwrap_or_else(|| luminance(field.other).log2()); 3]);
+    levels::keep_to_thing(&mut next, &mut found);
+    levels::share_paint(&mut next, &found);
+    next.other = rounded([levels::level_of(&found, |_| true).unwrap_or_else(|| luminance(field.other).log2()); 3]);
     for node in unseen {
-        let level = unseen_level(node, &found).map_or(next.other, |level| rounded([level; 3]));
+        let level = levels::unseen_level(node, &found).map_or(next.other, |level| rounded([level; 3]));
         let gloss = luminance(level).min(1.0);
         next.nodes.insert(node.name.clone(), AlbedoCells { mean: level, factors: Vec::new(), gloss });
     }
     next
-}
-
-/// Pixels whose neighbours show the same thing, whichever material of it.
-fn wholes(nodes: &[FieldNode], seen: &Comparison<'_>) -> Vec<bool> {
-    let mut numbers: BTreeMap<&str, u32> = BTreeMap::new();
-    let of = |id: &u32| {
-        let node = nodes.get((*id as usize).wrapping_sub(1))?;
-        let next = numbers.len() as u32 + 1;
-        Some(*numbers.entry(node.node()).or_insert(next))
-    };
-    let things: Vec<u32> = seen.ids.iter().map(of).map(Option::unwrap_or_default).collect();
-    interior(&things, seen.photo.size)
 }
 
 /// A node that was seen: what counts of it, and what the photo has more than the render, log2.
@@ -307,86 +275,6 @@ struct Wanted<'a> {
     weights: Vec<f32>,
     counted: usize,
     middle: [f32; 3],
-}
-
-/// A node that was seen, its level and its channels against that, log2.
-struct Found<'a> {
-    node: &'a FieldNode,
-    pixels: usize,
-    level: f32,
-    hue: [f32; 3],
-}
-
-/// Brings the materials of a thing, whose colours were said, to levels that are near to one another ([`OWN_STOPS`]).
-fn keep_to_thing(field: &mut AlbedoField, found: &mut [Found<'_>]) {
-    let said = |n: &FieldNode| n.is_even && n.kind == "object";
-    let levels: Vec<f32> = found
-        .iter()
-        .map(|f| {
-            let whole = level_of(found, |n| said(n) && n.node() == f.node.node()).filter(|_| said(f.node));
-            whole.map_or(f.level, |whole| f.level.clamp(whole - OWN_STOPS, whole + OWN_STOPS))
-        })
-        .collect();
-    for (f, level) in found.iter_mut().zip(levels) {
-        let by = level - f.level;
-        if by == 0.0 {
-            continue;
-        }
-        f.level = level;
-        let Some(cells) = field.nodes.get_mut(&f.node.name) else { continue };
-        let moved = |log: [f32; 3]| rounded(log.map(|v| v.log2() + by));
-        cells.mean = moved(cells.mean);
-        for factor in &mut cells.factors {
-            *factor = moved(*factor);
-        }
-        cells.gloss = (cells.gloss * by.exp2()).min(1.0);
-    }
-}
-
-/// Gives one material of several alike things, whose colour was said once, one hue, and levels that are near to one another:
-/// beside a sunlit floor one chair of ten came out yellow, before a bright wall two of four a stop too light, and of two
-/// worktops of one pine one olive.
-fn share_paint(field: &mut AlbedoField, found: &[Found<'_>]) {
-    let mut twins: BTreeMap<(&str, Option<&str>), Vec<&Found<'_>>> = BTreeMap::new();
-    for f in found.iter().filter(|f| f.node.is_even && f.node.kind == "object") {
-        twins.entry(f.node.twins()).or_default().push(f);
-    }
-    for alike in twins.values().filter(|alike| alike.len() > 1) {
-        let pixels: f32 = alike.iter().map(|f| f.pixels as f32).sum();
-        let hue = [0, 1, 2].map(|c| alike.iter().map(|f| f.pixels as f32 * f.hue[c]).sum::<f32>() / pixels);
-        let level = alike.iter().map(|f| f.pixels as f32 * f.level).sum::<f32>() / pixels;
-        for f in alike {
-            let nearer = level + (f.level - level).clamp(-TWIN_STOPS, TWIN_STOPS) - f.level;
-            let Some(cells) = field.nodes.get_mut(&f.node.name) else { continue };
-            let turned = |log: [f32; 3]| rounded([0, 1, 2].map(|c| log[c].log2() + hue[c] - f.hue[c] + nearer));
-            cells.mean = turned(cells.mean);
-            cells.factors.iter_mut().for_each(|f| *f = turned(*f));
-        }
-    }
-}
-
-/// Mean level of some nodes by the pixels that show them; `None` without any.
-fn level_of(found: &[Found<'_>], which: impl Fn(&FieldNode) -> bool) -> Option<f32> {
-    let (mut sum, mut pixels) = (0.0, 0.0);
-    for f in found.iter().filter(|f| which(f.node)) {
-        sum += f.level * f.pixels as f32;
-        pixels += f.pixels as f32;
-    }
-    (pixels > 0.0).then(|| sum / pixels)
-}
-
-/// The level of a material that the photo does not show: that of the same material of a twin; else that of the thing's
-/// other materials, which stand in the same light, near to what is usual for colours that came the same way. One fur
-/// that the render has too dark says little of the legs below it.
-fn unseen_level(node: &FieldNode, found: &[Found<'_>]) -> Option<f32> {
-    let alike = |n: &FieldNode| n.kind == node.kind && n.is_even == node.is_even;
-    let is_twin = |n: &FieldNode| n.design() == node.design() && n.material() == node.material();
-    if let Some(level) = level_of(found, |n| alike(n) && is_twin(n)) {
-        return Some(level);
-    }
-    let usual = level_of(found, alike).or_else(|| level_of(found, |n| n.kind == node.kind))?;
-    let neighbours = level_of(found, |n| n.node() == node.node());
-    Some(neighbours.map_or(usual, |level| level.clamp(usual - UNSEEN_STOPS, usual + UNSEEN_STOPS)))
 }
 
 /// What a node's ratios have beside their middle, smooth.
@@ -441,6 +329,7 @@ mod tests {
     use glam::DVec3;
     use harmony_scene::{ImageSize, Intrinsics};
 
+    use super::levels::{MIXED_STOPS, TWIN_STOPS};
     use super::*;
 
     const SIZE: ImageSize = ImageSize { width: 96, height: 72 };

@@ -154,6 +154,16 @@ fn what_lies_a_fifth_of_a_millimetre_above_is_on_top_and_shared_planes_are_not_b
     assert!(green * 100 >= rug.len() * 98, "{green} of {} are green", rug.len());
 }
 
+/// The module checks itself: pieces of a frame that share planes, one of them grown by a program beforehand.
+#[test]
+fn faces_in_one_plane_come_apart_and_no_others_move() {
+    let Some(renderer) = renderer() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let script = include_str!("../blender/apart.py");
+    let said = renderer.run_script(script, &serde_json::json!({}), folder.path(), std::time::Duration::from_mins(1));
+    assert!(said.unwrap().contains("faces come apart"));
+}
+
 #[test]
 fn a_closed_shade_lets_the_bulb_out() {
     let Some(cycles) = renderer() else { return };

@@ -15,8 +15,9 @@ use super::{BlenderKind, CyclesJob, CyclesOutput, CyclesRenderer, LitError, outp
 /// The one script that Blender runs; it takes a job file and nothing else.
 const SCRIPT: &str = include_str!("../../blender/render.py");
 /// The modules that it imports from its own folder.
-const MODULES: [(&str, &str); 3] = [
+const MODULES: [(&str, &str); 4] = [
     ("albedo.py", include_str!("../../blender/albedo.py")),
+    ("apart.py", include_str!("../../blender/apart.py")),
     ("textures.py", include_str!("../../blender/textures.py")),
     ("views.py", include_str!("../../blender/views.py")),
 ];

@@ -1,5 +1,7 @@
 //! Colours: `#rrggbb`, linear light, black bodies.
 
+use std::sync::LazyLock;
+
 use super::space::Rgb;
 
 /// Linear value of an sRGB value, both 0 to 1 (IEC 61966-2-1).
@@ -36,14 +38,42 @@ pub fn hex(rgb: [u8; 3]) -> String {
     format!("#{:02x}{:02x}{:02x}", rgb[0], rgb[1], rgb[2])
 }
 
+/// Steps of linear light from which the byte of a value is looked for upwards: no byte begins and ends within one.
+const STEPS: usize = 4096;
+
+/// Bytes and linear light: every texel of a tile is converted several times, and powers were a quarter of a run.
+struct Bytes {
+    /// Linear value of each byte.
+    linear: [f64; 256],
+    /// Linear value from which each byte is the nearest.
+    from: [f64; 256],
+    /// Byte at each step of linear light.
+    at: [u8; STEPS + 1],
+}
+
+static BYTES: LazyLock<Bytes> = LazyLock::new(|| Bytes {
+    linear: std::array::from_fn(|k| linear(k as f64 / 255.0)),
+    from: std::array::from_fn(|k| linear((k as f64 - 0.5).max(0.0) / 255.0)),
+    at: std::array::from_fn(|i| (encoded(i as f64 / STEPS as f64) * 255.0).round() as u8),
+});
+
 /// Linear colour of sRGB bytes.
 pub(crate) fn linear_of(rgb: [u8; 3]) -> Rgb {
-    rgb.map(|c| linear(f64::from(c) / 255.0))
+    let bytes = &*BYTES;
+    rgb.map(|c| bytes.linear[usize::from(c)])
 }
 
 /// sRGB bytes of a linear colour.
 pub(crate) fn bytes_of(color: Rgb) -> [u8; 3] {
-    color.map(|c| (encoded(c.clamp(0.0, 1.0)) * 255.0).round() as u8)
+    let bytes = &*BYTES;
+    color.map(|c| {
+        let c = c.clamp(0.0, 1.0);
+        let mut byte = bytes.at[(c * STEPS as f64) as usize];
+        while byte < 255 && c >= bytes.from[usize::from(byte) + 1] {
+            byte += 1;
+        }
+        byte
+    })
 }
 
 /// Linear colour of a slot or pattern colour; mid grey for text that is no colour.
@@ -100,6 +130,16 @@ mod tests {
         for c in 0..=255_u8 {
             assert_eq!(bytes_of(linear_of([c; 3])), [c; 3]);
         }
+    }
+
+    #[test]
+    fn bytes_are_those_of_the_formula() {
+        for i in 0..=300_000 {
+            let c = f64::from(i) / 300_000.0;
+            let byte = (encoded(c) * 255.0).round() as u8;
+            assert_eq!(bytes_of([c; 3]), [byte; 3], "{c}");
+        }
+        assert_eq!(bytes_of([-1.0, 2.0, f64::NAN]), [0, 255, 0]);
     }
 
     #[test]

@@ -1,13 +1,11 @@
 //! Slot materials as a mesh's materials.
 
-use std::sync::Arc;
-
 use harmony_mesh::Material;
 
-use super::bake::{bake_tile, mean_linear, roughness_factor};
+use super::bake::{mean_linear, roughness_factor};
 use super::color::{bytes_of, hex, kelvin_to_rgb, linear, linear_hex, linear_of, luminance};
 use super::space::{Rgb, times};
-use super::{MaterialSpec, Pattern};
+use super::{MaterialSpec, Pattern, kept};
 
 /// Luminance that is drawn as scene-linear 1, cd/m2.
 ///
@@ -36,7 +34,7 @@ fn share(value: f64, default: f64) -> f64 {
 ///
 /// `photo` and `paint` of the spec are for those who have the photo: they set `texture` afterwards.
 pub fn material(spec: &MaterialSpec) -> Material {
-    let tile = spec.map.as_ref().map(|_| Arc::new(bake_tile(spec, None)));
+    let tile = spec.map.as_ref().map(|_| kept::tile(spec));
     let color = linear_hex(&spec.color);
     let alpha = share(spec.alpha, 1.0) as f32;
     let [r, g, b] = if tile.is_some() { [1.0; 3] } else { color.map(|c| c as f32) };

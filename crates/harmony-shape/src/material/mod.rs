@@ -14,6 +14,7 @@ mod boards;
 mod cloth;
 mod color;
 mod fit;
+mod kept;
 mod look;
 mod masonry;
 mod mineral;

@@ -12,7 +12,28 @@ const fn mixed(mut x: u64) -> u64 {
 
 /// A hash of a seed and two numbers.
 pub(super) const fn hash(seed: u64, x: i64, y: i64) -> u64 {
-    mixed(mixed(seed ^ (x as u64).wrapping_mul(0xd6e8_feb8_6659_fd93)) ^ (y as u64).wrapping_mul(0xa076_1d64_78bd_642f))
+    in_column(column(seed, x), y)
+}
+
+/// The first half of a hash, of a seed and its first number.
+const fn column(seed: u64, x: i64) -> u64 {
+    mixed(seed ^ (x as u64).wrapping_mul(0xd6e8_feb8_6659_fd93))
+}
+
+/// The second half of a hash, with its second number.
+const fn in_column(column: u64, y: i64) -> u64 {
+    mixed(column ^ (y as u64).wrapping_mul(0xa076_1d64_78bd_642f))
+}
+
+/// The whole number at or below a value: `f64::floor` is a call where the processor is not known to have it.
+fn floor(x: f64) -> i64 {
+    let whole = x as i64;
+    whole - i64::from(whole as f64 > x)
+}
+
+/// A number in a period; divides only what is outside of it.
+fn wrapped(i: i64, period: i64) -> i64 {
+    if (0..period).contains(&i) { i } else { i.rem_euclid(period) }
 }
 
 /// Uniform in 0 to 1, drawn from a hash; `salt` gives independent draws.
@@ -90,19 +111,20 @@ impl Noise {
         let k = f64::from(1_u32 << octave);
         let cells = [self.cells[0] << octave, self.cells[1] << octave];
         let (x, y) = (u * self.per_m[0] * k, v * self.per_m[1] * k);
-        let (x0, y0) = (x.floor(), y.floor());
-        let (fx, fy) = (x - x0, y - y0);
-        let (i0, j0) = ((x0 as i64).rem_euclid(cells[0]), (y0 as i64).rem_euclid(cells[1]));
-        let (i1, j1) = ((i0 + 1) % cells[0], (j0 + 1) % cells[1]);
+        let (x0, y0) = (floor(x), floor(y));
+        let (fx, fy) = (x - x0 as f64, y - y0 as f64);
+        let (i0, j0) = (wrapped(x0, cells[0]), wrapped(y0, cells[1]));
+        let (i1, j1) = (wrapped(i0 + 1, cells[0]), wrapped(j0 + 1, cells[1]));
         let seed = self.seed.wrapping_add(u64::from(octave).wrapping_mul(0x51_7cc1));
-        let dot = |i: i64, j: i64, dx: f64, dy: f64| {
-            let g = GRADIENTS[(hash(seed, i, j) >> 60) as usize];
+        let (left, right) = (column(seed, i0), column(seed, i1));
+        let dot = |column: u64, j: i64, dx: f64, dy: f64| {
+            let g = GRADIENTS[(in_column(column, j) >> 60) as usize];
             g[0] * dx + g[1] * dy
         };
         let fade = |t: f64| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
         let (sx, sy) = (fade(fx), fade(fy));
-        let top = lerp(dot(i0, j0, fx, fy), dot(i1, j0, fx - 1.0, fy), sx);
-        let bottom = lerp(dot(i0, j1, fx, fy - 1.0), dot(i1, j1, fx - 1.0, fy - 1.0), sx);
+        let top = lerp(dot(left, j0, fx, fy), dot(right, j0, fx - 1.0, fy), sx);
+        let bottom = lerp(dot(left, j1, fx, fy - 1.0), dot(right, j1, fx - 1.0, fy - 1.0), sx);
         lerp(top, bottom, sy) * 1.5
     }
 
@@ -164,7 +186,7 @@ impl Cells {
     }
 
     fn place(&self, i: i64, j: i64) -> (f64, f64, u64) {
-        let id = hash(self.seed, i.rem_euclid(self.count[0]), j.rem_euclid(self.count[1]));
+        let id = hash(self.seed, wrapped(i, self.count[0]), wrapped(j, self.count[1]));
         let at = |k: i64, salt: u64| k as f64 + 0.5 + (unit(id, salt) - 0.5) * self.jitter;
         (at(i, 1), at(j, 2), id)
     }
@@ -172,7 +194,7 @@ impl Cells {
     /// The nearest two.
     pub(super) fn at(&self, u: f64, v: f64) -> Near {
         let (x, y) = (u / self.size[0], v / self.size[1]);
-        let (i, j) = (x.floor() as i64, y.floor() as i64);
+        let (i, j) = (floor(x), floor(y));
         let mut near = Near { d1: f64::INFINITY, d2: f64::INFINITY, to: [0.0; 2], id: 0 };
         for b in j - 1..=j + 1 {
             for a in i - 1..=i + 1 {
@@ -192,7 +214,7 @@ impl Cells {
     /// Calls `f` with every point of the 3 x 3 cells around a place: offset to the place in metres, and hash.
     pub(super) fn around(&self, u: f64, v: f64, mut f: impl FnMut([f64; 2], u64)) {
         let (x, y) = (u / self.size[0], v / self.size[1]);
-        let (i, j) = (x.floor() as i64, y.floor() as i64);
+        let (i, j) = (floor(x), floor(y));
         for b in j - 1..=j + 1 {
             for a in i - 1..=i + 1 {
                 let (px, py, id) = self.place(a, b);
