@@ -86,7 +86,21 @@ impl Material {
             hairy: false,
         }
     }
+
+    /// Whether it mirrors bright things around it enough to be seen: leather, lacquer, glazes; not metals, which have no
+    /// other colour than what they mirror.
+    pub fn shines(&self) -> bool {
+        let surface = self.tile.as_ref().and_then(|tile| tile.surface.as_ref());
+        let [rough, metal] = surface.map_or([1.0; 2], |image| {
+            let mean = |c: usize| image.pixels().map(|p| f32::from(p.0[c])).sum::<f32>() / 255.0;
+            [1, 2].map(|c| mean(c) / (image.width() * image.height()).max(1) as f32)
+        });
+        self.roughness * rough < GLOSSY && self.metallic * metal < 0.5
+    }
 }
+
+/// Perceptual roughness below which a material shines.
+const GLOSSY: f32 = 0.45;
 
 /// Triangles that share a material.
 #[derive(Debug, Clone, Default)]

@@ -216,7 +216,7 @@ fn field_nodes(state: &SceneState) -> Vec<FieldNode> {
         // What programs built into the room was said, as programs of objects say it.
         if state.features.iter().any(|f| f.said.contains(&name)) {
             let paint = Some(paint_of(&shell.materials[g.material]));
-            let is_glossy = shines(&shell.materials[g.material]);
+            let is_glossy = shell.materials[g.material].shines();
             return FieldNode { is_even: true, paint, is_glossy, ..FieldNode::new(&name, "object") };
         }
         FieldNode { name, kind, is_even, paint: None, is_glossy: false }
@@ -242,29 +242,15 @@ fn parts(id: &str, mesh: &Mesh, said: &[String]) -> Vec<FieldNode> {
     if names.len() < 2 || names.contains(&"") {
         let is_even = !names.is_empty() && names.iter().all(|name| is_said(name));
         let paint = names.first().filter(|_| is_even && names.len() == 1).and_then(|name| paint(name));
-        let is_glossy = is_even && mesh.materials.iter().any(shines);
+        let is_glossy = is_even && mesh.materials.iter().any(Material::shines);
         return vec![FieldNode { is_even, paint, is_glossy, ..FieldNode::new(id, "object") }];
     }
     let part = |name: &str| {
-        let is_glossy = is_said(name) && mesh.materials.iter().any(|m| m.name == name && shines(m));
+        let is_glossy = is_said(name) && mesh.materials.iter().any(|m| m.name == name && m.shines());
         FieldNode { is_even: is_said(name), paint: paint(name), is_glossy, ..FieldNode::part(id, name, "object") }
     };
     names.into_iter().map(part).collect()
 }
-
-/// Whether a material mirrors bright things around it enough to be seen: leather, lacquer, glazes; not metals,
-/// which have no other colour than what they mirror.
-fn shines(material: &Material) -> bool {
-    let surface = material.tile.as_ref().and_then(|tile| tile.surface.as_ref());
-    let [rough, metal] = surface.map_or([1.0; 2], |image| {
-        let mean = |c: usize| image.pixels().map(|p| f32::from(p.0[c])).sum::<f32>() / 255.0;
-        [1, 2].map(|c| mean(c) / (image.width() * image.height()).max(1) as f32)
-    });
-    material.roughness * rough < GLOSSY && material.metallic * metal < 0.5
-}
-
-/// Perceptual roughness below which a material shines.
-const GLOSSY: f32 = 0.45;
 
 /// A material's name and mean colour in steps that nobody sees.
 fn paint_of(material: &Material) -> String {

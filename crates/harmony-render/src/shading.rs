@@ -101,14 +101,15 @@ pub fn shade(shell: &Mesh, things: &[Stands<'_>], camera: &Camera, photo: &RgbIm
             Some(first)
         })
         .collect();
-    let slots: usize = things.iter().map(|t| t.plain.len()).sum();
+    let shines = |t: &Stands<'_>, k: usize| t.mesh.materials.get(k).is_some_and(Material::shines);
+    let glossy: Vec<bool> = things.iter().flat_map(|t| (0..t.plain.len()).map(move |k| shines(t, k))).collect();
     let said: Vec<Vec<[f64; 3]>> = things
         .iter()
         .map(|t| if t.plain.is_empty() { Vec::new() } else { mean_color(t.mesh) })
         .map(|all| all.into_iter().map(|c| c.map(f64::from)).collect())
         .collect();
     let samples = samples(&world, things, &firsts, &said, camera, photo);
-    let (law, gains) = fit(&samples, slots, room);
+    let (law, gains) = fit(&samples, &glossy, room);
     let meshes = things
         .par_iter()
         .zip(&firsts)

@@ -18,6 +18,9 @@ const OWN_STOPS: f32 = 0.8;
 /// How far the level of what is seen in threads may be from that of other things, stops: between leaves and slats the photo shows
 /// a wall, or daylight, where the render does not.
 pub(super) const MIXED_STOPS: f32 = 0.5;
+/// Share of the frame below which a face of the room is seen in a scrap, and how far its hue may be from what it came with, stops.
+const SCRAP: f64 = 0.02;
+const SCRAP_HUE: f32 = 0.12;
 /// How far an unseen material's level may be from what is usual, stops.
 const UNSEEN_STOPS: f32 = 0.7;
 
@@ -27,6 +30,34 @@ pub(super) struct Found<'a> {
     pub pixels: usize,
     pub level: f32,
     pub hue: [f32; 3],
+}
+
+/// Faces of the room of which the photo shows a scrap have nearly the hue that they came with, and a level near to that of what
+/// is seen well: polished boards behind a rug, a pixel in two of which was the white door that they mirrored, became orange all
+/// over the room.
+pub(super) fn hold_scraps(field: &mut AlbedoField, found: &mut [Found<'_>], frame: usize) {
+    let is_scrap = |f: &Found<'_>| f.node.kind != "object" && (f.pixels as f64) < SCRAP * frame as f64;
+    let (mut sum, mut pixels) = (0.0, 0.0);
+    for f in found.iter().filter(|f| !is_scrap(f)) {
+        sum += f.level * f.pixels as f32;
+        pixels += f.pixels as f32;
+    }
+    if pixels == 0.0 {
+        return;
+    }
+    let usual = sum / pixels;
+    for f in found.iter_mut().filter(|f| is_scrap(f)) {
+        let Some(cells) = field.nodes.get_mut(&f.node.name) else { continue };
+        let own = luminance(cells.mean).log2();
+        let level = own.clamp(usual - MIXED_STOPS, usual + MIXED_STOPS);
+        let hue = cells.mean.map(|m| m.log2() - own);
+        let held = hue.map(|h| h.clamp(-SCRAP_HUE, SCRAP_HUE));
+        let turned = |factor: [f32; 3]| rounded([0, 1, 2].map(|c| factor[c].log2() + level - own + held[c] - hue[c]));
+        cells.mean = turned(cells.mean);
+        cells.factors.iter_mut().for_each(|factor| *factor = turned(*factor));
+        cells.gloss = (cells.gloss * (level - own).exp2()).min(1.0);
+        (f.level, f.hue) = (level, held);
+    }
 }
 
 /// Brings the materials of a thing, whose colours were said, to levels that are near to one another ([`OWN_STOPS`]).

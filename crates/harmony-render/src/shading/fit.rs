@@ -32,6 +32,10 @@ const MAX_LEVEL: f64 = 1.04;
 const FOREIGN: f64 = 0.6;
 /// Largest change of a channel against the others, nats, beside the hue of the room's light.
 const MAX_HUE: f64 = 0.22;
+/// The same of what shines, whose highlights have the hue of what it mirrors; and which of its pixels, in order of brightness, has
+/// its colour: red-brown leather was salmon.
+const MAX_GLOSSY_HUE: f64 = 0.08;
+const DULL: f64 = 0.3;
 /// Largest hue of that light in a channel, nats; pixels that have to speak against white light; and most of one slot that
 /// count: many things tell of light, one large thing of its paint.
 const MAX_TINT: f64 = 1.2;
@@ -76,8 +80,9 @@ impl LightLaw {
     }
 }
 
-/// The law and the factor on each slot's colour by channel, each within a stop and a half of what was said.
-pub(super) fn fit(samples: &[Sample], slots: usize, room: &Extents) -> (LightLaw, Vec<[f64; 3]>) {
+/// The law and the factor on each slot's colour by channel, each within a stop and a half of what was said; `glossy`: of each slot,
+/// whether it shines.
+pub(super) fn fit(samples: &[Sample], glossy: &[bool], room: &Extents) -> (LightLaw, Vec<[f64; 3]>) {
     let room = DVec3::new(room.width, room.height, room.depth).max(DVec3::splat(0.1));
     let log = |v: f64| (v.max(0.0) + AIR).ln();
     let luminance = |c: [f64; 3]| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
@@ -89,25 +94,27 @@ pub(super) fn fit(samples: &[Sample], slots: usize, room: &Extents) -> (LightLaw
         })
         .collect();
     let mut terms = Terms::from(MEAN);
-    let mut slot = vec![0.0; slots];
+    let mut slot = vec![0.0; glossy.len()];
     for _ in 0..ROUNDS {
         (terms, slot) = step(&rows, &terms, &slot);
     }
     let law = LightLaw { terms, room };
-    let mut channels: Vec<[Vec<f64>; 3]> = vec![Default::default(); slots];
+    let mut channels: Vec<[Vec<f64>; 3]> = vec![Default::default(); glossy.len()];
     for s in samples {
         let light = law.at(s.normal, s.point, s.openness);
         for (k, list) in channels[s.slot].iter_mut().enumerate() {
             list.push(log(s.photo[k]) - log(s.said[k] * light));
         }
     }
-    let asked: Vec<Option<Asked>> = channels.into_iter().map(Asked::of).collect();
+    let asked: Vec<Option<Asked>> =
+        channels.into_iter().zip(glossy).map(|(lists, glossy)| Asked::of(lists, *glossy)).collect();
     let tint = tint(&asked);
     (law, asked.iter().map(|asked| gain(asked.as_ref(), tint)).collect())
 }
 
 /// What the pixels of a slot ask for, nats.
 struct Asked {
+    is_glossy: bool,
     pixels: f64,
     level: f64,
     /// By channel, against the level.
@@ -115,14 +122,15 @@ struct Asked {
 }
 
 impl Asked {
-    fn of(lists: [Vec<f64>; 3]) -> Option<Self> {
+    fn of(lists: [Vec<f64>; 3], is_glossy: bool) -> Option<Self> {
         let pixels = lists[0].len();
         if pixels == 0 {
             return None;
         }
-        let median = lists.map(|mut list| *list.select_nth_unstable_by(pixels / 2, f64::total_cmp).1);
-        let level = 0.2126 * median[0] + 0.7152 * median[1] + 0.0722 * median[2];
-        Some(Self { pixels: pixels as f64, level, hue: median.map(|m| m - level) })
+        let nth = if is_glossy { (pixels as f64 * DULL) as usize } else { pixels / 2 };
+        let own = lists.map(|mut list| *list.select_nth_unstable_by(nth, f64::total_cmp).1);
+        let level = 0.2126 * own[0] + 0.7152 * own[1] + 0.0722 * own[2];
+        Some(Self { is_glossy, pixels: pixels as f64, level, hue: own.map(|m| m - level) })
     }
 }
 
@@ -147,14 +155,15 @@ fn tint(asked: &[Option<Asked>]) -> [f64; 3] {
 /// The factors of a slot in a light of a hue: brightness soon, a hue of its own only by many pixels, for the few of a small
 /// thing are its neighbours' too.
 fn gain(asked: Option<&Asked>, tint: [f64; 3]) -> [f64; 3] {
-    let Some(Asked { pixels, level, hue }) = asked else { return tint.map(f64::exp) };
+    let Some(Asked { is_glossy, pixels, level, hue }) = asked else { return tint.map(f64::exp) };
     // Pixels of quite another hue are another thing's, which the scene has elsewhere.
     if (0..3).any(|k| (hue[k] - tint[k]).abs() > FOREIGN) {
         return tint.map(f64::exp);
     }
     let brightness = (level * pixels / (pixels + LEVEL_PIXELS)).clamp(-MAX_LEVEL, MAX_LEVEL);
+    let most = if *is_glossy { MAX_GLOSSY_HUE } else { MAX_HUE };
     std::array::from_fn(|k| {
-        let own = ((hue[k] - tint[k]) * pixels / (pixels + HUE_PIXELS)).clamp(-MAX_HUE, MAX_HUE);
+        let own = ((hue[k] - tint[k]) * pixels / (pixels + HUE_PIXELS)).clamp(-most, most);
         (brightness + tint[k] + own).exp()
     })
 }
@@ -209,7 +218,7 @@ mod tests {
         let truth = |n: DVec3| 0.8 + 0.3 * n.y - 0.2 * n.x;
         let mut all = seen(truth, [0.5; 3], [0.5; 3], 0);
         all.extend(seen(truth, [0.8; 3], [0.4; 3], 1));
-        let (law, gains) = fit(&all, 3, &ROOM);
+        let (law, gains) = fit(&all, &[false; 3], &ROOM);
         let at = |n: DVec3| law.at(n, DVec3::new(1.5, 0.4, 2.0), 1.0);
         let ratio = at(DVec3::Y) / at(DVec3::X);
         // Weak priors draw it a little towards an even light.
@@ -229,7 +238,7 @@ mod tests {
         for s in all.iter_mut().step_by(3) {
             s.photo = [0.02; 3];
         }
-        let (law, gains) = fit(&all, 1, &ROOM);
+        let (law, gains) = fit(&all, &[false], &ROOM);
         let predicted = 0.5 * gains[0][0] * law.at(DVec3::Y, DVec3::new(1.5, 0.4, 2.0), 1.0);
         assert!((predicted / 0.55 - 1.0).abs() < 0.15, "{predicted}");
     }
@@ -246,7 +255,7 @@ mod tests {
         // A mask that shows something blue.
         let blue = seen(|_| 1.0, [0.5; 3], [0.02, 0.1, 0.6], 8);
         all.extend(blue.into_iter().map(|s| Sample { said: [0.5; 3], ..s }));
-        let (_, gains) = fit(&all, 10, &ROOM);
+        let (_, gains) = fit(&all, &[false; 10], &ROOM);
         for slot in [0, 7, 8, 9] {
             let ratio = gains[slot][0] / gains[slot][2];
             assert!((2.3..3.4).contains(&ratio), "slot {slot}: {:?}", gains[slot]);
@@ -256,7 +265,7 @@ mod tests {
         for slot in 0..8 {
             white.extend(seen(|_| 1.0, [0.5; 3], [0.4; 3], slot));
         }
-        let (_, gains) = fit(&white, 9, &ROOM);
+        let (_, gains) = fit(&white, &[false; 9], &ROOM);
         assert!(gains[8].iter().all(|g| (g - gains[8][0]).abs() < 1e-6), "{:?}", gains[8]);
     }
 
@@ -266,13 +275,31 @@ mod tests {
         let mut all = seen(|_| 1.0, [0.5; 3], [0.5; 3], 0);
         let (red, leather) = ([0.3, 0.035, 0.025], [0.43, 0.25, 0.12]);
         all.extend(seen(|_| 1.0, red, leather, 1).into_iter().map(|s| Sample { said: red, ..s }));
-        let (_, gains) = fit(&all, 2, &ROOM);
+        let (_, gains) = fit(&all, &[false; 2], &ROOM);
         assert_eq!(gains[1], [1.0; 3]);
     }
 
     #[test]
+    fn a_third_of_highlights_makes_no_salmon_of_leather() {
+        let leather = [0.3, 0.08, 0.03];
+        let mut all = seen(|_| 1.0, [0.5; 3], [0.5; 3], 0);
+        let mirrored = |i: usize| if i % 5 < 3 { [0.06, 0.057, 0.054] } else { [0.0; 3] };
+        all.extend(seen(|_| 1.0, leather, leather, 1).into_iter().enumerate().map(|(i, s)| {
+            let photo = std::array::from_fn(|k| leather[k] + mirrored(i)[k]);
+            Sample { photo, said: leather, ..s }
+        }));
+        let warmth = |glossy: bool| {
+            let (_, gains) = fit(&all, &[false, glossy], &ROOM);
+            gains[1][0] / gains[1][2]
+        };
+        assert!((warmth(true) - 1.0).abs() < 0.05, "{}", warmth(true));
+        // Its median is a highlight.
+        assert!(warmth(false) < 0.9, "{}", warmth(false));
+    }
+
+    #[test]
     fn without_pixels_the_law_is_a_usual_room() {
-        let (law, gains) = fit(&[], 1, &ROOM);
+        let (law, gains) = fit(&[], &[false], &ROOM);
         let at = |n: DVec3, open: f64| law.at(n, DVec3::new(2.0, 1.25, 2.5), open);
         assert_eq!(gains, vec![[1.0; 3]]);
         assert!(at(DVec3::Y, 1.0) > at(DVec3::NEG_Y, 1.0) && at(DVec3::Y, 0.3) < 0.7);

@@ -12,14 +12,19 @@ use crate::tree::FuzzKind;
 
 /// Most triangles of the hairs.
 pub(super) const MAX_TRIANGLES: usize = 60_000;
-/// Triangles of a lock of pile; its length and half width against the distance of its neighbours of one colour, and its largest
-/// length, metres.
-const LOCK_TRIANGLES: usize = 9;
+/// Ends of yarn of a lock of pile, and triangles of one; its length and the half width of an end at its foot against the distance of
+/// its neighbours of one colour, and its largest length, metres.
+const ENDS: usize = 3;
+const END_TRIANGLES: usize = 3;
 const LOCK_LENGTH: f64 = 1.3;
-const LOCK_WIDTH: f64 = 0.16;
+const END_WIDTH: f64 = 0.08;
+/// How far the outer ends turn from the middle one, radians: one broad lock looks like a leaf.
+const SPREAD: f64 = 0.45;
 /// How high a lock rises at least, of its length: its shadow is what makes pile dark between its hairs.
 const LOCK_RISE: f64 = 0.35;
 const MAX_LOCK: f64 = 0.05;
+/// A child that is thinner than this share of its lesser side lies on the floor: nobody sees the pile below it.
+const MAT: f64 = 0.2;
 /// Half width of a hair against its length, at most: what lies below has the hair's colour, and thick hair looks like dough.
 const THIN: f64 = 0.06;
 
@@ -32,11 +37,16 @@ pub fn fuzz(child: &Piece, kind: FuzzKind, length: f64, density: f64, seed: u32)
     let mut piece = Piece::default();
     let length = length.clamp(0.0005, 0.3);
     let corner = |t: &[u32; 3]| t.map(|i| child.positions[i as usize]);
+    let size = child.bounds().map_or(DVec3::ONE, |(low, high)| high - low);
+    let is_mat = kind == FuzzKind::Pile && size.y < MAT * size.x.min(size.z);
     let mut sums = Vec::with_capacity(child.triangles.len());
     let mut area = 0.0;
     for t in &child.triangles {
         let [a, b, c] = corner(t);
-        area += (b - a).cross(c - a).length() / 2.0;
+        let own = (b - a).cross(c - a) / 2.0;
+        if !(is_mat && own.y < -0.5 * own.length()) {
+            area += own.length();
+        }
         sums.push(area);
     }
     if area < 1e-9 {
@@ -56,7 +66,7 @@ pub fn fuzz(child: &Piece, kind: FuzzKind, length: f64, density: f64, seed: u32)
     let (mut count, mut gap) = count_at(cost);
     let is_sparse = kind == FuzzKind::Pile && gap > length;
     if is_sparse {
-        (count, gap) = count_at(LOCK_TRIANGLES);
+        (count, gap) = count_at(ENDS * END_TRIANGLES);
     }
     let mut dice = Dice::new(seed, 81);
     for k in 0..count {
@@ -80,7 +90,7 @@ pub fn fuzz(child: &Piece, kind: FuzzKind, length: f64, density: f64, seed: u32)
             FuzzKind::Pile if is_sparse => {
                 let long = (LOCK_LENGTH * gap).clamp(length, MAX_LOCK) * (0.75 + 0.5 * dice.unit());
                 let height = length.max(LOCK_RISE * long).min(0.6 * long);
-                lock(&mut piece, at, normal, lay, [long, height, (LOCK_WIDTH * gap).min(0.2 * long)]);
+                lock(&mut piece, at, normal, lay, [long, height, (END_WIDTH * gap).min(0.1 * long)]);
             }
             FuzzKind::Pile => {
                 let from = piece.positions.len();
@@ -104,23 +114,23 @@ pub fn fuzz(child: &Piece, kind: FuzzKind, length: f64, density: f64, seed: u32)
     piece
 }
 
-/// A flat lock of pile, `[length, height, half width]`: it rises, lies over and comes to a point; closed around like a strand.
+/// A lock of pile, `[length, height, half width of an end]`: ends of yarn that rise from one foot, lie over and part.
 fn lock(piece: &mut Piece, at: DVec3, normal: DVec3, lay: DVec3, [length, height, half]: [f64; 3]) {
-    let base = piece.positions.len() as u32;
-    let across = normal.cross(lay);
-    for (along, up, wide) in [(0.0, 0.0, 0.5), (0.45, 1.0, 1.0)] {
-        let middle = at + lay * (along * length) + normal * (up * height);
-        let r = half * wide;
+    for end in 0..ENDS {
+        let aside = end as f64 - (ENDS - 1) as f64 / 2.0;
+        let along = turn(lay, normal, SPREAD * aside);
+        let across = normal.cross(along);
+        // The outer ones are shorter and lie lower.
+        let (length, height) = (length * (1.0 - 0.15 * aside.abs()), height * (1.0 - 0.3 * aside.abs()));
+        let base = piece.positions.len() as u32;
         for (i, (out, lift)) in [(-1.0, 0.0), (0.0, 0.7), (1.0, 0.0)].into_iter().enumerate() {
-            let n = (normal + across * (0.5 * out) + lay * (0.5 * (along - 0.45))).normalize_or(normal);
-            push(piece, middle + across * (out * r) + normal * (lift * r), n, DVec2::new(r * i as f64, along * length));
+            let n = (normal + across * (0.5 * out) - along * 0.2).normalize_or(normal);
+            let foot = at + across * (half * (out + 0.8 * aside)) + normal * (half * lift);
+            push(piece, foot, n, DVec2::new(half * i as f64, 0.0));
         }
-    }
-    let tip = at + lay * length + normal * (0.35 * height);
-    push(piece, tip, (normal + lay * 0.3).normalize_or(normal), DVec2::new(half, length));
-    for (i, j) in [(0, 1), (1, 2), (2, 0)] {
-        let [a, b, c, d] = [base + i, base + j, base + 3 + i, base + 3 + j];
-        piece.triangles.extend([[a, c, d], [a, d, b], [c, base + 6, d]]);
+        let tip = at + along * length + normal * height;
+        push(piece, tip, (normal + along * 0.3).normalize_or(normal), DVec2::new(half, length));
+        piece.triangles.extend([[0, 3, 1], [1, 3, 2], [2, 3, 0]].map(|t| t.map(|i| base + i)));
     }
 }
 
@@ -214,10 +224,12 @@ mod tests {
         let hair = fuzz(&rug, FuzzKind::Pile, 0.007, 0.5, 3);
         sound(&hair);
         assert!(hair.triangles.len() <= MAX_TRIANGLES);
-        // Seven points a lock: the first three are its foot, the last its tip.
-        let foot = |lock: &[DVec3]| (lock[0] + lock[2]) / 2.0;
-        let locks: Vec<f64> = hair.positions.chunks(7).map(|lock| lock[6].distance(foot(lock))).collect();
-        let apart = (2.0 * (3.0 * 2.5) / locks.len() as f64).sqrt();
+        // Four points an end, three ends a lock: the middle one's foot and tip.
+        let length = |lock: &[DVec3]| lock[7].distance((lock[4] + lock[6]) / 2.0);
+        let locks: Vec<f64> = hair.positions.chunks(4 * ENDS).map(length).collect();
+        let below = hair.positions.iter().filter(|p| p.y < 0.0).count();
+        assert!(below * 50 < hair.positions.len(), "nobody sees it below the rug: {below}");
+        let apart = ((3.0 * 2.5) / locks.len() as f64).sqrt();
         let mean = locks.iter().sum::<f64>() / locks.len() as f64;
         assert!(mean > 0.9 * apart.min(MAX_LOCK) && mean < 1.4 * apart, "{mean} m, {apart} m apart");
         let volume = volume(&hair);

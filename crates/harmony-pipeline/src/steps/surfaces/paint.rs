@@ -366,15 +366,17 @@ fn weight_of(survey: &Survey) -> f32 {
 }
 
 /// Walls of which little was seen take a share of the colour of the walls that were named alike, and of what photos usually
-/// make of it: a strip of a dark corner is not what the whole wall looks like.
+/// make of it: a strip of a dark corner is not what the whole wall looks like. So does a floor, by its own name alone: a few
+/// boards behind a rug mirror a door.
 fn of_one_paint(pieces: &mut [Piece], answer: &[LayoutSurface]) {
     struct Seen {
         index: usize,
+        is_floor: bool,
         named: [u8; 3],
         color: [f32; 3],
         weight: f32,
     }
-    let whole = |p: &Piece| p.surface.wall().is_some() && p.strip.kind.is_none();
+    let whole = |p: &Piece| (p.surface.wall().is_some() || p.surface == Surface::Floor) && p.strip.kind.is_none();
     let seen: Vec<Seen> = pieces
         .iter()
         .enumerate()
@@ -382,11 +384,12 @@ fn of_one_paint(pieces: &mut [Piece], answer: &[LayoutSurface]) {
         .filter_map(|(index, p)| {
             let survey = p.seen()?;
             let named = answer.iter().find(|s| s.surface.surface() == p.surface).and_then(LayoutSurface::rgb)?;
-            Some(Seen { index, named, color: survey.look.color, weight: weight_of(survey) })
+            let is_floor = p.surface == Surface::Floor;
+            Some(Seen { index, is_floor, named, color: survey.look.color, weight: weight_of(survey) })
         })
         .collect();
     for own in seen.iter().filter(|s| s.weight < 1.0) {
-        let alike = |s: &&Seen| lab_distance(s.named, own.named) < ONE_PAINT;
+        let alike = |s: &&Seen| s.is_floor == own.is_floor && lab_distance(s.named, own.named) < ONE_PAINT;
         let total: f32 = USUAL_WEIGHT + seen.iter().filter(alike).map(|s| s.weight).sum::<f32>();
         let color = std::array::from_fn(|k| {
             let usual = USUAL_WEIGHT * USUAL * f32::from(own.named[k]);
@@ -578,6 +581,29 @@ mod tests {
         let both = [named(SurfaceName::WallBack), named(SurfaceName::WallLeft)];
         assert!((105..140).contains(&far(&both)), "{}", far(&both));
         assert!(far(&both[..1]) < 85, "nobody said that they are of one paint");
+    }
+
+    #[test]
+    fn a_few_boards_that_mirror_a_door_are_not_what_a_dark_floor_looks_like() {
+        let dark = LayoutSurface {
+            surface: SurfaceName::Floor,
+            color_hex: Some("#5a3426".into()),
+            finish: None,
+            pattern: None,
+            parts: vec![],
+        };
+        let far = |last: u32| {
+            let mut all = faces([Some([150, 100, 70]), None, Some([200; 3]), Some([200; 3]), None, None]);
+            all.iter_mut().filter(|f| f.surface == Surface::Floor).for_each(|f| {
+                for (x, y, p) in f.texture.enumerate_pixels_mut() {
+                    p.0[3] = if (90..90 + last).contains(&x) && y < 50 { 255 } else { 0 };
+                }
+            });
+            let painted = paint(&all, std::slice::from_ref(&dark), &room(&[]), true, false);
+            mean(&painted.textures[&Surface::Floor])[0]
+        };
+        assert!((60.0..105.0).contains(&far(12)), "{}", far(12));
+        assert!(far(50) > 130.0, "a square metre is what the floor looks like: {}", far(50));
     }
 
     #[test]
