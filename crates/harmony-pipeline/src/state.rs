@@ -224,8 +224,8 @@ pub struct SceneState {
     pub summaries: Vec<String>,
     /// Light, after phase 6.
     pub lighting: Option<Lighting>,
-    /// Whether who looked says that no sun falls directly into the room.
-    pub is_sunless: bool,
+    /// Whether the sun falls directly into the room, as far as who looked says.
+    pub direct_sun: Option<bool>,
     /// What was said of a sun through openings that the photo does not show.
     pub sun: Option<SunSpec>,
     /// Those openings, once they are found.

@@ -141,7 +141,7 @@ pub fn empty_room() -> SceneState {
         looks: Vec::new(),
         summaries: Vec::new(),
         lighting: None,
-        is_sunless: false,
+        direct_sun: None,
         sun: None,
         unseen_openings: Vec::new(),
         next_index: 10,

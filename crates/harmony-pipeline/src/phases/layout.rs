@@ -156,7 +156,7 @@ async fn room_and_camera(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImag
         looks: Vec::new(),
         summaries: Vec::new(),
         lighting: None,
-        is_sunless: false,
+        direct_sun: None,
         sun: None,
         unseen_openings: Vec::new(),
         next_index: 10,

@@ -24,7 +24,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneStat
     physical::estimate(ctx, &mut state).await?;
     write_materials(ctx, &state)?;
     let mut lighting = sources(&state);
-    (state.sun, state.is_sunless) = ask_sources(ctx, &state, &mut lighting).await?;
+    (state.sun, state.direct_sun) = ask_sources(ctx, &state, &mut lighting).await?;
     state.lighting = Some(lighting.clone());
     let lit = if ctx.path_tracer { relight(ctx, &mut state, true).await? } else { None };
     if !ctx.path_tracer {
@@ -67,14 +67,14 @@ fn write_materials(ctx: &PhaseCtx<'_>, state: &SceneState) -> Result<(), PhaseEr
 }
 
 /// Asks which sources emit, and sets them; what was said of a sun through openings that the photo does not show, and whether
-/// there is none at all.
+/// it falls on anything.
 async fn ask_sources(
     ctx: &PhaseCtx<'_>,
     state: &SceneState,
     lighting: &mut Lighting,
-) -> Result<(Option<SunSpec>, bool), PhaseError> {
+) -> Result<(Option<SunSpec>, Option<bool>), PhaseError> {
     if lighting.lights.is_empty() && !ctx.is_looked_at("lights") {
-        return Ok((None, false));
+        return Ok((None, None));
     }
     let objects = outputs::scene_objects(state);
     let question = LightsQuestion {
@@ -100,8 +100,8 @@ async fn ask_sources(
         ctx.warn(WarningKind::AnswerRepaired, None, note);
     }
     let told = spec.sun.filter(|sun| !sun.patches.is_empty());
-    let is_sunless = told.is_none() && spec.direct_sun == Some(false);
-    Ok((told, is_sunless))
+    let direct_sun = if told.is_some() { Some(true) } else { spec.direct_sun };
+    Ok((told, direct_sun))
 }
 
 /// Whether a rectangle of light is that of a screen, a strip, a luminous field or a cove, not of a window.
