@@ -78,25 +78,11 @@ def load_scene():
         # What a scene's file glows by for viewers without ambient light (`ambient_glow`) is no light of the room.
         if "ambient_glow" in material and principled(material):
             principled(material).inputs["Emission Strength"].default_value = 0.0
-        flatten_mirror(material)
         if "harmony" in material and material["harmony"].get("hairy"):
             let_shadow_rays_through(material, part=THROUGH_HAIR)
     for obj in all_meshes():
         part_faces(obj)
     return bpy.context.scene
-
-
-# Metal and roughness of a looking-glass, as `Mesh::is_looking_glass` has them.
-MIRRORS = (0.9, 0.12)
-
-
-def flatten_mirror(material):
-    """A looking-glass is perfectly even: its rays are told from those of gloss by that."""
-    shader = principled(material)
-    if shader is None or shader.inputs["Metallic"].links or shader.inputs["Roughness"].links:
-        return
-    if shader.inputs["Metallic"].default_value >= MIRRORS[0] and shader.inputs["Roughness"].default_value <= MIRRORS[1]:
-        shader.inputs["Roughness"].default_value = 0.0
 
 
 def part_faces(obj):
@@ -524,21 +510,6 @@ def keep_off(light, objects):
     light.light_linking.receiver_collection = receivers
 
 
-def unseen_in_mirrors(light):
-    """A looking-glass shows the pane, which is as bright as the photo has it, not the rectangle that stands for the sky."""
-    light.data.use_nodes = True
-    tree = light.data.node_tree
-    tree.nodes.clear()
-    output, emission, path, rest = (
-        tree.nodes.new(f"ShaderNode{kind}") for kind in ("OutputLight", "Emission", "LightPath", "Math")
-    )
-    rest.operation = "SUBTRACT"
-    rest.inputs[0].default_value = 1.0
-    tree.links.new(path.outputs["Is Singular Ray"], rest.inputs[1])
-    tree.links.new(rest.outputs[0], emission.inputs["Strength"])
-    tree.links.new(emission.outputs[0], output.inputs["Surface"])
-
-
 def add_ambient(scene, group, response):
     """Uniform light from the six faces of the room box, unseen by camera and mirrors; the world's in no room."""
     lighting = JOB["lighting"]
@@ -600,6 +571,21 @@ def bright_pane(light, response):
     return np.clip(colour * radiance, colour * most, most)
 
 
+# Share of a pane's picture above such a display value from which it is burnt out: how bright the sky is, it does not tell.
+BURNT = (0.94, 0.05)
+# Windows whose panes tell: what mirrors and polished floors show of them is that picture, not the rectangle of light.
+SHOWN_BY_PANES = set()
+
+
+def is_burnt(image):
+    """Whether a texture is too bright to tell how bright what it shows is."""
+    pixels = np.empty(image.size[0] * image.size[1] * 4, dtype=np.float32)
+    image.pixels.foreach_get(pixels)
+    pixels = pixels.reshape(-1, 4)
+    shown = pixels[pixels[:, 3] > 0.5][:, :3]
+    return not len(shown) or float((shown @ LUMINANCE > BURNT[0]).mean()) > BURNT[1]
+
+
 def dress_window(light, objects, response):
     """The pane shows what the photo shows in it, at the photo's brightness; light passes it."""
     panes = panes_of(own_materials(objects))
@@ -608,6 +594,8 @@ def dress_window(light, objects, response):
         shader = principled(material)
         node = base_image(shader) if shader else None
         if node is not None:
+            if not is_burnt(node.image):
+                SHOWN_BY_PANES.add(light["id"])
             spared.add(node.image.name)
             show_emission(material, (1, 1, 1), 1.0, shown_as(node, response))
         elif light["on"]:
@@ -775,7 +763,7 @@ def add_lights(scene, response, groups):
         if light["kind"] == "area":
             obj = add_rectangle(scene, f"light_{index}", args[0], light["direction"], light["size_m"], *args[1:])
             keep_off(obj, objects)
-            unseen_in_mirrors(obj)
+            obj.visible_glossy = light["id"] not in SHOWN_BY_PANES
         elif light["kind"] == "point":
             obj = add_light(scene, f"light_{index}", "POINT", *args)
             obj.data.shadow_soft_size = light["radius_m"]
