@@ -15,7 +15,10 @@ use super::bake::bake_tile;
 /// Bytes of tiles that are kept; the oldest go first.
 const MAX_BYTES: usize = 192 << 20;
 
-static KEPT: LazyLock<Mutex<VecDeque<(MaterialSpec, Arc<Tile>)>>> = LazyLock::new(Mutex::default);
+/// Slots, each without what is not drawn, and their tiles; the oldest first.
+type Tiles = VecDeque<(MaterialSpec, Arc<Tile>)>;
+
+static KEPT: LazyLock<Mutex<Tiles>> = LazyLock::new(Mutex::default);
 
 /// The tile of a slot with a pattern, at the texel that its scale asks for.
 pub(super) fn tile(spec: &MaterialSpec) -> Arc<Tile> {
