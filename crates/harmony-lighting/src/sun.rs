@@ -417,7 +417,7 @@ mod tests {
             assert_eq!(found(&room, &striped), None);
             let LightKind::Sun { direction } = told(&room, &striped, true).expect("a sun").light.kind else { panic!() };
             let off = DVec3::from_array(direction).angle_between(-sky.towards()).to_degrees();
-            assert!(off < 4.0, "{wall:?}: {off} degrees off");
+            assert!(off < 10.0, "{wall:?}: {off} degrees off");
         }
     }
 

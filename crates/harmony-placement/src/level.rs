@@ -19,7 +19,7 @@ use crate::measure::{measure_all, measure_posterior};
 use crate::observe::{Contour, Window, drop_strangers, neighbours};
 use crate::propose::between_curtains;
 use crate::scene::attachment::{PoseConstraint, YawRule, angle_between, attachment_of};
-use crate::scene::subtree::take_along;
+use crate::scene::subtree::{subtree, take_along};
 use crate::solve::joint::refine_globally;
 use crate::solve::local::solve;
 use crate::terms::placed_energy;
@@ -138,6 +138,7 @@ pub fn place_level(
     centre_windows(scene, settings);
     back_onto_hosts(scene);
     if settings.refinement {
+        follow_hosts(scene, settings);
         see_again(scene, &ended, settings);
     }
     if settings.collision {
@@ -348,6 +349,32 @@ fn centre_windows(scene: &mut PartialScene, settings: &PlacementSettings) {
         let after = placed_energy(scene, i, settings).unwrap_or_default().total();
         if !accepts(before, after, odds(settings.noise.off_curtains)) {
             scene.placed[i].pose = old;
+        }
+    }
+}
+
+/// Places anew what hangs in the air because the joint solve took its host from under it.
+fn follow_hosts(scene: &mut PartialScene, settings: &PlacementSettings) {
+    for i in 0..scene.placed.len() {
+        if !hangs_in_the_air(scene, i) {
+            continue;
+        }
+        let item = Arc::clone(&scene.placed[i].item);
+        let Some(window) = Window::new(scene, &item, Some(i), &[], settings) else { continue };
+        let anew = solve(scene, &item, &window, settings);
+        let (pose, support) = (anew.pose, anew.objective.constraint.support());
+        let energy = |scene: &PartialScene| placed_energy(scene, i, settings).unwrap_or_default().total();
+        let was = energy(scene);
+        let before = (scene.placed[i].pose, scene.placed[i].support.clone());
+        (scene.placed[i].pose, scene.placed[i].support) = (pose, support);
+        if hangs_in_the_air(scene, i) || !accepts(was, energy(scene), odds(settings.noise.in_the_air)) {
+            (scene.placed[i].pose, scene.placed[i].support) = before;
+            continue;
+        }
+        // What stands on it goes along.
+        let by = pose.position - before.0.position;
+        for member in subtree(scene, i).into_iter().filter(|member| *member != i) {
+            scene.placed[member].pose.position += by;
         }
     }
 }
@@ -583,5 +610,37 @@ mod tests {
         // A camera that turned takes the scene with it.
         let turn = harmony_scene::Mat3::from_rotation_y(0.3);
         assert!((turn_about_vertical(&turn) - 0.3).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_lost_its_host_is_placed_on_it_anew() {
+        let mut scene = empty_room();
+        let put = |scene: &mut PartialScene, item: Item, at: Vec3, support: Support| {
+            let pose = harmony_scene::Pose::new(at, 0.0, 1.0);
+            scene.placed.push(Placed { item: Arc::new(item), pose, support, evidence: Evidence::default() });
+        };
+        let at = Vec3::new(2.0, 0.0, 2.0);
+        let mut table = boxed(&scene, Vec3::new(0.8, 0.7, 0.6), at, 0.0);
+        table.id = ObjectId::numbered("table", 1);
+        let on_table = at + Vec3::Y * 0.7;
+        let mut lamp = boxed(&scene, Vec3::new(0.2, 0.4, 0.2), on_table, 0.0);
+        lamp.id = ObjectId::numbered("lamp", 1);
+        lamp.level = Level::Decoration;
+        lamp.relations.on_top_of = Some(table.id.clone());
+        let support = Support::Object { id: table.id.clone() };
+        put(&mut scene, table, at, Support::Floor);
+        // The table has come nearer by 0.9 m since the lamp was put there.
+        let mut cap = boxed(&scene, Vec3::splat(0.1), on_table + Vec3::Y * 0.4, 0.0);
+        cap.id = ObjectId::numbered("cap", 1);
+        let on_lamp = Support::Object { id: lamp.id.clone() };
+        put(&mut scene, lamp, on_table - Vec3::Z * 0.9, support);
+        put(&mut scene, cap, on_table + Vec3::Y * 0.4 - Vec3::Z * 0.9, on_lamp);
+        assert!(hangs_in_the_air(&scene, 1));
+        follow_hosts(&mut scene, &PlacementSettings::default());
+        assert!(!hangs_in_the_air(&scene, 1));
+        let found = scene.placed[1].pose.position;
+        assert!(found.distance(on_table) < 0.05, "{found}");
+        let cap = scene.placed[2].pose.position;
+        assert!(cap.distance(found + Vec3::Y * 0.4) < 1e-9, "{cap}");
     }
 }

@@ -104,6 +104,8 @@ pub struct Noise {
     pub wrong_review: f64,
     /// A window whose ends are hidden is not in the middle of the curtains that hide them. By eye.
     pub off_curtains: f64,
+    /// Something hangs in the air. By eye: it hardly ever does.
+    pub in_the_air: f64,
 
     // Camera, room and scale.
     /// Angles of the camera, radians: many lines of the photo hold them, better than calibration claims. By eye.
@@ -174,6 +176,7 @@ impl Default for Noise {
             wrong_side: 0.05,
             wrong_review: 0.12,
             off_curtains: 0.1,
+            in_the_air: 1e-4,
             rotation: 0.001,
             focal: 0.01,
             height: 0.04,
