@@ -573,8 +573,6 @@ def bright_pane(light, response):
 
 # Share of a pane's picture above such a display value from which it is burnt out: how bright the sky is, it does not tell.
 BURNT = (0.94, 0.05)
-# Windows whose panes tell: what mirrors and polished floors show of them is that picture, not the rectangle of light.
-SHOWN_BY_PANES = set()
 
 
 def is_burnt(image):
@@ -587,22 +585,24 @@ def is_burnt(image):
 
 
 def dress_window(light, objects, response):
-    """The pane shows what the photo shows in it, at the photo's brightness; light passes it."""
+    """The pane shows what the photo shows in it, at the photo's brightness; light passes it.
+
+    Returns the images that are shown so, and whether one tells how bright the sky is.
+    """
     panes = panes_of(own_materials(objects))
-    spared = set()
+    spared, tells = set(), False
     for material in panes:
         shader = principled(material)
         node = base_image(shader) if shader else None
         if node is not None:
-            if not is_burnt(node.image):
-                SHOWN_BY_PANES.add(light["id"])
+            tells = tells or not is_burnt(node.image)
             spared.add(node.image.name)
             show_emission(material, (1, 1, 1), 1.0, shown_as(node, response))
         elif light["on"]:
             level = bright_pane(light, response)
             show_emission(material, tuple(float(v) / max(level) for v in level), float(max(level)))
         let_shadow_rays_through(material)
-    return spared
+    return spared, tells
 
 
 def emits(material):
@@ -743,12 +743,13 @@ def add_lights(scene, response, groups):
         objects = meshes_below(node) if node else []
         if light["object"] and not objects:
             NOTES.append(f"no node {light['object']} for the light {light['id']}")
-        shines = False
+        shines = tells = False
         if light["kind"] == "point" or is_strip(objects):
             own, shines = dress_lamp(light, objects, response)
             spared |= own
         elif light["kind"] == "area":
-            spared |= dress_window(light, objects, response)
+            shown, tells = dress_window(light, objects, response)
+            spared |= shown
         if not light["on"]:
             continue
         group = ""
@@ -762,8 +763,10 @@ def add_lights(scene, response, groups):
         args = light["position"], light["intensity"], light["color"], group
         if light["kind"] == "area":
             obj = add_rectangle(scene, f"light_{index}", args[0], light["direction"], light["size_m"], *args[1:])
-            keep_off(obj, objects)
-            obj.visible_glossy = light["id"] not in SHOWN_BY_PANES
+            if not is_strip(objects):
+                keep_off(obj, objects)
+            # What mirrors and polished floors show of such a window is its picture.
+            obj.visible_glossy = not tells
         elif light["kind"] == "point":
             obj = add_light(scene, f"light_{index}", "POINT", *args)
             obj.data.shadow_soft_size = light["radius_m"]

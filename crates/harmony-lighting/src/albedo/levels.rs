@@ -37,15 +37,7 @@ pub(super) struct Found<'a> {
 /// over the room.
 pub(super) fn hold_scraps(field: &mut AlbedoField, found: &mut [Found<'_>], frame: usize) {
     let is_scrap = |f: &Found<'_>| f.node.kind != "object" && (f.pixels as f64) < SCRAP * frame as f64;
-    let (mut sum, mut pixels) = (0.0, 0.0);
-    for f in found.iter().filter(|f| !is_scrap(f)) {
-        sum += f.level * f.pixels as f32;
-        pixels += f.pixels as f32;
-    }
-    if pixels == 0.0 {
-        return;
-    }
-    let usual = sum / pixels;
+    let Some(usual) = mean_level(found.iter().filter(|f| !is_scrap(f))) else { return };
     for f in found.iter_mut().filter(|f| is_scrap(f)) {
         let Some(cells) = field.nodes.get_mut(&f.node.name) else { continue };
         let own = luminance(cells.mean).log2();
@@ -110,11 +102,14 @@ pub(super) fn share_paint(field: &mut AlbedoField, found: &[Found<'_>]) {
 
 /// Mean level of some nodes by the pixels that show them; `None` without any.
 pub(super) fn level_of(found: &[Found<'_>], which: impl Fn(&FieldNode) -> bool) -> Option<f32> {
-    let (mut sum, mut pixels) = (0.0, 0.0);
-    for f in found.iter().filter(|f| which(f.node)) {
-        sum += f.level * f.pixels as f32;
-        pixels += f.pixels as f32;
-    }
+    mean_level(found.iter().filter(|f| which(f.node)))
+}
+
+fn mean_level<'f>(found: impl Iterator<Item = &'f Found<'f>>) -> Option<f32> {
+    let (sum, pixels) = found.fold((0.0, 0.0), |(sum, pixels), f| {
+        let own = f.pixels as f32;
+        (sum + f.level * own, pixels + own)
+    });
     (pixels > 0.0).then(|| sum / pixels)
 }
 

@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn a_third_of_highlights_makes_no_salmon_of_leather() {
+    fn highlights_make_no_salmon_of_leather() {
         let leather = [0.3, 0.08, 0.03];
         let mut all = seen(|_| 1.0, [0.5; 3], [0.5; 3], 0);
         let mirrored = |i: usize| if i % 5 < 3 { [0.06, 0.057, 0.054] } else { [0.0; 3] };
