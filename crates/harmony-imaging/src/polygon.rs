@@ -8,6 +8,21 @@ pub fn filled(points: &[[f64; 2]], size: ImageSize) -> Mask {
     Mask::from_fn(size, |x, y| inside[y as usize * size.width as usize + x as usize])
 }
 
+/// One polygon that covers what several cover (even-odd), joined by bridges without area; `None` for none.
+pub fn joined(pieces: &[Vec<[f64; 2]>]) -> Option<Vec<[f64; 2]>> {
+    let pieces: Vec<&Vec<[f64; 2]>> = pieces.iter().filter(|p| p.len() >= 3).collect();
+    let (first, others) = pieces.split_first()?;
+    let mut all = (*first).clone();
+    let start = first[0];
+    for piece in others {
+        // Out along the bridge, round the piece, and back along it.
+        all.push(start);
+        all.extend(piece.iter());
+        all.push(piece[0]);
+    }
+    Some(all)
+}
+
 /// Pixels of a `width` x `height` grid whose centre lies inside the polygon (even-odd), row-major.
 ///
 /// Points that are not finite are skipped; fewer than three leave the grid empty.
@@ -65,5 +80,18 @@ mod tests {
             rasterize(&[[-9.0, -9.0], [99.0, -9.0], [99.0, 99.0], [-9.0, 99.0]], 5, 4).iter().filter(|b| **b).count(),
             20
         );
+    }
+
+    #[test]
+    fn pieces_are_joined_without_what_lies_between_them() {
+        let square = |x: f64, y: f64| vec![[x, y], [x + 4.0, y], [x + 4.0, y + 4.0], [x, y + 4.0]];
+        let (a, b, c) = (square(1.0, 1.0), square(11.3, 7.0), square(20.0, 2.0));
+        let all = joined(&[a.clone(), b.clone(), c.clone()]).unwrap();
+        let of = |p: &[[f64; 2]]| rasterize(p, 30, 20);
+        let each: Vec<Vec<bool>> = [a, b, c].iter().map(|p| of(p)).collect();
+        let wanted: Vec<bool> = (0..30 * 20).map(|i| each.iter().any(|one| one[i])).collect();
+        assert_eq!(of(&all), wanted);
+        assert_eq!(wanted.iter().filter(|b| **b).count(), 48);
+        assert!(joined(&[vec![[0.0; 2]; 2]]).is_none());
     }
 }

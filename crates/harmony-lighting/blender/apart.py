@@ -1,4 +1,4 @@
-"""Faces of one mesh that lie on one another in one plane, moved apart by fractions of a millimetre.
+"""Faces that lie on one another in one plane, moved apart by fractions of a millimetre.
 
 Parts of a model may share a plane (a table top of two boards, rail and stile of a frame), and Cycles draws coincident faces
 black. Needs numpy alone; `python3 apart.py` checks itself.

@@ -80,27 +80,56 @@ def load_scene():
             principled(material).inputs["Emission Strength"].default_value = 0.0
         if "harmony" in material and material["harmony"].get("hairy"):
             let_shadow_rays_through(material, part=THROUGH_HAIR)
-    for obj in all_meshes():
-        part_faces(obj)
+    bpy.context.view_layer.update()
+    part_faces(all_meshes())
     return bpy.context.scene
 
 
-def part_faces(obj):
-    """Moves faces of a mesh that lie on one another a little apart: Cycles draws coincident faces black."""
+def faces_in_room(obj):
+    """Vertices and face normals of a mesh in the room's frame, the vertices of all faces' corners, and each face's first."""
     mesh = obj.data
-    if not mesh.polygons:
-        return
     corners, starts = np.empty(len(mesh.loops), np.int32), np.empty(len(mesh.polygons), np.int32)
     places, normals = np.empty(3 * len(mesh.vertices), np.float32), np.empty(3 * len(mesh.polygons), np.float32)
     mesh.loops.foreach_get("vertex_index", corners)
     mesh.polygons.foreach_get("loop_start", starts)
     mesh.vertices.foreach_get("co", places)
     mesh.polygons.foreach_get("normal", normals)
-    places, normals = (v.reshape(-1, 3).astype(np.float64) for v in (places, normals))
-    moved = apart(places, normals, corners, starts)
-    if not np.array_equal(moved, places):
-        mesh.vertices.foreach_set("co", moved.astype(np.float32).ravel())
-        mesh.update()
+    turn = np.array(obj.matrix_world, np.float64)
+    places = places.reshape(-1, 3).astype(np.float64) @ turn[:3, :3].T + turn[:3, 3]
+    normals = normals.reshape(-1, 3).astype(np.float64) @ np.linalg.pinv(turn[:3, :3])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return places, normals, corners, starts
+
+
+def part_faces(objects):
+    """Moves faces that lie on one another a little apart, within a mesh and between meshes (a window's frame and the hole
+    that it fills): Cycles draws coincident faces black."""
+    objects = [obj for obj in objects if obj.data.polygons]
+    if not objects:
+        return
+    faces = [faces_in_room(obj) for obj in objects]
+    vertices = np.cumsum([0] + [len(places) for places, *_ in faces])
+    loops = np.cumsum([0] + [len(corners) for _, _, corners, _ in faces])
+    places = np.concatenate([f[0] for f in faces])
+    moved = apart(
+        places,
+        np.concatenate([f[1] for f in faces]),
+        np.concatenate([f[2] + first for f, first in zip(faces, vertices)]),
+        np.concatenate([f[3] + first for f, first in zip(faces, loops)]),
+    )
+    for obj, first, end in zip(objects, vertices, vertices[1:]):
+        changed = (moved[first:end] != places[first:end]).any(axis=1)
+        if not changed.any():
+            continue
+        if obj.data.users > 1:
+            obj.data = obj.data.copy()
+        own = np.empty(3 * (end - first), np.float32)
+        obj.data.vertices.foreach_get("co", own)
+        back = np.array(obj.matrix_world.inverted_safe(), np.float64)
+        own = own.reshape(-1, 3)
+        own[changed] = moved[first:end][changed] @ back[:3, :3].T + back[:3, 3]
+        obj.data.vertices.foreach_set("co", own.ravel())
+        obj.data.update()
 
 
 def meshes_below(name):

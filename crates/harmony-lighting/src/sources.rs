@@ -4,9 +4,11 @@
 //! room has a little ambient light. Powers are radiant watts as Cycles understands them and typical values only: the
 //! model's specification, the fit and the reflective loop set them by the photo.
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 use harmony_catalogue::{Emission, emission};
-use harmony_mesh::{Bounds, Material, Mesh};
+use harmony_mesh::{Bounds, Material, Mesh, connected};
 use harmony_scene::{
     Camera, Extents, Level, Light, LightKind, Lighting, ObjectId, Opening, OpeningKind, Ray, Room, SceneObject,
     ViewTransform, Wall, WallPlane,
@@ -68,7 +70,25 @@ const CLEAR: f32 = 0.3;
 
 /// Bounds of the part of a mesh whose material emits, in the mesh's own frame.
 fn emissive_bounds(mesh: &Mesh) -> Option<Bounds> {
-    group_bounds(mesh, |m| mesh.materials.get(m).is_some_and(|m| m.emissive.iter().any(|e| *e > 0.0)))
+    group_bounds(mesh, |m| mesh.materials.get(m).is_some_and(emits))
+}
+
+fn emits(material: &Material) -> bool {
+    material.emissive.iter().any(|e| *e > 0.0)
+}
+
+/// Size of each connected part that emits, in the mesh's own frame.
+fn emissive_parts(mesh: &Mesh) -> Vec<DVec3> {
+    let takes = |g: usize| mesh.materials.get(mesh.groups[g].material).is_some_and(emits);
+    let part_of = connected(mesh, &takes);
+    let mut parts: BTreeMap<u32, (DVec3, DVec3)> = BTreeMap::new();
+    let taken = mesh.groups.iter().enumerate().filter(|(g, _)| takes(*g));
+    for i in taken.flat_map(|(_, group)| group.triangles.iter().flatten()) {
+        let p = mesh.positions[*i as usize].as_dvec3();
+        let (low, high) = parts.entry(part_of[*i as usize]).or_insert((p, p));
+        (*low, *high) = (low.min(p), high.max(p));
+    }
+    parts.into_values().map(|(low, high)| high - low).collect()
 }
 
 /// Bounds of the part of a mesh that shines, in the mesh's own frame: emissive materials, else slots named so.
@@ -85,8 +105,7 @@ fn is_named_so(material: &str) -> bool {
 /// Whether light shines through a material of a lamp: the shade round its bulb. What emits by itself is one only where it is
 /// called a shade: how bright it looks is then the photo's to tell, too.
 pub fn is_shade(material: &Material) -> bool {
-    let emits = material.emissive.iter().any(|e| *e > 0.0);
-    is_named_so(&material.name) && (!emits || material.name.to_lowercase().contains("shade"))
+    is_named_so(&material.name) && (!emits(material) || material.name.to_lowercase().contains("shade"))
 }
 
 /// Bounds of a window's panes, in the mesh's own frame: what is clear, else slots named so.
@@ -399,8 +418,14 @@ const STRIP: (f64, f64) = (0.5, 0.35);
 /// Light of a strip or a field, watts a metre of its longest side.
 const STRIP_WATTS_PER_M: f64 = 12.0;
 
-/// A rectangle of light where an emitting part is long or wide and thin: off the wall, or down from the ceiling.
-fn rectangle(object: &SceneObject, emitter: &Bounds) -> Option<(DVec3, LightKind)> {
+/// A rectangle of light where what emits is long or wide and thin: off the wall, or down from the ceiling. Bulbs on a ring
+/// are none, however wide the ring is: one part has to be long by itself.
+fn rectangle(object: &SceneObject, mesh: &Mesh) -> Option<(DVec3, LightKind)> {
+    let emitter = emissive_bounds(mesh)?;
+    let scale = object.pose.stretch.abs() * object.pose.scale;
+    if !emissive_parts(mesh).iter().any(|part| (*part * scale).max_element() >= STRIP.0) {
+        return None;
+    }
     let corners: Vec<DVec3> = (0..8)
         .map(|i| {
             let pick = |axis: usize| if i >> axis & 1 == 0 { emitter.min[axis] } else { emitter.max[axis] };
@@ -418,7 +443,7 @@ fn rectangle(object: &SceneObject, emitter: &Bounds) -> Option<(DVec3, LightKind
     let thick = size.dot(direction.abs());
     let size_m = match object.level {
         Level::Ceiling => [size.x, size.z],
-        _ => [emitter.size().x * object.pose.stretch.x.abs() * object.pose.scale, size.y],
+        _ => [emitter.size().x * scale.x, size.y],
     };
     let longest = size_m[0].max(size_m[1]);
     let is_strip = size.is_finite() && longest >= STRIP.0 && thick <= STRIP.1 * longest;
@@ -434,7 +459,7 @@ fn strip_light(room: &Room, object: &SceneObject, mesh: &Mesh) -> Option<Light> 
     if !size.is_finite() || longest < MIN_STRIP {
         return None;
     }
-    let (position, kind) = rectangle(object, &emitter).unwrap_or_else(|| {
+    let (position, kind) = rectangle(object, mesh).unwrap_or_else(|| {
         let radius_m = (size.min_element() / 4.0).clamp(0.015, 0.06);
         (object.pose.point(emitter.centre()), LightKind::Point { radius_m })
     });
@@ -487,7 +512,7 @@ fn lamp_light(room: &Room, object: &SceneObject, known: Emitter<'_>) -> Light {
     };
     let mut kind = LightKind::Point { radius_m };
     // A strip, a luminous field or a cove is no bulb in its middle.
-    if let Some((below, field)) = mesh.and_then(emissive_bounds).and_then(|emitter| rectangle(object, &emitter)) {
+    if let Some((below, field)) = mesh.and_then(|mesh| rectangle(object, mesh)) {
         (position, kind) = (below.max(margin).min(inside.max(margin)), field);
     }
     Light {

@@ -87,6 +87,9 @@ pub struct LightingSpec {
     pub windows: Vec<WindowSpec>,
     /// Whether the sun falls directly on anything in the room, through whatever window; null when that is not clear.
     pub direct_sun: Option<bool>,
+    /// Whether daylight comes in through windows that the photo does not show, beside or behind the camera; null when that is
+    /// not clear.
+    pub unseen_daylight: Option<bool>,
     /// Direct sun through openings that the photo does not show; null when there is none.
     pub sun: Option<SunSpec>,
     /// One sentence: time of day, what lights the room.
@@ -218,7 +221,7 @@ mod tests {
     #[test]
     fn the_schema_requires_every_field_and_allows_null() {
         let schema = LightingSpec::schema();
-        assert_eq!(schema["required"].as_array().unwrap().len(), 7);
+        assert_eq!(schema["required"].as_array().unwrap().len(), 8);
         assert_eq!(schema["additionalProperties"], false);
         let lamp = &schema["properties"]["point_lights"]["items"];
         assert_eq!(lamp["required"].as_array().unwrap().len(), 4, "{lamp}");

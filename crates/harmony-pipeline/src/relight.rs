@@ -92,9 +92,7 @@ pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState, asked: bool) ->
     state.unseen_openings = sun.as_ref().map(|sun| sun.openings.clone()).unwrap_or_default();
     surfaces::keep_walls_open(state);
     outputs::write_scene_glb(&ctx.file(SCENE)?, state, None)?;
-    let hanging: Vec<Bounds> =
-        state.partial.placed.iter().filter(|p| p.item.traits.hangs).map(views::bounds_of).collect();
-    lighting.lights.extend(unseen_windows(&state.partial.room, &state.partial.camera, &hanging));
+    lighting.lights.extend(daylight_elsewhere(state));
     lighting.lights.extend(sun.map(|sun| sun.light));
     lighting.lights = with_shades(ctx, state, lighting.lights).await?;
     let stage = Stage::new(ctx, state, field_nodes(state))?;
@@ -120,6 +118,16 @@ pub async fn relight(ctx: &PhaseCtx<'_>, state: &mut SceneState, asked: bool) ->
     ctx.write_picture("render_preview.png", &preview)?;
     state.lighting = Some(lighting);
     Ok(Some(Lit { preview, field: look.field }))
+}
+
+/// Windows that the photo may be lit by without showing them; none where who looked says that no daylight comes from there.
+fn daylight_elsewhere(state: &SceneState) -> Vec<Light> {
+    if state.told_light.unseen_daylight == Some(false) {
+        return Vec::new();
+    }
+    let hanging: Vec<Bounds> =
+        state.partial.placed.iter().filter(|p| p.item.traits.hangs).map(views::bounds_of).collect();
+    unseen_windows(&state.partial.room, &state.partial.camera, &hanging)
 }
 
 /// The pictures of a lit scene that a question shows: small, and quickly made.
@@ -360,9 +368,11 @@ impl<'a, 'c> Stage<'a, 'c> {
         });
         let unseen: Vec<String> =
             lighting.lights.iter().filter(|light| is_unseen_window(light)).map(|light| light.id.clone()).collect();
-        // Light that comes from nowhere is no room's: where the photo shows no source, one outside it need only not be worse.
+        // Light that comes from nowhere is no room's: where the photo shows no source, or who looked says that there is one
+        // outside it, that need only not be worse.
         let is_lit = lighting.lights.iter().any(|light| light.on && !unseen.contains(&light.id));
-        let least_gain = if is_lit { UNSEEN_GAIN } else { 1.0 };
+        let is_told = self.state.told_light.unseen_daylight == Some(true);
+        let least_gain = if is_lit && !is_told { UNSEEN_GAIN } else { 1.0 };
         let twins = twins_of(lighting);
         let of_twins = twins.clone();
         let (fitted, measured, weights, photo, errors) = self

@@ -184,6 +184,17 @@ pub struct Layout {
     pub because: String,
 }
 
+/// What was said of the light that comes into a room; where nothing was, measurement decides.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ToldLight {
+    /// Whether the sun falls directly on anything.
+    pub direct_sun: Option<bool>,
+    /// Whether daylight comes in through windows that the photo does not show.
+    pub unseen_daylight: Option<bool>,
+    /// The sun through openings that the photo does not show.
+    pub sun: Option<SunSpec>,
+}
+
 /// Everything a phase hands to the next.
 #[derive(Debug, Clone)]
 pub struct SceneState {
@@ -224,10 +235,8 @@ pub struct SceneState {
     pub summaries: Vec<String>,
     /// Light, after phase 6.
     pub lighting: Option<Lighting>,
-    /// Whether the sun falls directly into the room, as far as who looked says.
-    pub direct_sun: Option<bool>,
-    /// What was said of a sun through openings that the photo does not show.
-    pub sun: Option<SunSpec>,
+    /// What who looked says of the light that comes in.
+    pub told_light: ToldLight,
     /// Those openings, once they are found.
     pub unseen_openings: Vec<Opening>,
     /// Next free object index.

@@ -20,7 +20,7 @@ use serde_json::Value;
 
 use crate::ctx::{PhaseCtx, Warnings};
 use crate::progress::{ProgressEvent, ProgressSink};
-use crate::state::{Layout, Look, Model, Object, SceneState};
+use crate::state::{Layout, Look, Model, Object, SceneState, ToldLight};
 use crate::views::Gallery;
 use crate::{Phase, Settings};
 
@@ -141,8 +141,7 @@ pub fn empty_room() -> SceneState {
         looks: Vec::new(),
         summaries: Vec::new(),
         lighting: None,
-        direct_sun: None,
-        sun: None,
+        told_light: ToldLight::default(),
         unseen_openings: Vec::new(),
         next_index: 10,
         drawn: Gallery::default(),

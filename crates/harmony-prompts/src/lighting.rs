@@ -90,6 +90,7 @@ impl Ask for LightsQuestion {
                 intensity: None,
             }],
             direct_sun: Some(true),
+            unseen_daylight: None,
             sun: Some(SunSpec {
                 patches: vec![vec![[610.0, 830.0], [702.0, 812.0], [788.0, 868.0], [690.0, 890.0]]],
                 shadows: vec![[[540.0, 720.0], [498.0, 806.0]]],

@@ -61,6 +61,9 @@ pub struct ListedItem {
     pub instances: Vec<ListedInstance>,
 }
 
+/// Most pieces that something is seen in, beside the largest.
+const MAX_PIECES: usize = 8;
+
 /// Where one object is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -71,6 +74,9 @@ pub struct ListedInstance {
     /// Outline of the visible part, `[x, y]` 0..1000, 4 to 40 points in order; empty = none.
     #[serde(default)]
     pub outline: Vec<[f64; 2]>,
+    /// Where what hides it cuts the visible part into pieces: the outlines of the others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pieces: Vec<Vec<[f64; 2]>>,
     /// Decorations: id of the furniture it rests on; null otherwise.
     #[serde(default)]
     pub host: Option<String>,
@@ -128,6 +134,7 @@ impl ListAnswer {
         let instance = ListedInstance {
             bounds: [412.0, 180.0, 588.0, 455.0],
             outline: vec![[414.0, 183.0], [586.0, 181.0], [588.0, 452.0], [413.0, 455.0]],
+            pieces: Vec::new(),
             host,
         };
         Self {
@@ -167,10 +174,15 @@ impl ListAnswer {
                         item.kind, instance.bounds
                     ));
                 }
-                if instance.outline.len() > 200 || (1..3).contains(&instance.outline.len()) {
-                    return Err(format!("a {}'s outline has {} points; 3 to 200", item.kind, instance.outline.len()));
+                if instance.pieces.len() > MAX_PIECES {
+                    return Err(format!("a {} has {} pieces; at most {MAX_PIECES}", item.kind, instance.pieces.len()));
                 }
-                for p in &instance.outline {
+                for outline in instance.pieces.iter().chain([&instance.outline]) {
+                    if outline.len() > 200 || (1..3).contains(&outline.len()) {
+                        return Err(format!("a {}'s outline has {} points; 3 to 200", item.kind, outline.len()));
+                    }
+                }
+                for p in instance.pieces.iter().flatten().chain(&instance.outline) {
                     in_range("an outline's x", p[0], -50.0, 1050.0)?;
                     in_range("an outline's y", p[1], -50.0, 1050.0)?;
                 }

@@ -93,40 +93,52 @@ impl World {
 /// Lights the plain materials of things as the photo has them.
 pub fn shade(shell: &Mesh, things: &[Stands<'_>], camera: &Camera, photo: &RgbImage, room: &Extents) -> Shaded {
     let world = World::new(shell, things);
-    let firsts: Vec<usize> = things
-        .iter()
-        .scan(0, |next, thing| {
-            let first = *next;
-            *next += thing.plain.len();
-            Some(first)
-        })
-        .collect();
-    let shines = |t: &Stands<'_>, k: usize| t.mesh.materials.get(k).is_some_and(Material::shines);
-    let glossy: Vec<bool> = things.iter().flat_map(|t| (0..t.plain.len()).map(move |k| shines(t, k))).collect();
+    let (slots, glossy) = slots(things);
     let said: Vec<Vec<[f64; 3]>> = things
         .iter()
         .map(|t| if t.plain.is_empty() { Vec::new() } else { mean_color(t.mesh) })
         .map(|all| all.into_iter().map(|c| c.map(f64::from)).collect())
         .collect();
-    let samples = samples(&world, things, &firsts, &said, camera, photo);
+    let samples = samples(&world, things, &slots, &said, camera, photo);
     let (law, gains) = fit(&samples, &glossy, room);
     let meshes = things
         .par_iter()
-        .zip(&firsts)
+        .zip(&slots)
         .zip(&said)
-        .map(|((thing, first), said)| {
-            let gains = gains.get(*first..first + thing.plain.len())?;
-            thing.plain.contains(&true).then(|| lit(&world.bvh, thing, said, gains, &law))
+        .map(|((thing, slots), said)| {
+            let gains: Vec<[f64; 3]> = slots.iter().map(|slot| gains[*slot]).collect();
+            thing.plain.contains(&true).then(|| lit(&world.bvh, thing, said, &gains, &law))
         })
         .collect();
     Shaded { law, meshes, samples: samples.len() }
+}
+
+/// For each material of each thing the number of its colour in the fit, and whether that colour shines. Hairs of one thing
+/// have one together: no pixel tells a dark strand from the light one beside it, and each by itself would become the mean
+/// of both.
+fn slots(things: &[Stands<'_>]) -> (Vec<Vec<usize>>, Vec<bool>) {
+    let mut glossy = Vec::new();
+    let of = |thing: &Stands<'_>| {
+        let mut hair = None;
+        let of_material = |k: usize| {
+            let material = thing.mesh.materials.get(k);
+            let next = glossy.len();
+            let slot = if material.is_some_and(|m| m.hairy) { *hair.get_or_insert(next) } else { next };
+            if slot == next {
+                glossy.push(material.is_some_and(Material::shines));
+            }
+            slot
+        };
+        (0..thing.plain.len()).map(of_material).collect()
+    };
+    (things.iter().map(of).collect(), glossy)
 }
 
 /// Pixels of the photo that show a plain material where the scene shows it too.
 fn samples(
     world: &World,
     things: &[Stands<'_>],
-    firsts: &[usize],
+    slots: &[Vec<usize>],
     said: &[Vec<[f64; 3]>],
     camera: &Camera,
     photo: &RgbImage,
@@ -157,9 +169,13 @@ fn samples(
             }
             // Edges belong to nobody, even where the mask is a little too large.
             let margin = MARGIN as f64;
+            let slot = slots[number][material];
+            let is_same = |(other, of): (usize, usize)| {
+                other == number && slots.get(other).and_then(|slots| slots.get(of)) == Some(&slot)
+            };
             let same = [(margin, 0.0), (-margin, 0.0), (0.0, margin), (0.0, -margin)].iter().all(|(i, j)| {
                 met(f64::from(x) + 0.5 + i, f64::from(y) + 0.5 + j)
-                    .is_some_and(|other| world.owner[other.triangle] == (number, material))
+                    .is_some_and(|other| is_same(world.owner[other.triangle]))
             });
             if !same {
                 return None;
@@ -168,7 +184,7 @@ fn samples(
             let normal = if hit.normal.dot(towards) < 0.0 { -hit.normal } else { hit.normal };
             let decode = |c: u8| f64::from(tables().decode[usize::from(c)]);
             Some(Sample {
-                slot: firsts[number] + material,
+                slot,
                 normal,
                 point: hit.point,
                 openness: ambient::openness(&world.bvh, hit.point, normal),

@@ -367,7 +367,7 @@ impl Oracle {
         let (kx, ky) = (1000.0 / f64::from(size.width), 1000.0 / f64::from(size.height));
         let bounds = [b.x0 * kx, b.y0 * ky, b.x1 * kx, b.y1 * ky];
         let wide = bounds[2] - bounds[0] >= 1.0 && bounds[3] - bounds[1] >= 1.0;
-        wide.then_some(ListedInstance { bounds, outline: Vec::new(), host: None })
+        wide.then_some(ListedInstance { bounds, outline: Vec::new(), pieces: Vec::new(), host: None })
     }
 
     fn inspect(&self, question: &InspectQuestion) -> InspectAnswer {

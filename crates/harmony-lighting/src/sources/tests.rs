@@ -262,6 +262,23 @@ fn a_luminous_ceiling_field_shines_down_as_wide_as_it_is() {
 }
 
 #[test]
+fn bulbs_on_a_ring_are_a_lamp_and_no_field() {
+    let bulb = DVec3::splat(0.08);
+    let mut ring = Mesh { materials: glowing(bulb).materials, ..Mesh::default() };
+    ring.groups.push(Group { material: 0, triangles: Vec::new() });
+    for at in [DVec3::X, DVec3::NEG_X, DVec3::Z, DVec3::NEG_Z] {
+        let one = glowing(bulb);
+        let first = ring.positions.len() as u32;
+        ring.positions.extend(one.positions.iter().map(|p| *p + (0.3 * at).as_vec3()));
+        ring.groups[0].triangles.extend(one.groups[0].triangles.iter().map(|t| t.map(|i| first + i)));
+    }
+    let size = DVec3::new(0.68, 0.08, 0.68);
+    let chandelier = object("chandelier_01", "chandelier", Level::Ceiling, DVec3::new(2.0, 1.9, 2.5), 0.0, size);
+    let lighting = lights_from_scene(&room(Vec::new()), &[chandelier], |_| of(&ring));
+    assert!(matches!(lighting.lights[0].kind, LightKind::Point { .. }), "{lighting:?}");
+}
+
+#[test]
 fn a_screen_shines_ahead_and_a_fireplace_waits_to_be_lit() {
     let size = DVec3::new(1.0, 0.6, 0.1);
     let tv = object("tv_01", "flat-screen TV", Level::Furniture, DVec3::new(2.0, 0.5, 1.0), FRAC_PI_2, size);

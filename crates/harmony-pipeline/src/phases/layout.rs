@@ -28,7 +28,7 @@ use image::RgbImage;
 use serde_json::{Value, json};
 
 use crate::ctx::{PhaseCtx, PhaseError};
-use crate::state::{Layout, SceneState};
+use crate::state::{Layout, SceneState, ToldLight};
 use crate::steps::surfaces::{self, EditedRoom};
 use crate::views::Gallery;
 
@@ -156,8 +156,7 @@ async fn room_and_camera(ctx: &PhaseCtx<'_>, photo: &Photo, working: Arc<RgbImag
         looks: Vec::new(),
         summaries: Vec::new(),
         lighting: None,
-        direct_sun: None,
-        sun: None,
+        told_light: ToldLight::default(),
         unseen_openings: Vec::new(),
         next_index: 10,
         drawn: Gallery::default(),

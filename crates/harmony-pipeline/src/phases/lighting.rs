@@ -1,6 +1,6 @@
 //! Phase 6, materials and light. Paper Sec. 3.4 and App. C "Material and Lighting Estimation".
 
-use harmony_lighting::{Emitter, SunSpec, lights_from_scene};
+use harmony_lighting::{Emitter, lights_from_scene};
 use harmony_prompts::{LightsQuestion, SeenObject};
 use harmony_roles::Picture;
 use harmony_scene::{Light, Lighting, ObjectId, SceneObject, WarningKind};
@@ -11,7 +11,7 @@ use crate::ctx::{PhaseCtx, PhaseError};
 use crate::looks::{LookKind, SceneBefore};
 use crate::outputs;
 use crate::relight::{LitPictures, finish, relight};
-use crate::state::SceneState;
+use crate::state::{SceneState, ToldLight};
 use crate::steps::{last_look, physical};
 use crate::views;
 
@@ -24,7 +24,7 @@ pub async fn run(ctx: &PhaseCtx<'_>, mut state: SceneState) -> Result<(SceneStat
     physical::estimate(ctx, &mut state).await?;
     write_materials(ctx, &state)?;
     let mut lighting = sources(&state);
-    (state.sun, state.direct_sun) = ask_sources(ctx, &state, &mut lighting).await?;
+    state.told_light = ask_sources(ctx, &state, &mut lighting).await?;
     state.lighting = Some(lighting.clone());
     let lit = if ctx.path_tracer { relight(ctx, &mut state, true).await? } else { None };
     if !ctx.path_tracer {
@@ -66,15 +66,10 @@ fn write_materials(ctx: &PhaseCtx<'_>, state: &SceneState) -> Result<(), PhaseEr
     ctx.write_json("materials.json", &rows)
 }
 
-/// Asks which sources emit, and sets them; what was said of a sun through openings that the photo does not show, and whether
-/// it falls on anything.
-async fn ask_sources(
-    ctx: &PhaseCtx<'_>,
-    state: &SceneState,
-    lighting: &mut Lighting,
-) -> Result<(Option<SunSpec>, Option<bool>), PhaseError> {
+/// Asks which sources emit, and sets them; what was said of the light that comes in.
+async fn ask_sources(ctx: &PhaseCtx<'_>, state: &SceneState, lighting: &mut Lighting) -> Result<ToldLight, PhaseError> {
     if lighting.lights.is_empty() && !ctx.is_looked_at("lights") {
-        return Ok((None, None));
+        return Ok(ToldLight::default());
     }
     let objects = outputs::scene_objects(state);
     let question = LightsQuestion {
@@ -99,9 +94,9 @@ async fn ask_sources(
     for note in spec.apply(lighting) {
         ctx.warn(WarningKind::AnswerRepaired, None, note);
     }
-    let told = spec.sun.filter(|sun| !sun.patches.is_empty());
-    let direct_sun = if told.is_some() { Some(true) } else { spec.direct_sun };
-    Ok((told, direct_sun))
+    let sun = spec.sun.filter(|sun| !sun.patches.is_empty());
+    let direct_sun = if sun.is_some() { Some(true) } else { spec.direct_sun };
+    Ok(ToldLight { direct_sun, unseen_daylight: spec.unseen_daylight, sun })
 }
 
 /// Whether a rectangle of light is that of a screen, a strip, a luminous field or a cove, not of a window.

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use harmony_imaging::polygon::joined;
 use harmony_imaging::sheet::{LabelledBox, draw_boxes, grid_overlay, palette};
 use harmony_prompts::{ListAnswer, ListQuestion, ListedItem, PlacedObject, RoomView};
 use harmony_roles::{DetectRequest, Detection, PhraseRequest, Picture, SegmentPrompt, SegmentRequest};
@@ -223,8 +224,8 @@ fn listed_boxes(wanted: &ListAnswer, size: ImageSize) -> (Vec<Detection>, BTreeM
     for item in &wanted.items {
         for instance in &item.instances {
             let bounds = crate::views::pixels(size, instance.bounds);
-            let outline = (instance.outline.len() >= 3)
-                .then(|| instance.outline.iter().map(|p| [p[0] * kx, p[1] * ky]).collect());
+            let pieces: Vec<_> = [&instance.outline].into_iter().chain(&instance.pieces).cloned().collect();
+            let outline = joined(&pieces).map(|o| o.iter().map(|p| [p[0] * kx, p[1] * ky]).collect());
             let detection =
                 Detection { label: label_of(item), phrase: item.gdino.clone(), bounds, score: None, outline };
             if let Some(host) = &instance.host {

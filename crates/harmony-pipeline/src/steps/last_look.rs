@@ -49,7 +49,7 @@ pub async fn until_settled(
         let answer = ask(ctx, state, lit.as_ref(), &name, std::mem::take(&mut tried)).await?;
         let mut results = Vec::new();
         let mut changed = false;
-        let mut wished = state.lighting.clone();
+        let listed = state.lighting.clone();
         let mut relit = Vec::new();
         let (added, others): (Vec<_>, Vec<_>) =
             answer.actions.iter().partition(|action| action.action == LastActionKind::Add);
@@ -87,9 +87,11 @@ pub async fn until_settled(
         if changed && lit.is_some() {
             let after = format!("after_{name}");
             lit = relight(&ctx.inside(ctx.phase, &after), state, false).await?.or(lit);
-            wished.clone_from(&state.lighting);
         }
-        if let (Some(before), Some(mut other), false) = (&lit, wished, relit.is_empty()) {
+        if let (Some(before), Some(mut other), Some(listed), false) =
+            (&lit, state.lighting.clone(), listed, relit.is_empty())
+        {
+            as_listed(&mut other, &listed, &relit);
             for action in &relit {
                 dim(&mut other, action);
             }
@@ -175,6 +177,21 @@ fn shine(state: &mut SceneState, ids: &[ObjectId]) {
     let of_new = all.lights.into_iter().filter(|light| light.object.as_ref().is_some_and(|id| ids.contains(id)));
     if let Some(lighting) = &mut state.lighting {
         lighting.lights.extend(of_new);
+    }
+}
+
+/// Factors are of the powers that the question listed: lights that actions name have those again where a fit has come in
+/// between, as bright in the picture as they were then.
+fn as_listed(lighting: &mut Lighting, listed: &Lighting, actions: &[&LastAction]) {
+    let of_light = |id: &str| actions.iter().any(|a| a.action == LastActionKind::Light && a.id == id);
+    let exposed = (listed.exposure - lighting.exposure).exp2();
+    if of_light(AMBIENT) {
+        lighting.ambient_intensity = exposed * listed.ambient_intensity;
+    }
+    for light in lighting.lights.iter_mut().filter(|light| of_light(&light.id)) {
+        if let Some(then) = listed.lights.iter().find(|then| then.id == light.id) {
+            light.intensity = exposed * then.intensity;
+        }
     }
 }
 
@@ -534,6 +551,7 @@ fn weighed(before: Option<f64>, after: Option<f64>) -> (bool, String) {
 #[cfg(test)]
 mod tests {
     use harmony_mesh::{Group, Material};
+    use harmony_scene::{Light, LightKind, ViewTransform};
 
     use super::*;
 
@@ -545,6 +563,35 @@ mod tests {
         mesh.groups.push(Group { material: 0, triangles: vec![[0, 1, 2], [0, 2, 3]] });
         mesh.groups.push(Group { material: 1, triangles: vec![[0, 1, 2]] });
         mesh
+    }
+
+    #[test]
+    fn a_factor_is_of_the_power_that_was_listed() {
+        let lamp = |intensity| Light {
+            id: "lamp_01".into(),
+            kind: LightKind::Point { radius_m: 0.03 },
+            position: [1.0; 3],
+            color: [1.0; 3],
+            intensity,
+            on: true,
+            object: None,
+            shade: None,
+        };
+        let lit = |intensity, ambient_intensity, exposure| Lighting {
+            lights: vec![lamp(intensity)],
+            ambient_color: [1.0; 3],
+            ambient_intensity,
+            exposure,
+            view: ViewTransform::Standard,
+        };
+        // A fit has come in between: another lamp, and twice the exposure.
+        let (listed, mut now) = (lit(10.0, 0.05, 1.0), lit(4.0, 0.02, 2.0));
+        let action: LastAction =
+            serde_json::from_value(json!({ "action": "light", "id": "lamp_01", "factor": 1.5 })).unwrap();
+        as_listed(&mut now, &listed, &[&action]);
+        dim(&mut now, &action);
+        assert!((now.lights[0].intensity - 7.5).abs() < 1e-9, "15 W at the exposure that was shown: {now:?}");
+        assert!((now.ambient_intensity - 0.02).abs() < 1e-9, "nobody asked for another");
     }
 
     #[test]

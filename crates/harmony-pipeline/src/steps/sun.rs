@@ -36,7 +36,7 @@ pub struct Sun {
 /// show and that patches of sun tell of.
 /// None where who looked at it says that there is none: brightness alone takes a white table under a window for it.
 pub fn found(state: &SceneState, lighting: &Lighting) -> Option<Sun> {
-    if state.direct_sun == Some(false) {
+    if state.told_light.direct_sun == Some(false) {
         return None;
     }
     let room = &state.partial.room;
@@ -47,6 +47,7 @@ pub fn found(state: &SceneState, lighting: &Lighting) -> Option<Sun> {
     let mut openings: Vec<&Opening> = room.openings.iter().filter(gives_light).collect();
     let things = things(state);
     let told = state
+        .told_light
         .sun
         .as_ref()
         .and_then(|told| unseen_openings(room, &state.partial.camera, &in_room(state, told, &things)));
@@ -58,7 +59,7 @@ pub fn found(state: &SceneState, lighting: &Lighting) -> Option<Sun> {
     let places = places(state, &things);
     let in_the_way: Vec<&Bvh> = things.iter().filter(|t| !t.fills_an_opening).map(|t| &t.solid).collect();
     let blocked = |from: DVec3, way: DVec3, far: f64| in_the_way.iter().any(|bvh| bvh.any_hit(from, way, far));
-    let found = find_sun(&places, room, &openings, &blocked, state.direct_sun == Some(true));
+    let found = find_sun(&places, room, &openings, &blocked, state.told_light.direct_sun == Some(true));
     let light = match (&found, &told) {
         (Some(found), _) => found.light.clone(),
         (None, Some(told)) => sun_light(room, told.towards),

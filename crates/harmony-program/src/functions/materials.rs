@@ -66,7 +66,7 @@ pub(crate) fn functions() -> Vec<Function> {
             let variant = c.word("axis", &["x", "y", "z", "u", "v"], "y")?.to_owned();
             finish(c, Pattern { colors, variant, ..Pattern::new(PatternKind::Ramp) })
         }),
-        Function::new("motif(outline, pitch=0.1, jitter=0.2, turn=0, colors=None, seed=None)", |c| {
+        Function::new("motif(outline, pitch=0.1, jitter=0.2, turn=0, at=None, colors=None, seed=None)", |c| {
             let outline = c.outline("outline")?.points.clone();
             let pattern = Pattern {
                 outline,
@@ -89,37 +89,43 @@ pub(crate) fn patterns() -> Vec<Function> {
     vec![
         pattern!(
             Planks,
-            "planks(w=0.14, l=1.8, joint=0.001, tone=0.3, amount=0.5, kind=\"running\", turn=0, colors=None, seed=None)"
+            "planks(w=0.14, l=1.8, joint=0.001, tone=0.3, amount=0.5, kind=\"running\", turn=0, at=None, colors=None, seed=None)"
         ),
         pattern!(
             Parquet,
-            "parquet(kind=\"herringbone\", w=0.07, l=0.42, joint=0.001, tone=0.3, amount=0.5, turn=0, colors=None, seed=None)"
+            "parquet(kind=\"herringbone\", w=0.07, l=0.42, joint=0.001, tone=0.3, amount=0.5, turn=0, at=None, colors=None, seed=None)"
         ),
         pattern!(
             Tiles,
-            "tiles(w=0.3, h=None, joint=0.003, kind=\"stack\", tone=0.1, amount=0.2, turn=0, colors=None, seed=None)"
+            "tiles(w=0.3, h=None, joint=0.003, kind=\"stack\", tone=0.1, amount=0.2, turn=0, at=None, colors=None, seed=None)"
         ),
         pattern!(
             Brick,
-            "brick(w=0.24, h=0.071, joint=0.01, kind=\"running\", tone=0.4, amount=0.4, turn=0, colors=None, seed=None)"
+            "brick(w=0.24, h=0.071, joint=0.01, kind=\"running\", tone=0.4, amount=0.4, turn=0, at=None, colors=None, seed=None)"
         ),
-        pattern!(Checks, "checks(c=0.1, h=None, tone=0, turn=0, colors=None, seed=None)"),
-        pattern!(Stripes, "stripes(w=0.05, joint=None, tone=0, turn=0, colors=None, seed=None)"),
-        pattern!(Dots, "dots(pitch=0.05, r=0.012, kind=\"diagonal\", tone=0, turn=0, colors=None, seed=None)"),
-        pattern!(Weave, "weave(yarn=0.001, tone=0.1, amount=0.5, turn=0, colors=None, seed=None)"),
-        pattern!(Knit, "knit(gauge=0.005, tone=0.1, amount=0.5, turn=0, colors=None, seed=None)"),
+        pattern!(Checks, "checks(c=0.1, h=None, tone=0, turn=0, at=None, colors=None, seed=None)"),
+        pattern!(Stripes, "stripes(w=0.05, joint=None, tone=0, turn=0, at=None, colors=None, seed=None)"),
+        pattern!(Dots, "dots(pitch=0.05, r=0.012, kind=\"diagonal\", tone=0, turn=0, at=None, colors=None, seed=None)"),
+        pattern!(Weave, "weave(yarn=0.001, tone=0.1, amount=0.5, turn=0, at=None, colors=None, seed=None)"),
+        pattern!(Knit, "knit(gauge=0.005, tone=0.1, amount=0.5, turn=0, at=None, colors=None, seed=None)"),
         pattern!(Terry, "terry(pitch=0.002, tone=0.1, amount=0.5, colors=None, seed=None)"),
         pattern!(Boucle, "boucle(pitch=0.004, tone=0.1, amount=0.5, colors=None, seed=None)"),
         pattern!(Pile, "pile(pitch=0.002, tone=0.15, amount=0.5, colors=None, seed=None)"),
         pattern!(Leather, "leather(grain=0.002, tone=0.1, amount=0.5, colors=None, seed=None)"),
-        pattern!(Wood, "wood(grain=\"y\", w=0.1, tone=0.15, amount=0.5, turn=0, colors=None, seed=None)"),
-        pattern!(Marble, "marble(scale=0.4, tone=0.1, amount=0.4, turn=0, colors=None, seed=None)"),
+        pattern!(Wood, "wood(grain=\"y\", w=0.1, tone=0.15, amount=0.5, turn=0, at=None, colors=None, seed=None)"),
+        pattern!(Marble, "marble(scale=0.4, tone=0.1, amount=0.4, turn=0, at=None, colors=None, seed=None)"),
         pattern!(Terrazzo, "terrazzo(chip=0.012, tone=0.3, amount=0.5, colors=None, seed=None)"),
         pattern!(Concrete, "concrete(scale=0.3, tone=0.15, amount=0.4, colors=None, seed=None)"),
         pattern!(Plaster, "plaster(scale=0.1, tone=0.05, amount=0.3, colors=None, seed=None)"),
-        pattern!(Rattan, "rattan(pitch=0.012, kind=\"box\", tone=0.15, amount=0.5, turn=0, colors=None, seed=None)"),
-        pattern!(Corrugated, "corrugated(pitch=0.076, depth=None, turn=0, colors=None, seed=None)"),
-        pattern!(Quilting, "quilting(cell=0.12, kind=\"diamond\", amount=0.5, turn=0, colors=None, seed=None)"),
+        pattern!(
+            Rattan,
+            "rattan(pitch=0.012, kind=\"box\", tone=0.15, amount=0.5, turn=0, at=None, colors=None, seed=None)"
+        ),
+        pattern!(Corrugated, "corrugated(pitch=0.076, depth=None, turn=0, at=None, colors=None, seed=None)"),
+        pattern!(
+            Quilting,
+            "quilting(cell=0.12, kind=\"diamond\", amount=0.5, turn=0, at=None, colors=None, seed=None)"
+        ),
         pattern!(Grime, "grime(amount=0.3, scale=0.5, tone=0.2, colors=None, seed=None)"),
     ]
 }
@@ -202,9 +208,13 @@ fn sized<'v>(c: &mut Call<'v, '_>, kind: PatternKind) -> Outcome<'v> {
     common(c, pattern)
 }
 
-/// Turn, colours and seed.
+/// Turn, shift, colours and seed.
 fn common<'v>(c: &mut Call<'v, '_>, mut pattern: Pattern) -> Outcome<'v> {
     pattern.turn_deg = c.number("turn", 0.0, ANGLE)?;
+    // To the right and up the surface, whatever the turn; a pattern's own shift is along its u and v.
+    let [right, up] = c.list("at", Some([0.0; 2]), -5.0..=5.0)?;
+    let (sin, cos) = (libm::sin(pattern.turn_deg.to_radians()), libm::cos(pattern.turn_deg.to_radians()));
+    pattern.offset = [right * cos - up * sin, -right * sin - up * cos].map(|o| o + 0.0);
     if let Some(value) = c.given("colors") {
         let list = match (items(value), color(value)) {
             (Some(list), None) => list.iter().map(|v| color(*v)).collect::<Option<Vec<_>>>(),

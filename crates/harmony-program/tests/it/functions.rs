@@ -55,6 +55,20 @@ fn vectors_are_counted_with() {
 }
 
 #[test]
+fn a_pattern_is_shifted_to_the_right_and_up_whatever_its_turn() {
+    let offset = |turn: u32| {
+        let map = format!("stripes(0.1, turn = {turn}, at = (0.03, 0.02))");
+        let t = tree(&returning(&format!("box((1, 1, 1), mat = mat(\"m\", map = {map}))")));
+        t.materials.iter().find_map(|m| m.map.as_ref()).unwrap().offset
+    };
+    // Its v is down; turned by 90 its u is down and its v to the left.
+    for (turn, wanted) in [(0, [0.03, -0.02]), (90, [-0.02, -0.03]), (180, [-0.03, 0.02])] {
+        let found = offset(turn);
+        assert!(found.iter().zip(wanted).all(|(f, w)| (f - w).abs() < 1e-12), "{turn}: {found:?}");
+    }
+}
+
+#[test]
 fn curves_are_measured() {
     assert_eq!(
         computed("c = line([(0, 0, 0), (3, 0, 0), (3, 4, 0)])", "(c.len, c.at(1).y, c.at(3 / 7).x)"),

@@ -133,6 +133,10 @@ fn a_list_is_bounded_and_its_boxes_are_boxes() {
     assert!(spoilt(&|item| item.instances[0].bounds = [10.0, 10.0, 10.0, 90.0]).contains("is empty"));
     assert!(spoilt(&|item| item.instances[0].bounds[2] = 4000.0).contains("right of a vase's box"));
     assert!(spoilt(&|item| item.instances[0].outline.truncate(2)).contains("outline has 2 points"));
+    let piece = [[10.0, 10.0], [20.0, 10.0], [2000.0, 20.0]];
+    assert!(spoilt(&|item| item.instances[0].pieces = vec![piece.to_vec()]).contains("an outline's x"));
+    assert!(spoilt(&|item| item.instances[0].pieces = vec![piece[..2].to_vec()]).contains("outline has 2 points"));
+    assert!(spoilt(&|item| item.instances[0].pieces = vec![piece.to_vec(); 9]).contains("9 pieces"));
 }
 
 #[test]

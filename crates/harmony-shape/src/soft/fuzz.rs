@@ -23,6 +23,9 @@ const SPREAD: f64 = 0.45;
 /// How high a lock rises at least, of its length: its shadow is what makes pile dark between its hairs.
 const LOCK_RISE: f64 = 0.35;
 const MAX_LOCK: f64 = 0.05;
+/// Steps that fill a square evenly (Roberts 2018), and how far a hair stands from its place there, of their distance.
+const EVEN: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2];
+const LOOSE: f64 = 0.7;
 /// A child that is thinner than this share of its lesser side lies on the floor: nobody sees the pile below it.
 const MAT: f64 = 0.2;
 /// Half width of a hair against its length, at most: what lies below has the hair's colour, and thick hair looks like dough.
@@ -69,15 +72,17 @@ pub fn fuzz(child: &Piece, kind: FuzzKind, length: f64, density: f64, seed: u32)
         (count, gap) = count_at(ENDS * END_TRIANGLES);
     }
     let mut dice = Dice::new(seed, 81);
+    let start = [dice.unit(), dice.unit()];
     for k in 0..count {
-        // One in every equal share of the area: even without a grain.
+        // One in every equal share of the area, and within a large triangle one beside the other: even without a grain, for
+        // places by chance come in clumps, which look like stains.
         let s = area * (k as f64 + dice.unit()) / count as f64;
         let index = sums.partition_point(|v| *v < s).min(sums.len() - 1);
         let t = &child.triangles[index];
-        let (mut u, mut v) = (dice.unit(), dice.unit());
-        if u + v > 1.0 {
-            (u, v) = (1.0 - u, 1.0 - v);
-        }
+        let share = (sums[index] - if index > 0 { sums[index - 1] } else { 0.0 }) / area;
+        let aside = LOOSE / (share * count as f64).max(1.0).sqrt();
+        let [u, v] = [0, 1].map(|i| (start[i] + k as f64 * EVEN[i] + aside * (dice.unit() - 0.5)).rem_euclid(1.0));
+        let (u, v) = (u.sqrt() * (1.0 - v), u.sqrt() * v);
         let mix = |f: &dyn Fn(usize) -> DVec3| f(0) * (1.0 - u - v) + f(1) * u + f(2) * v;
         let at = mix(&|i| child.positions[t[i] as usize]);
         let normal = mix(&|i| child.normals[t[i] as usize]).normalize_or(DVec3::Y);

@@ -114,6 +114,7 @@ fn instance(region: &Region, width: u32, height: u32) -> ListedInstance {
     ListedInstance {
         bounds: [b.x0 * kx, b.y0 * ky, b.x1 * kx, b.y1 * ky].map(round),
         outline: outline.into_iter().map(|[x, y]| [round(x * kx), round(y * ky)]).collect(),
+        pieces: Vec::new(),
         host: None,
     }
 }
