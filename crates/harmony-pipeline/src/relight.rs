@@ -670,3 +670,19 @@ async fn render(ctx: &PhaseCtx<'_>, request: &LitRequest) -> Result<Option<LitIm
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::empty_room;
+
+    #[test]
+    fn no_window_is_assumed_where_who_looked_says_that_no_daylight_comes_in() {
+        let mut state = empty_room();
+        assert!(!daylight_elsewhere(&state).is_empty());
+        state.told_light.unseen_daylight = Some(true);
+        assert!(!daylight_elsewhere(&state).is_empty());
+        state.told_light.unseen_daylight = Some(false);
+        assert!(daylight_elsewhere(&state).is_empty());
+    }
+}
