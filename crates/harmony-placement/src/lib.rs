@@ -20,12 +20,14 @@
 //! | `propose`, `solve`, `accept` | hypotheses, solves, the rule by which a change is kept |
 //! | `contact` | nothing in anything, everything on what carries it |
 //! | `form` | seats, arms and backs where depth has them |
+//! | `drape` | cloth on what carries it |
 //!
 //! Frames and units are those of `docs/conventions.md`: room frame (metres, +Y up), OpenCV camera, yaw about +Y.
 //! Masks, and the camera of [`PartialScene`], are at one working resolution (longest side about 1024 pixels).
 
 mod accept;
 mod contact;
+mod drape;
 mod form;
 mod level;
 mod measure;
@@ -43,6 +45,7 @@ mod terms;
 mod testing;
 
 pub use contact::collision::{Collision, collisions};
+pub use drape::{Draped, drape, drape_in};
 pub use form::{Bend, FittedForm, bend_in, fit_form};
 pub use level::{LevelReport, ObjectReport, PlacementError, place_level};
 pub use measure::measure;

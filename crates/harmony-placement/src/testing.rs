@@ -43,6 +43,39 @@ pub(crate) fn of_boxes(parts: &[(Vec3, Vec3)]) -> Shape {
     Shape::new(Arc::new(all), hulls)
 }
 
+/// An armchair whose back is rounded at its top, 0.98 m high there; its upholstery comes 0.13 m before it.
+pub(crate) fn armchair() -> Shape {
+    let round = |k: i32| {
+        let half = 0.1 * (1.0 - (f64::from(k) / 10.0).powi(2)).sqrt();
+        (Vec3::new(0.7, 0.01, 2.0 * half), Vec3::new(0.0, 0.88 + 0.01 * f64::from(k), BACK_Z))
+    };
+    let arms = [-0.4, 0.4].map(|x| (Vec3::new(0.15, 0.62, 0.85), Vec3::new(x, 0.0, 0.0)));
+    let mut parts = vec![
+        (Vec3::new(0.65, 0.45, 0.8), Vec3::ZERO),
+        (Vec3::new(0.7, 0.88, 0.2), Vec3::new(0.0, 0.0, BACK_Z)),
+        (Vec3::new(0.5, 0.4, 0.14), Vec3::new(0.0, 0.4, BACK_Z + 0.16)),
+    ];
+    parts.extend((0..10).map(round));
+    parts.extend(arms);
+    of_boxes(&parts)
+}
+
+/// Middle of the armchair's back.
+pub(crate) const BACK_Z: f64 = -0.33;
+
+/// A throw that hangs 0.32 m down before an edge and 0.6 m behind it, 0.26 m apart and straight, of strips 4 cm high, with
+/// shoulders; and what of it is not behind what it hangs over.
+pub(crate) fn throw_over_an_edge() -> [Shape; 2] {
+    let leaf = |strips: i32, z: f64| {
+        (1..=strips).map(move |k| (Vec3::new(0.46, 0.04, 0.014), Vec3::new(0.0, 0.6 - 0.04 * f64::from(k + 1), z)))
+    };
+    let level = |y: f64, z: f64, depth: f64| (Vec3::new(0.46, 0.014, depth), Vec3::new(0.0, y - 0.014, z));
+    let top = [level(0.6, 0.0, 0.13), level(0.55, 0.095, 0.07), level(0.55, -0.095, 0.07)];
+    let before: Vec<_> = leaf(7, 0.123).chain(top).collect();
+    let whole: Vec<_> = leaf(14, -0.123).chain(before.iter().copied()).collect();
+    [of_boxes(&whole), of_boxes(&before)]
+}
+
 /// A room of 4 x 2.5 x 5 metres, seen from its front.
 pub(crate) fn empty_room() -> PartialScene {
     let size = ImageSize::new(640, 480);

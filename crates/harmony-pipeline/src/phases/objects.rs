@@ -207,6 +207,7 @@ pub async fn place(
         let placed: Vec<_> = state.partial.placed.iter().map(|p| p.item.id.clone()).collect();
         programs::refit(ctx, &mut state, &placed).await?;
         form::follow_depth(ctx, &mut state).await?;
+        form::lie_on_hosts(ctx, &mut state, None).await?;
         features::refit(ctx, &mut state).await?;
         ctx.step("room surfaces");
         surfaces::all(ctx, &mut state).await?;

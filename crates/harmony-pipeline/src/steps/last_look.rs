@@ -385,7 +385,10 @@ async fn try_action(
             match second_look::try_program(ctx, state, &id, program).await? {
                 Ok(Tried { verdict, .. }) => {
                     if verdict.kept {
-                        super::texture::only(ctx, state, vec![id]).await?;
+                        let mut changed = super::form::lie_on_hosts(ctx, state, Some(&id)).await?;
+                        changed.retain(|other| *other != id);
+                        changed.push(id);
+                        super::texture::only(ctx, state, changed).await?;
                     }
                     told(verdict.kept, verdict.reason)
                 }

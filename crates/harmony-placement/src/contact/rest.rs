@@ -205,7 +205,7 @@ mod tests {
     use harmony_scene::ObjectId;
 
     use super::*;
-    use crate::testing::{add, empty_room, of_boxes};
+    use crate::testing::{BACK_Z, add, armchair, empty_room, of_boxes, throw_over_an_edge};
 
     fn on(name: &str) -> Support {
         Support::Object { id: ObjectId::new(name).unwrap() }
@@ -355,6 +355,37 @@ mod tests {
         let placed = &scene.placed[2];
         assert!(placed.pose.position.distance(at) < 0.04, "{}", placed.pose.position);
         assert!(report.unresolved.is_empty());
+    }
+
+    #[test]
+    fn a_throw_over_the_back_of_a_chair_hangs_there() {
+        let mut scene = empty_room();
+        let (chair, at) = (Arc::new(armchair()), Vec3::new(1.2, 0.0, 1.5));
+        add(&mut scene, "armchair_01", chair.extent(), at, |p| {
+            p.pose.yaw = 0.4;
+            let item = Arc::make_mut(&mut p.item);
+            item.mask = crate::testing::seen(&empty_room(), &chair, &p.pose).into();
+            item.shape = Arc::clone(&chair);
+        });
+        let [throw, before] = throw_over_an_edge();
+        let host = scene.placed[0].pose;
+        let there = Pose { position: host.point(Vec3::new(0.0, 0.98 - 0.586, BACK_Z)), ..host };
+        let mut item = crate::testing::boxed(&scene, throw.extent(), there.position, there.yaw);
+        item.mask = crate::testing::seen(&scene, &before, &there).into();
+        item.id = ObjectId::new("throw_01").unwrap();
+        item.shape = Arc::new(throw);
+        item.level = harmony_scene::Level::Decoration;
+        item.relations.on_top_of = Some(ObjectId::new("armchair_01").unwrap());
+        item.placement.placement_type = PlacementType::AgainstBack;
+        (item.traits.soft, item.traits.drapes) = (true, true);
+        crate::place_level(&mut scene, vec![item], None, &PlacementSettings::default());
+        let placed = &scene.placed[1];
+        let off = placed.pose.position.distance(there.position);
+        let (pose, support, evidence) = (placed.pose, &placed.support, &placed.evidence);
+        assert!(
+            off < 0.06 && *support == on("armchair_01"),
+            "{off} {pose:?} for {there:?} on {support:?}, {evidence:?}"
+        );
     }
 
     #[test]

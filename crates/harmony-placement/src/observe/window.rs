@@ -10,12 +10,13 @@ use std::sync::Arc;
 
 use harmony_geometry::robust_mean_scalar;
 use harmony_mesh::Bounds;
-use harmony_scene::{Camera, ImageSize, Intrinsics, Mask, PixelBox, Pose, Support, Vec2, Vec3};
+use harmony_scene::{Camera, ImageSize, Intrinsics, Mask, ObjectId, PixelBox, Pose, Support, Vec2, Vec3};
 
 use super::contour::Contour;
 use super::outline::Outline;
 use super::proxy::Proxy;
 use super::raster::{NEAR, Span, rasterise, with_scratch};
+use crate::scene::attachment::hang_of;
 use crate::scene::shape::corners;
 use crate::{Item, PartialScene, Placed, PlacementSettings, Shape};
 
@@ -64,8 +65,8 @@ pub(crate) struct Window {
     reference: Vec<f32>,
     /// Planar depth of what is placed, 0 where nothing is.
     scene: Vec<f32>,
-    /// The same without what is see-through, where something is: what is behind glass may be seen or not, so that neither
-    /// is held against a pose.
+    /// The same without what is see-through, where something is, and without what is under a cloth: what is behind glass may be
+    /// seen or not, so that neither is held against a pose.
     opaque: Option<Vec<f32>>,
     /// Two surfaces closer than this along the view do not hide each other, metres.
     hiding: f32,
@@ -184,12 +185,14 @@ impl Window {
             return None;
         }
         window.edge_count = edge_count(&window.mask, size.width as usize);
-        window.draw_scene(scene, skip);
+        // Cloth lies on what carries it, however the two shapes run into one another.
+        let under = item.relations.on_top_of.as_ref().filter(|_| hang_of(item).is_some());
+        window.draw_scene(scene, skip, under);
         Some(window)
     }
 
-    /// Draws what is placed.
-    fn draw_scene(&mut self, scene: &PartialScene, skip: Option<usize>) {
+    /// Draws what is placed; `under` hides nothing of what is compared.
+    fn draw_scene(&mut self, scene: &PartialScene, skip: Option<usize>, under: Option<&ObjectId>) {
         let size = self.size;
         let mut depth = std::mem::take(&mut self.scene);
         let whole = PixelBox { x0: 0.0, y0: 0.0, x1: f64::from(size.width), y1: f64::from(size.height) };
@@ -201,11 +204,12 @@ impl Window {
         for (i, placed) in scene.placed.iter().enumerate() {
             if Some(i) != skip && may_be_seen(&self.camera, &placed.item.shape.bounds(), &placed.pose, &whole) {
                 let shape = &placed.item.shape;
+                let is_under = under == Some(&placed.item.id);
                 let opaque = match (shape.opaque(), &mut self.opaque) {
-                    (None, None) => None,
+                    (None, None) if !is_under => None,
                     (_, known) => Some(known.get_or_insert_with(|| depth.clone())),
                 };
-                if let Some(opaque) = opaque {
+                if let Some(opaque) = opaque.filter(|_| !is_under) {
                     rasterise(&self.camera, shape.opaque().unwrap_or(shape.proxy()), &placed.pose, opaque);
                 }
                 rasterise(&self.camera, shape.proxy(), &placed.pose, &mut depth);
@@ -467,6 +471,34 @@ mod tests {
             chair.mask.get(i64::from(x), i64::from(y)) && f64::from(y) < top.y0 + 0.1 * top.height()
         });
         assert!((compare(&glass, &half).iou - compare(&wood, &half).iou).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_a_throw_lies_on_does_not_hide_it() {
+        use crate::testing::{BACK_Z, add, armchair, throw_over_an_edge};
+        let mut scene = empty_room();
+        let chair = Arc::new(armchair());
+        add(&mut scene, "armchair_01", chair.extent(), Vec3::new(1.2, 0.0, 1.5), |p| {
+            Arc::make_mut(&mut p.item).shape = Arc::clone(&chair);
+        });
+        let host = scene.placed[0].item.id.clone();
+        // Its front leaf is stuck in the upholstery.
+        let at = scene.placed[0].pose.point(Vec3::new(0.0, 0.98 - 0.586, BACK_Z));
+        let [throw, before] = throw_over_an_edge();
+        let mut item = boxed(&scene, throw.extent(), at, 0.0);
+        item.mask = crate::testing::seen(&scene, &before, &Pose::new(at, 0.0, 1.0)).into();
+        item.shape = Arc::new(throw);
+        (item.traits.soft, item.traits.drapes) = (true, true);
+        let covered = |item: &Item| {
+            let window = Window::new(&scene, item, None, &[], &PlacementSettings::default()).unwrap();
+            window.compare(&item.shape, &Pose::new(at, 0.0, 1.0), 0.1).covered
+        };
+        assert!(covered(&item) < 0.7, "{}", covered(&item));
+        item.relations.on_top_of = Some(host);
+        assert!(covered(&item) > 0.95, "{}", covered(&item));
+        // A box on it is hidden by it.
+        item.traits.drapes = false;
+        assert!(covered(&item) < 0.7, "{}", covered(&item));
     }
 
     #[test]

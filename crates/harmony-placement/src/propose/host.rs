@@ -10,7 +10,7 @@ use harmony_scene::{DepthPosition, Level, PixelBox, PlacementType, Pose, Support
 
 use super::{Hypothesis, Proposer};
 use crate::noise::surprise;
-use crate::scene::attachment::{Attachment, YawRule, reach, sag_of, size_of};
+use crate::scene::attachment::{Attachment, YawRule, hang_of, reach, sag_of, size_of};
 use crate::scene::support::{self, Layer};
 use crate::{Item, PartialScene, Placed, YawHint};
 
@@ -29,9 +29,9 @@ const MAX_LAYERS: usize = 6;
 const BESIDE_STEP_M: f64 = 0.1;
 const MAX_BESIDE_M: f64 = 3.0;
 
-/// How far before a place that carries nothing one is looked for that does, and by which steps, metres.
-const MAX_BEFORE_M: f64 = 0.5;
-const BEFORE_STEP_M: f64 = 0.02;
+/// How many steps from a place that carries nothing one is looked for that does, and how far each goes, metres.
+const STEPS_NEAR: u32 = 25;
+const NEAR_STEP_M: f64 = 0.02;
 
 /// How far below the floor what hangs may reach, metres: it gives way there.
 const THROUGH_FLOOR_M: f64 = 0.02;
@@ -130,7 +130,7 @@ fn on_host<'a>(proposer: &Proposer<'a, '_>, host: usize, price: f64, out: &mut V
     let height = size_of(proposer.item, &pose).y;
     let layers = likely_layers(proposer, placed, height, sag_of(proposer.item, &pose));
     let mut places = spots(proposer, placed, &layers);
-    let free = places.iter().filter_map(|place| before_it(proposer, host, &pose, *place)).collect::<Vec<_>>();
+    let free = places.iter().filter_map(|place| carried_near_it(proposer, host, &pose, *place)).collect::<Vec<_>>();
     places.extend(free);
     for (level, position) in places {
         for (yaw, turn_price) in
@@ -181,19 +181,25 @@ fn yaws(proposer: &Proposer, host: &Placed, position: Vec3) -> Vec<YawRule> {
 }
 
 /// The nearest place towards the camera where a surface carries an object that would be in its host: before the books of a
-/// shelf. `None` where it is carried, or nowhere.
-fn before_it(proposer: &Proposer, host: usize, pose: &Pose, (level, at): (f64, Vec3)) -> Option<(f64, Vec3)> {
+/// shelf; and the nearest ridge behind it over which cloth can hang. `None` where it is carried, or nowhere.
+fn carried_near_it(proposer: &Proposer, host: usize, pose: &Pose, (level, at): (f64, Vec3)) -> Option<(f64, Vec3)> {
     let constraint =
         proposer.constraint(Attachment::OnHost { host, level }, YawRule::Fixed(proposer.scene.placed[host].pose.yaw));
-    let carried = |at: Vec3| {
+    let carried = |at: &Vec3| {
         constraint.supported_share(&Pose { position: at.with_y(level), ..*pose }) >= proposer.settings.noise.support[0]
     };
-    if carried(at) {
+    if carried(&at) {
         return None;
     }
     let towards = (proposer.scene.camera.centre() - at).with_y(0.0).try_normalize()?;
-    let steps = (MAX_BEFORE_M / BEFORE_STEP_M) as usize;
-    (1..=steps).map(|k| at + towards * (BEFORE_STEP_M * k as f64)).find(|at| carried(*at)).map(|at| (level, at))
+    let along = |direction: Vec3| (1..=STEPS_NEAR).map(move |k| at + direction * (NEAR_STEP_M * f64::from(k)));
+    let near = along(towards).find(carried).or_else(|| {
+        // In the middle of what carries it, for a ridge is narrow.
+        hang_of(proposer.item)?;
+        let ridge: Vec<Vec3> = along(-towards).skip_while(|at| !carried(at)).take_while(carried).collect();
+        ridge.get(ridge.len() / 2).copied()
+    });
+    near.map(|at| (level, at))
 }
 
 /// Places (surface height, base centre) on a host that fit the mask.
@@ -224,6 +230,12 @@ fn spots(proposer: &Proposer, host: &Placed, layers: &[Layer]) -> Vec<(f64, Vec3
         }
     }
     for layer in layers {
+        // What hangs over an edge is highest where it lies on it.
+        if sag > 0.0
+            && let Some(position) = steps::on_level(proposer, Vec2::new(b.centre().x, b.y0), layer.height)
+        {
+            out.push((layer.height, onto(host, position.with_y(layer.height - sag))));
+        }
         let position = proposer
             .by_contact(&constraint, &pose, layer.height - sag, 3)
             .or_else(|| steps::hidden_base(proposer, layer.height - sag, size.y));
@@ -275,15 +287,20 @@ fn by_words(proposer: &Proposer, host: &Placed) -> Vec3 {
 }
 
 mod steps {
-    //! Where the base is not seen, the centre has to do.
-    use harmony_scene::Vec3;
+    //! Where the base is not seen, the centre or the top has to do.
+    use harmony_scene::{Vec2, Vec3};
 
     use crate::propose::Proposer;
 
     /// Base centre on a level when the mask's middle is the object's middle.
     pub(super) fn hidden_base(proposer: &Proposer, level: f64, height: f64) -> Option<Vec3> {
-        let ray = proposer.scene.camera.ray(proposer.window.mask_box.centre());
-        let k = (level + height / 2.0 - ray.origin.y) / ray.direction.y;
+        on_level(proposer, proposer.window.mask_box.centre(), level + height / 2.0)
+    }
+
+    /// Where the ray of a pixel meets a height, metres.
+    pub(super) fn on_level(proposer: &Proposer, pixel: Vec2, height: f64) -> Option<Vec3> {
+        let ray = proposer.scene.camera.ray(pixel);
+        let k = (height - ray.origin.y) / ray.direction.y;
         (k.is_finite() && k > 0.1 && k < 20.0).then(|| ray.at(k))
     }
 }

@@ -48,12 +48,13 @@ pub(crate) struct Hang {
 }
 
 /// Columns along each side of a footprint in which an underside is looked at.
-const HANG_COLUMNS: u32 = 8;
+pub(crate) const HANG_COLUMNS: u32 = 16;
 
 /// The part of an underside that lies on something is level within this share of the height, as much of the footprint as this
-/// at least, and as high as this share of the height at least: lower ones are the roundness of a cushion.
+/// at least (what is thrown over a rounded back touches its ridge), and as high as this share of the height at least: lower
+/// ones are the roundness of a cushion.
 const HANG_BAND: f64 = 0.15;
-const HANG_LEVEL: f64 = 0.5;
+const HANG_LEVEL: f64 = 0.4;
 const HANG_SAG: f64 = 0.15;
 
 /// Share of opaque surface below which a thing is see-through.
@@ -202,7 +203,7 @@ impl Shape {
         self.bvh.get_or_init(|| Arc::new(Bvh::new(&self.mesh)))
     }
 
-    /// How it hangs over an edge, if it does: most of its underside lies far above its lowest points, at one height.
+    /// How it hangs over an edge, if it does: much of its underside lies far above its lowest points, at one height.
     pub(crate) fn hang(&self) -> Option<&Hang> {
         let found = self.hang.get_or_init(|| {
             let Bounds { min, max } = self.bounds;
@@ -218,14 +219,14 @@ impl Shape {
             };
             let mut found: Vec<(f64, Vec2)> = columns.filter_map(underside).collect();
             found.sort_by(|a, b| a.0.total_cmp(&b.0));
-            // The height about which most of them are; of two the lower.
+            // The highest level at which enough of them are: the shoulders of a throw are below the ridge on which it lies.
             let about =
                 |h: f64| found.iter().filter(move |(other, _)| (other - h).abs() <= HANG_BAND * (max.y - min.y) / 2.0);
-            let (most, sag) = found.iter().fold((0, 0.0), |best, (h, _)| {
-                let count = about(*h).count();
-                if count > best.0 { (count, *h) } else { best }
-            });
-            let hangs = sag > HANG_SAG * size.y && most as f64 > HANG_LEVEL * found.len() as f64;
+            let is_level = |h: &f64| about(*h).count() as f64 >= HANG_LEVEL * found.len() as f64;
+            let highest = found.iter().rev().map(|(h, _)| *h).find(is_level)?;
+            let level: Vec<f64> = about(highest).map(|(h, _)| *h).collect();
+            let sag = level[level.len() / 2];
+            let hangs = sag > HANG_SAG * size.y;
             hangs.then(|| Hang { sag, under: about(sag).map(|(_, at)| *at).collect() })
         });
         found.as_ref()

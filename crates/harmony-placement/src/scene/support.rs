@@ -156,6 +156,43 @@ fn top_above(host: &Placed, x: f64, z: f64, from: f64) -> Option<f64> {
     heights.filter(|h| (from..from + SUNK).contains(h)).min_by(f64::total_cmp)
 }
 
+/// The height at which a host carries cloth on a vertical line, near a level, metres.
+pub(crate) fn lying_height(host: &Placed, x: f64, z: f64, level: f64) -> Option<f64> {
+    let from = level + LEVEL_SLACK;
+    let height = match below(host, x, z, from) {
+        Below::Carries(h) => Some(h),
+        Below::Inside => top_above(host, x, z, from),
+        Below::Nothing => None,
+    };
+    height.filter(|h| (h - level).abs() <= SUNK)
+}
+
+/// How far a room point is inside of a host along a direction, metres: 0 outside of it, and in what is open.
+pub(crate) fn way_out(host: &Placed, from: Vec3, direction: Vec3, max: f64) -> f64 {
+    let inverse = host.pose.linear().inverse();
+    let local = inverse * direction;
+    let unit = local.length();
+    if !(unit > 0.0 && unit.is_finite()) {
+        return 0.0;
+    }
+    let reach = max + host.size().as_vec().length();
+    let hits = host.item.shape.bvh().crossings(inverse * (from - host.pose.position), local / unit, reach * unit);
+    let leaves = |normal: Vec3| normal.dot(local) > 0.0;
+    // Of as many solids as it leaves more often than it enters them it is in the inside.
+    let mut inside = hits.iter().map(|hit| if leaves(hit.normal) { 1 } else { -1 }).sum::<i32>();
+    if inside <= 0 {
+        return 0.0;
+    }
+    for hit in &hits {
+        inside += if leaves(hit.normal) { -1 } else { 1 };
+        if inside == 0 {
+            let way = hit.distance / unit;
+            return if way <= max { way } else { 0.0 };
+        }
+    }
+    0.0
+}
+
 /// A height above all of a host, metres.
 fn top_of(host: &Placed) -> f64 {
     host.pose.position.y + reach(&host.item, &host.pose).1.y + 0.05
