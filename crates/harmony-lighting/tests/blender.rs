@@ -132,6 +132,36 @@ fn what_shines_by_its_material_lights_the_room_from_where_it_is() {
 }
 
 #[test]
+fn a_windows_daylight_falls_into_the_room_and_not_on_its_own_frame() {
+    let Some(cycles) = renderer() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let fixture = Fixture { glb: folder.path().join("room.glb"), _folder: folder };
+    let others = nodes().into_iter().filter(|n| n.name != "window_01");
+    let all: Vec<support::Node> = others.chain([support::window_frame()]).collect();
+    write_glb(&all, &fixture.glb);
+    let ids: BTreeMap<String, u32> = all.iter().map(|n| (n.name.to_owned(), n.id)).collect();
+    let mut job = CyclesJob { samples: 32, mode: RenderMode::PerLight, ..job(&fixture, 160) };
+    job.lighting.ambient_intensity = 0.0;
+    job.lighting.lights.truncate(1);
+    job.node_ids.clone_from(&ids);
+    let seen = cycles.render(&job.clone().ids(ids)).unwrap().ids.unwrap();
+    let means = |job: &CyclesJob| {
+        let image = cycles.render(job).unwrap().lights.remove(0).image;
+        [14, 1].map(|id| {
+            let of: Vec<f32> = image.rgb.iter().zip(&seen).filter(|(_, i)| **i == id).map(|(p, _)| p[1]).collect();
+            assert!(of.len() > 40, "{} pixels of {id}", of.len());
+            of.iter().sum::<f32>() / of.len() as f32
+        })
+    };
+    let [frame, floor] = means(&job);
+    // The same light as nobody's.
+    job.lighting.lights[0].object = None;
+    let [burnt, same_floor] = means(&job);
+    assert!(frame < 0.25 * burnt, "the frame is at {frame}, by another's light at {burnt}");
+    assert!((floor / same_floor - 1.0).abs() < 0.15, "the floor is at {floor} and {same_floor}");
+}
+
+#[test]
 fn what_lies_a_fifth_of_a_millimetre_above_is_on_top_and_shared_planes_are_not_black() {
     let Some(cycles) = renderer() else { return };
     let folder = tempfile::tempdir().unwrap();

@@ -106,6 +106,22 @@ pub fn cove() -> Node {
     Node { name: "cove_01", id: 15, mesh }
 }
 
+/// The frame and the bar of the window alone, 12 cm deep: what its rectangle of daylight lies within.
+pub fn window_frame() -> Node {
+    let mut mesh = Mesh::default();
+    let sides = [
+        [0.9, 1.0, 1.4, 2.6],
+        [1.9, 2.0, 1.4, 2.6],
+        [1.0, 1.9, 1.4, 1.5],
+        [1.0, 1.9, 2.5, 2.6],
+        [1.0, 1.9, 1.95, 2.05],
+    ];
+    for [bottom, top, from, to] in sides {
+        add_box(&mut mesh, "frame", [0.8; 3], DVec3::new(0.0, bottom, from), DVec3::new(0.12, top, to));
+    }
+    Node { name: "window_01", id: 14, mesh }
+}
+
 /// A rug of twelve sheets on the bed, red ones and a green one at last, each a fifth of a millimetre above the one before; and
 /// two green sheets more that share the top's plane.
 pub fn layered_rug() -> Node {
